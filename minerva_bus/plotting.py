@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_bus.arguments import path_of
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.wording import install
@@ -91,7 +92,7 @@ class Plot:
         `check_picture` reports these before a long study.
         """
         with self._figure() as figure:
-            write_figure(figure, Path(path))
+            write_figure(figure, path_of("path", path))
 
     @contextmanager
     def _figure(self) -> Generator[Any]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.world import World
+from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
@@ -50,7 +51,7 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
     """
     if isinstance(world, World):
         return _checked(world.read())
-    path = Path(world)
+    path = path_of("world", world)
     # Neither a file nor a name with a suffix: an installed world.
     if not path.suffix and not path.exists():
         path = find_world(str(world))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_bus.arguments import path_of, text
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.installed import entries
 from minerva_bus.launch.specs import load
@@ -84,13 +85,14 @@ def export_dataset(
     choice = ExportChoice(begin, end, every, tuple(agents), tuple(act))
     for path in records:
         note_read(path)
-    counts = _exporter(form)(records, Path(into), choice, progress)
-    return Dataset(form, Path(into), records, counts)
+    target = path_of("into", into)
+    counts = _exporter(form)(records, target, choice, progress)
+    return Dataset(form, target, records, counts)
 
 
 def _exporter(form: str) -> Exporter:
     known = entries(EXPORTERS)
-    if form not in known:
+    if text("form", form) not in known:
         there = ", ".join(sorted(known)) or "none"
         raise MisuseError(
             f"no export to {form!r} is installed{nearest(form, list(known), f'there are {there}')}"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.api.run_result import pick_table
+from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.collector import Collector
 from minerva_bus.collect.drafts import TableFiles
 from minerva_bus.collect.plans import TablePlan, plans_of, read_entries, whole_plans
@@ -103,11 +104,13 @@ def export(
         >>> export("run.mcap", collect={"x": Person.x}).table("x").to_pandas()
 
     """
-    with Record(Path(record)) as opened, ExitStack() as stack:
+    begin = whole_number("begin", begin)
+    end = None if end is None else whole_number("end", end)
+    with Record(path_of("record", record)) as opened, ExitStack() as stack:
         plans = read_plans(collect, opened.description.world.vocabulary, every)
         if into:
             files = stack.enter_context(
-                TableFiles(Path(into), several=len(plans) > 1, sparse=collect is None)
+                TableFiles(path_of("into", into), several=len(plans) > 1, sparse=collect is None)
             )
             return replace(
                 export_plans(opened, plans, files.open, begin, end, progress), files=files.files
@@ -124,8 +127,7 @@ def read_plans(
     collect: Any, vocabulary: Vocabulary, every: int = 1, option: str = "collect:"
 ) -> list[TablePlan]:
     """The tables for `collect`, as `export` takes it. Raises MisuseError and VocabularyError."""
-    if every < 1:
-        raise MisuseError(f"every {every} frames; expected at least 1")
+    whole_number("every", every, 1)
     if collect is None:
         return whole_plans(vocabulary, every)
     entries = {

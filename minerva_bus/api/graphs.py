@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.api.emitted import emitted_by
-from minerva_bus.api.world import World
+from minerva_bus.api.world import World, world_of
+from minerva_bus.arguments import path_of
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.symbols import AgentKind
@@ -142,7 +143,7 @@ class Graph:
 
     def save(self, path: str | Path) -> None:
         """Write an .svg or a .mmd file. Raises MisuseError for another name, or if it cannot."""
-        target = Path(path)
+        target = path_of("path", path)
         check_drawable(target)
         text = self.svg() if target.suffix.lower() == ".svg" else self.mermaid()
         write_output(target, text.encode(), "graph")
@@ -172,8 +173,7 @@ def graph(world: World | str | Path, **options: Any) -> Graph:
         ['weather', 'people']
 
     """
-    given = World.load(world, **options) if isinstance(world, str | Path) else world
-    return graph_of(given.read())
+    return graph_of(world_of(world, options).read())
 
 
 def graph_of(file: WorldFile) -> Graph:

@@ -13,6 +13,7 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
+from minerva_bus.arguments import path_of
 from minerva_bus.outputs import write_output
 from minerva_bus.wording import counted
 
@@ -37,7 +38,7 @@ class Still:
 
     def save(self, path: str | Path) -> None:
         """Write an .svg file. Raises MisuseError if it must not be overwritten or written."""
-        write_output(Path(path), self.svg.encode(), "picture")
+        write_output(path_of("path", path), self.svg.encode(), "picture")
 
     @property
     def image(self) -> str:
@@ -110,7 +111,7 @@ class Film:
             f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
             f"<title>{html.escape(self.pictures[0].world)}</title></head>\n<body>{self.html}</body></html>\n"
         )
-        write_output(Path(path), page.encode(), "film")
+        write_output(path_of("path", path), page.encode(), "film")
 
     def _repr_html_(self) -> str:
         return self.html

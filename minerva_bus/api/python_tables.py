@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 from itertools import count
 from types import ModuleType
@@ -11,6 +12,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.api.service_specs import ServiceSpec, plain_setting
 from minerva_bus.api.symbols import SymbolFinder, spec_of
+from minerva_bus.arguments import named
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
@@ -131,9 +133,11 @@ class PythonTables:
         elif callable(string):  # pyright: ignore[reportUnnecessaryComparison]
             world["scene"] = self._keep(string, MAKE)
             finder.add_function(string)
-            # Made once with the defaults, to find its symbols.
-            made = string(dict(self.tables["options"]))
-            finder.add_scene(parse(made) if isinstance(made, str) else made)
+            # Made once with the defaults, to find its symbols. The reader of the tables calls it
+            # again, and reports an error with its line.
+            with suppress(Exception):
+                made = string(dict(self.tables["options"]))
+                finder.add_scene(parse(made) if isinstance(made, str) else made)
         else:
             raise MisuseError(
                 f"{self.name}: a string is a text, a Scene, or a function that returns one, not"
@@ -215,12 +219,16 @@ def _same(scene: Scene, options: Mapping[str, Any]) -> Scene:
 def _by_process(agents: Iterable[Any] | Mapping[str, Any] | None) -> Mapping[str, Any]:
     """Classes of agents by the process that hosts them; those of a list are in `agents`."""
     if isinstance(agents, Mapping):
-        return cast("Mapping[str, Any]", agents)
+        return named("agents", agents)
     return {} if agents is None else {"agents": list(agents)}
 
 
 def _listed(classes: Any) -> list[Any]:
-    return [classes] if isinstance(classes, type) else list(classes)
+    if isinstance(classes, type):
+        return [classes]
+    if not isinstance(classes, Iterable):
+        raise MisuseError(f"agents: a process has classes of agents, not {classes!r:.60}")
+    return list(cast("Iterable[Any]", classes))
 
 
 def _shown(thing: Any) -> str:

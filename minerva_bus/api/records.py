@@ -11,6 +11,7 @@ from minerva_bus.api.requests import Past, request_of
 from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import check_film, run_request
 from minerva_bus.api.world import World, world_of
+from minerva_bus.arguments import path_of, text, text_list, whole_number
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.replaying import explained, recomputed
 from minerva_bus.launch.resuming import WorldSource, find_file, option_text
@@ -27,7 +28,7 @@ def diff(a: str | Path, b: str | Path) -> Difference:
 
     Raises RecordError.
     """
-    with Record(Path(a)) as first, Record(Path(b)) as second:
+    with Record(path_of("a", a)) as first, Record(path_of("b", b)) as second:
         return compare(first, second)
 
 
@@ -49,7 +50,7 @@ def replay(
         `assert replay("run.mcap").same`
 
     """
-    return recomputed(Path(record), _source(world), progress or _no_progress)
+    return recomputed(path_of("record", record), _source(world), progress or _no_progress)
 
 
 def explain(
@@ -82,7 +83,11 @@ def explain(
         `explain("run.mcap", "r1", "objective", frame=340).origin`
 
     """
-    return explained(Path(record), _source(world), agent.removeprefix("#"), attribute, frame)
+    name = text("agent", agent).removeprefix("#")
+    if frame is not None:
+        frame = whole_number("frame", frame)
+    path, attribute = path_of("record", record), text("attribute", attribute)
+    return explained(path, _source(world), name, attribute, frame)
 
 
 def replay_views(
@@ -124,9 +129,9 @@ def replay_views(
         `replay_views("run.mcap", "svg:path=run.svg", speed=0)`
 
     """
-    texts = (views,) if isinstance(views, str) else tuple(views)
+    shown = (views,) if isinstance(views, str) else text_list("views", views)
     past = Past(str(record), plays=True, begin=begin, speed=speed)
-    request = request_of(world_of_record(record, world), {}, views=texts, past=past)
+    request = request_of(world_of_record(record, world), {}, views=shown, past=past)
     # The record is replayed, not the collected data of its world file.
     request = replace(request, file=replace(request.file, collect=Collecting()))
     return run_request(request, bus=True, quiet=quiet)
@@ -173,8 +178,8 @@ def replay_swapped(
 
     """
     texts = {name: option_text(value) for name, value in (options or {}).items()}
-    swap = Swap(member, replacement, texts)
-    return run_swapped(Path(record), _source(world), swap, str(into), progress or _no_progress)
+    swap, path = Swap(text("member", member), replacement, texts), path_of("record", record)
+    return run_swapped(path, _source(world), swap, str(into), progress or _no_progress)
 
 
 def record(world: World | str | Path, path: str | Path, **settings: Any) -> Run:
@@ -249,7 +254,7 @@ def world_of_record(record: str | Path, world: World | str | Path) -> World:
     """The world with the code of a record: a given one, or that of the file that it names."""
     if world != "":
         return world_of(world, {})
-    with Record(Path(record)) as opened:
+    with Record(path_of("record", record)) as opened:
         return World.load(find_file("", opened.description, "world=..."))
 
 

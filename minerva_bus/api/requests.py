@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from minerva_bus.api.world import World, own_options
+from minerva_bus.arguments import path_of
 from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.collect.writers import check_ending
 from minerva_bus.errors import MisuseError
@@ -43,7 +44,7 @@ class Past:
         from minerva_bus.launch.resuming import read_resumed
         from minerva_bus.runtime.coordinator import Coordinator
 
-        path = Path(self.record)
+        path = path_of("record", self.record)
         if self.plays:
             return read_replay(path, world, overrides, begin=self.begin, speed=self.speed)
         return Replay(read_resumed(path, world, overrides), Coordinator)
@@ -103,8 +104,8 @@ def _processes(world: World, count: Processes) -> tuple[str, ...]:
 
 def _collecting(file: WorldFile, collect: Any, into: str | Path) -> WorldFile:
     entries = read_entries(collect)
-    if into:
-        check_ending(Path(into))
+    if into != "":
+        check_ending(path_of("into", into))
     # The plans are made for their checks: errors appear here, before any process starts.
     plans_of(entries, file.world.vocabulary)
     return replace(file, collect=Collecting(entries, str(into)))

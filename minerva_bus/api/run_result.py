@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from minerva_bus.api.pictures import Film, Still
 from minerva_bus.api.world_views import PICTURE, WIDTH, Visual, WorldViews, figure, unpictured
+from minerva_bus.arguments import text
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.grammar.scene import Scene
@@ -177,7 +178,7 @@ def pick_table(tables: Mapping[str, DataTable], name: str, into: str = "") -> Da
         )
     if not name and (FRAMES in tables or len(tables) == 1):
         return tables[FRAMES if FRAMES in tables else next(iter(tables))]
-    if name in tables:
+    if text("table", name) in tables:
         return tables[name]
     # An entry of `collect` is a column of some table.
     for table in tables.values():

@@ -16,6 +16,7 @@ from minerva_bus.api.requests import Processes, Request, request_of
 from minerva_bus.api.run_result import Interrupted, Run
 from minerva_bus.api.world import World, world_of
 from minerva_bus.api.world_views import views_of
+from minerva_bus.arguments import whole_number
 from minerva_bus.collect.plans import plans_of
 from minerva_bus.collect.table import DataTable
 from minerva_bus.collect.writers import path_of, read_columns
@@ -115,8 +116,7 @@ def run_request(request: Request, *, bus: bool, quiet: bool, film: int = 0) -> R
 
 def check_film(film: int) -> None:
     """Raise MisuseError for an interval of a film that is not a number of frames."""
-    if film < 0:
-        raise MisuseError(f"film is {film}; expected a number of frames from 0")
+    whole_number("film", film)
 
 
 class EventCounts:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from minerva_bus.arguments import text
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.symbols import EventType
@@ -55,7 +56,7 @@ def each(event: EventType | str, every: int = 1, name: str = "") -> ServiceSpec:
             f"each({event}): expected an event type, such as each({event.type}); its data are the"
             f" defaults of the type: EventType({event.type!r}, amount=Default(float, 0.5))"
         )
-    event_type = plain_setting(event)
+    event_type = text("event", plain_setting(event))
     return ServiceSpec("each", {"event": event_type, "every": every}, name or event_type)
 
 

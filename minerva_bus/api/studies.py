@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, cast
 
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.run_result import pick_table
@@ -17,6 +17,7 @@ from minerva_bus.api.study_tables import (
     with_keys,
 )
 from minerva_bus.api.world import World, world_of
+from minerva_bus.arguments import named, path_of, whole_number
 from minerva_bus.collect.plans import Entries, TablePlan
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError
@@ -33,6 +34,10 @@ from minerva_bus.study.journal import StudyJournal
 from minerva_bus.study.results import Row
 from minerva_bus.study.sent_world import SentWorld
 from minerva_bus.study.sweep import Sweep
+
+MAX_SEEDS: Final = 1_000_000
+"""Runs for each combination of a sweep, which keeps the seeds of all in memory."""
+_LEAST_SEED: Final = -(1 << 63)
 
 
 class SweepProgress:
@@ -170,7 +175,7 @@ def table_of_study(
     """Run a study; see `sweep`. `make` returns its runs, which collect `entries` into a folder."""
     with ExitStack() as stack:
         if folder:
-            kept = Path(folder)
+            kept = path_of("folder", folder)
             kept.mkdir(parents=True, exist_ok=True)
         else:
             kept = stack.enter_context(temporary_folder("sweep"))
@@ -227,18 +232,24 @@ def sent_world(world: World, given: Overrides = AS_WRITTEN, *more: object) -> Se
 def grid_of(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Grid:
     """All combinations of values and seeds. Raises MisuseError."""
     values: dict[str, tuple[str, ...]] = {}
-    for key, given in grid.items():
-        if isinstance(given, str) or not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
+    for key, given in named("values", grid).items():
+        if isinstance(given, str) or not isinstance(given, Iterable):
             raise MisuseError(f"{key}: expected a list of values, not {given!r:.60}")
-        texts = tuple(option_text(value) for value in given)
+        texts = tuple(map(option_text, cast("Iterable[Any]", given)))
         # The texts identify runs in the journal.
         if len(set(texts)) < len(texts):
             raise MisuseError(f"{key}: a value is given twice: {', '.join(texts)}")
         values[key] = texts
-    numbers = range(seeds) if isinstance(seeds, int) else seeds
-    listed = tuple(str(int(seed)) for seed in numbers)
+    listed = tuple(map(str, _seeds(seeds)))
     if listed:
         values[SEED] = listed
     if not values or not all(values.values()):
         raise MisuseError("nothing to sweep: give values of an option, or seeds=20")
     return Grid(values)
+
+
+def _seeds(seeds: int | Iterable[int]) -> Iterable[int]:
+    """The seeds that a number or a list of them gives. Raises MisuseError."""
+    if isinstance(seeds, str | bytes) or not isinstance(seeds, Iterable):
+        return range(whole_number("seeds", seeds, most=MAX_SEEDS))
+    return [whole_number("each of seeds", seed, _LEAST_SEED) for seed in seeds]

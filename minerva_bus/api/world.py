@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from minerva_bus.api.python_tables import PythonTables
+from minerva_bus.arguments import named, path_of
 from minerva_bus.collect.plans import read_entries
 from minerva_bus.errors import MisuseError, WorldFileError, nearest
 from minerva_bus.grammar.scene import Scene
@@ -71,10 +72,10 @@ class World:
         # The caller's variables: symbols that the code names in strings only are looked up among
         # them.
         frame = sys._getframe(1)  # pyright: ignore[reportPrivateUsage]
-        made = PythonTables(string, name, dict(options or {}), settings)
+        made = PythonTables(string, name, named("options", options or {}), settings)
         made.find(agents, services, symbols, {**frame.f_globals, **frame.f_locals})
-        made.tables["norm"] = dict(norms or {})
-        made.tables["placement"] = dict(placement or {})
+        made.tables["norm"] = named("norms", norms or {})
+        made.tables["placement"] = named("placement", placement or {})
         entries = read_entries(collect) if collect is not None else {}
         made.tables["collect"] = {key: str(entry) for key, entry in entries.items()}
         self._made: PythonTables | None = made
@@ -138,7 +139,7 @@ class World:
         Raises MisuseError if a class or symbol is not in a module that other processes can import,
         or if the file cannot be written.
         """
-        target = Path(path)
+        target = path_of("path", path)
         if target.suffix != ".toml":
             raise MisuseError(f"{target}: the name of a world file ends with .toml")
         write_output(target, self.toml().encode(), "world file")

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Final, Protocol, TypeAlias
 
 from minerva_bus.api.pictures import Film, Still
+from minerva_bus.arguments import text
 from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
@@ -58,7 +59,7 @@ class WorldViews:
         """
         events = self._vocabulary.events
         if not isinstance(event, Event):
-            name = event if isinstance(event, str) else event.name
+            name = event.name if isinstance(event, EventType) else text("event", event)
             if name not in events:
                 visual = [each for each in events if events[each].visual]
                 hint = nearest(name, [*events]) or f"; visual are: {', '.join(visual) or 'none'}"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.arguments import path_of, text, text_list
 from minerva_bus.collect import arrow
 from minerva_bus.collect.rows import DTYPES, Data
 from minerva_bus.errors import MisuseError, nearest
@@ -66,7 +67,7 @@ class DataTable:
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         """The values of a column, shape (rows,). Raises MisuseError for an unknown one."""
-        if column not in self._columns:
+        if text("a column", column) not in self._columns:
             hint = nearest(column, [*self.columns], f"it has {', '.join(self.columns)}")
             raise MisuseError(f"the table {self.name} has no column {column!r}{hint}")
         return self._columns[column]
@@ -120,7 +121,7 @@ class DataTable:
         # Plots import this module.
         from minerva_bus.collect.series_plot import PlotOptions, plot_table
 
-        return plot_table(self, PlotOptions(x, series, bars=bars))
+        return plot_table(self, PlotOptions(text("x", x), text_list("series", series), bars=bars))
 
     # --- other libraries ---
 
@@ -148,11 +149,11 @@ class DataTable:
 
     def to_csv(self, path: str | Path) -> None:
         """Write a .csv file. Raises MisuseError if it cannot be written."""
-        self._write(Path(path))
+        self._write(path_of("path", path))
 
     def to_parquet(self, path: str | Path) -> None:
         """Write a .parquet file. Raises MisuseError, also if pyarrow is not installed."""
-        self._write(Path(path))
+        self._write(path_of("path", path))
 
     def _write(self, path: Path) -> None:
         # The writers import this module.

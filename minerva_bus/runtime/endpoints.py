@@ -8,6 +8,7 @@ import socket
 from dataclasses import dataclass
 from typing import Final
 
+from minerva_bus.arguments import text
 from minerva_bus.errors import BusError
 from minerva_bus.security.credentials import SECURED
 
@@ -43,7 +44,7 @@ class Endpoint:
 
 def check_endpoint(endpoint: str) -> Endpoint:
     """Parse an endpoint. Raises BusError if it is not one."""
-    kind, _, address = endpoint.partition("/")
+    kind, _, address = text("an endpoint", endpoint).partition("/")
     if kind not in _KINDS or not address:
         raise BusError(
             f"{endpoint!r} is not an endpoint; expected tcp/HOST:PORT, tls/HOST:PORT,"

@@ -28,8 +28,9 @@ from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
+from minerva_bus.arguments import text, text_list, whole_number
 from minerva_bus.compiled.activity import CompiledMethods, CompiledViews
-from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest, whole
+from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest
 from minerva_bus.grammar.arrays import SCALARS
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.digest import same_values
@@ -194,7 +195,7 @@ class Agent:
                 yield methods.program(event_type).title, partial(methods.kernel, event_type)
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
-        if AGENT_ID.fullmatch(id) is None:
+        if AGENT_ID.fullmatch(text("id", id)) is None:
             raise MisuseError(no_id(id))
         fields = self.kind.fields
         values = fields.bind(f"{self.kind.name}#{id}", (), state)
@@ -296,12 +297,9 @@ class Agent:
 
         """
         if isinstance(ids, str):
-            if not whole(count, 0):
-                raise MisuseError(
-                    f"{cls.kind.name}.many({ids!r}, {count!r}): expected a number of agents from 0"
-                )
+            count = whole_number(f"{cls.kind.name}.many: count", count, most=1 << 31)
             ids = Ids.numbered(ids, range(count))
-        column = ids if isinstance(ids, Ids) else Ids.of(ids)
+        column = ids if isinstance(ids, Ids) else Ids.of(text_list("ids", ids))
         fields, owner = cls.kind.fields, cls.kind.name
         columns = fields.columns(owner, state, len(column))
         if not len(column):

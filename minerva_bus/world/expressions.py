@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Any, Final, NoReturn
 
+from minerva_bus.arguments import text, whole_number
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition
 from minerva_bus.grammar.fields import Fields
@@ -56,8 +57,8 @@ class Expression:
         # Plain floats: numbers of numpy have another `repr`, and large ints more digits.
         object.__setattr__(self, "arguments", _finite(self))
         _check_arguments(self)
-        if self.interval < 1:
-            raise MisuseError(f"{self.symbol}: every {self.interval} frames; expected at least 1")
+        text("a condition", self.condition)
+        whole_number(f"{self.symbol}: every", self.interval, 1)
 
     def __str__(self) -> str:
         shown = f"{self.symbol}.{self.name}" if self.name else self.symbol

@@ -131,7 +131,7 @@ def test_a_film_is_a_page_that_needs_no_other_file(tmp_path):
 def test_without_a_film_the_message_names_the_argument():
     with pytest.raises(MisuseError, match=r"run\(world, film=10\)"):
         run(balls(), frames=2).film()
-    with pytest.raises(MisuseError, match="film is -1"):
+    with pytest.raises(MisuseError, match="film must be a whole number from 0, not -1"):
         run(balls(), frames=2, film=-1)
 
 

@@ -167,7 +167,7 @@ def test_wrong_arguments_are_reported(recorded, tmp_path):
     path = recorded[1]
     with pytest.raises(RecordError, match="it has"):
         export(path, begin=40)
-    with pytest.raises(MisuseError, match="every 0 frames"):
+    with pytest.raises(MisuseError, match="every must be a whole number from 1, not 0"):
         export(path, every=0)
     with pytest.raises(MisuseError, match="at least one expression"):
         export(path, collect={})

@@ -101,7 +101,7 @@ def test_a_resumed_run_writes_another_record_and_a_table(copy):
 
 
 @pytest.mark.parametrize(("settings", "problem"), [
-    ({"film": -1}, "film is -1"),
+    ({"film": -1}, "film must be a whole number from 0, not -1"),
     ({"processes": 0}, "processes is 0"),
     ({"birds": 3}, "pond has no option 'birds'"),
 ])  # fmt: skip
