@@ -10,7 +10,9 @@ from hypothesis import given
 pytest.importorskip("viser", reason="pip install 'minerva-bus[web]'")
 
 import viser
-from websockets.exceptions import InvalidStatus
+from msgpack import packb
+from page_run import eventually
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from minerva_services.views.page_access import PageAccess, token_for
@@ -41,14 +43,19 @@ def opened(address, **headers):
         return error.code, ""
 
 
+def page_of(server, origin=None, **headers):
+    """A connection to the page."""
+    address = f"ws://127.0.0.1:{server.get_port()}/"
+    headers = headers or {"Cookie": server.access.cookie.partition(";")[0]}
+    protocols = [f"viser-v{viser.__version__}"]
+    options = {"origin": origin, "additional_headers": headers, "open_timeout": 10}
+    return connect(address, subprotocols=protocols, **options)
+
+
 def handshake(server, origin=None, **headers):
     """The status of a WebSocket's handshake."""
-    options = {"origin": origin, "additional_headers": headers, "open_timeout": 10}
     try:
-        protocol = f"viser-v{viser.__version__}"
-        with connect(
-            f"ws://127.0.0.1:{server.get_port()}/", subprotocols=[protocol], **options
-        ) as page:
+        with page_of(server, origin, **headers or {"X-None": "1"}) as page:
             assert page.recv(timeout=10)
             return 101
     except InvalidStatus as error:
@@ -116,3 +123,35 @@ def test_without_a_folder_of_ones_own_the_token_is_new_each_time(tmp_path, monke
     (tmp_path / "runtime").chmod(0o777)
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "runtime"))
     assert token_for(8080) != token_for(8080)
+
+
+def test_forged_messages_close_their_connection_and_change_nothing_else(server, capfd):
+    slider = server.gui.add_slider("rate", 0.0, 10.0, 1.0, 5.0)
+    uuid = slider._impl.uuid
+    update = {"type": "GuiUpdateMessage", "uuid": uuid}
+    closing = (
+        b"",
+        b"\xff",
+        "text",
+        packb(5),
+        packb({"type": "RunMe"}),
+        packb({"type": "ViewerCameraMessage"}),
+        packb({**update, "updates": 5}),
+        packb({**update, "updates": {"removed": True}}),
+        packb({**update, "updates": {"value": 6.0, "update_cb": 5}}),
+    )
+    for data in closing:
+        with page_of(server) as page:
+            page.send(data)
+            with pytest.raises(ConnectionClosed):
+                list(page)
+    with page_of(server) as page:
+        for value in ("x", None, [], {}, 7.0):
+            page.send(packb({**update, "updates": {"value": value}}))
+        eventually(lambda: slider.value == 7.0, "the last value")
+    assert not slider._impl.removed
+    printed = capfd.readouterr().err
+    assert "Traceback" not in printed
+    assert "closed the connection of 127.0.0.1" in printed
+    assert "ignored a message of a browser" in printed
+    assert len(printed.splitlines()) == len(closing) + 4

@@ -14,7 +14,7 @@ import os
 import secrets
 import socket
 import threading
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Awaitable, Callable, Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
@@ -122,10 +122,15 @@ _patching = threading.Lock()
 
 
 @contextmanager
-def guarding(access: PageAccess, change: Callable[[Any], None]) -> Generator[None]:
+def guarding(
+    access: PageAccess,
+    change: Callable[[Any], None],
+    around: Callable[[Callable[[Any], Awaitable[None]]], Callable[[Any], Awaitable[None]]],
+) -> Generator[None]:
     """While active, servers that start answer only requests that `access` permits.
 
-    `change` is called with each answer and may change it.
+    `change` is called with each answer and may change it; `around` returns what handles a
+    connection instead of the server's own function.
 
     viser has no hook for access checks, so the function that it serves with is wrapped.
     """
@@ -133,9 +138,9 @@ def guarding(access: PageAccess, change: Callable[[Any], None]) -> Generator[Non
 
     original: Any = sockets.serve
 
-    def serve(*given: Any, process_request: Any, **options: Any) -> Any:
+    def serve(handler: Any, *given: Any, process_request: Any, **options: Any) -> Any:
         checked = _checked(access, process_request, change)
-        return original(*given, process_request=checked, **options)
+        return original(around(handler), *given, process_request=checked, **options)
 
     with _patching:
         sockets.serve = serve  # pyright: ignore[reportAttributeAccessIssue]

@@ -15,6 +15,7 @@ from viser import ViserServer
 
 from minerva_services.views.page_access import PageAccess, guarding, token_for
 from minerva_services.views.page_address import listen, page_url
+from minerva_services.views.web.connections import tolerant
 
 _TITLE: Final = re.compile(b"<title>.*?</title>")
 
@@ -40,7 +41,7 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
     def start(chosen: int) -> PageServer | None:
         access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
         # viser prints its address, which lacks the token.
-        with redirect_stdout(io.StringIO()), guarding(access, partial(_entitle, title)):
+        with redirect_stdout(io.StringIO()), guarding(access, partial(_entitle, title), tolerant):
             server = PageServer(host=host, port=chosen, verbose=False)
         server.access = access
         # viser takes the next port if another process was faster, but the access is for this one.
