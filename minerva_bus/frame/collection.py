@@ -261,7 +261,7 @@ class CollectionStep:
             self._leave_out_foreign(sources)
         if due:
             sources[DEVICES] = visual_events(algorithm, due)
-        if algorithm.norms:
+        if algorithm.world.norms:
             logged = algorithm.in_flight.logged
             events.people = algorithm.members.standing_for_people(sources, logged)
         allowed = self._permitted(sources)
@@ -311,7 +311,7 @@ class CollectionStep:
         # Taken out first, because the sanctions that `publish` adds below belong to the next frame.
         # They are not judged themselves: no norm can prevent the sanction of another.
         sanctions = algorithm.inbox.take_sanctions()
-        if algorithm.norms:
+        if algorithm.world.norms:
             people = algorithm.in_flight.events.people
             sources = dict(algorithm.norms.events(algorithm.frame, sources, people))
             self._judge_postponed()
@@ -332,7 +332,7 @@ class CollectionStep:
     def _permitted_orders(self, orders: Orders) -> tuple[AnyEvent, ...]:
         """People's orders that norms permit, before a generator takes them."""
         algorithm, permitted = self._algorithm, orders
-        if algorithm.norms:
+        if algorithm.world.norms:
             permitted = algorithm.norms.events(algorithm.frame, orders)
             algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
         report_orders(algorithm, permitted)

@@ -263,7 +263,7 @@ class EvolutionStep:
         result, norms = in_flight.result, algorithm.norms
         result.count_answers()
         if in_flight.requests.reduced is None:
-            if norms:
+            if algorithm.world.norms:
                 in_flight.trial = norms.agents(algorithm.frame, result.changed, result.sent)
                 norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
             if in_flight.trial is not None:

@@ -59,9 +59,6 @@ class Norms:
         self._sanctions: list[Event] = []
         self._rejected_orders: list[RejectedOrder] = []
 
-    def __bool__(self) -> bool:
-        return bool(self._norms)
-
     @property
     def broken(self) -> Mapping[str, int]:
         """Number of violations of each norm."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from typing import Final
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
@@ -15,6 +17,8 @@ from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.grammar.delta import check, patched
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
+
+_TYPE: Final = attrgetter("type")
 
 
 @dataclass(slots=True)
@@ -115,7 +119,7 @@ class Views:
     ) -> None:
         """Step 7 of Table 2: send v = π(w, e^v) to the devices, which interpret it."""
         result = in_flight.result
-        for event_type in sorted({event.type for event in in_flight.events.visual}):
+        for event_type in sorted(set(map(_TYPE, in_flight.events.visual))):
             stream = self._streams.setdefault(event_type, ViewStream(event_type))
             view = stream.next(
                 frame,

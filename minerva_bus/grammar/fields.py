@@ -122,7 +122,7 @@ class Fields:
             if value is None:
                 raise Unfit(f"{owner} needs a value for {parameter.name} ({parameter.type})")
             values.append(value)
-        return tuple(self.fitted(owner, values))
+        return tuple(values if self.is_final(values) else self.fitted(owner, values))
 
     def fit(self, owner: str, field: Field, value: Any) -> Value:
         """One value, typed. Raises Unfit with the owner's and the field's name."""

@@ -161,7 +161,7 @@ _SMALL: Final = 4096
 
 
 def _matrix(value: Any, kinds: str, wanted: str) -> NDArray[Any]:
-    matrix = cast("NDArray[Any]", value)
+    matrix: NDArray[Any] = value
     if not isinstance(value, np.ndarray) or matrix.ndim != 2:
         raise Unfit(f"a matrix RxC[...], not {shown(value)}")
     if matrix.dtype.kind not in kinds:

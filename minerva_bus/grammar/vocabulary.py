@@ -77,7 +77,11 @@ class Vocabulary:
 
     def fields(self, symbol: str) -> Fields:
         """Parameters or state of a symbol. Raises Unfit for an unknown one."""
-        entry = self.symbols(symbol[:1]).get(symbol)
+        entry = (
+            self.kinds.get(symbol)
+            or self.transformations.get(symbol)
+            or self.primitives.get(symbol)
+        )
         if entry is None:
             known = [*self.primitives, *self.transformations, *self.kinds]
             raise Unfit(f"the vocabulary has no {symbol}{nearest(symbol, known)}")
@@ -206,7 +210,7 @@ class Vocabulary:
         odd = invalid_id(event.receivers) if event.receivers else None
         if odd is not None:
             raise VocabularyError(f"receivers of {event.type}: {no_id(odd)}", source=source)
-        receivers = _in_order(event.receivers)
+        receivers = event.receivers if len(event.receivers) < 2 else _in_order(event.receivers)
         if names is event.names and values is event.values and receivers is event.receivers:
             return event
         return Event(event.type, names, values, event.condition, event.sender, receivers)
@@ -270,8 +274,6 @@ def _entry(entry: Entry | type[HasKind]) -> Entry:
 
 
 def _in_order(receivers: tuple[str, ...]) -> tuple[str, ...]:
-    if len(receivers) < 2:
-        return receivers
     # Receivers are a set; in one order, equal events compare equal.
     ordered = tuple(sorted(set(receivers)))
     return receivers if ordered == receivers else ordered

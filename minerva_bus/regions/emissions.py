@@ -42,7 +42,7 @@ class SentEvents:
         algorithm, inbox = self._algorithm, self._algorithm.inbox
         self._all = self._allowed = in_order(event for part in parts for event in part.sent)
         note_homes(algorithm)
-        if not algorithm.norms:
+        if not algorithm.world.norms:
             return
         saved = algorithm.members.saved
         self._all = in_order(event for part in parts for event in part.unjudged)

@@ -31,13 +31,7 @@ from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.matrices import is_constant
-from minerva_bus.space.occupancy import (
-    ALIVE,
-    GONE,
-    LATER,
-    ROWS,
-    UNCOUNTED,
-)
+from minerva_bus.space.occupancy import ALIVE, GONE, LATER, ROWS, UNCOUNTED
 from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows
 
 _PER_CELL: Final = 2

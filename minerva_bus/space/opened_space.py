@@ -75,12 +75,15 @@ class OpenedSpace:
         """
         self._space = space
         self._rules = rules
-        self._moment = moment
+        self._chance = moment.chance
         self._data = data
+        state = vars(space)
+        self._values = {name: state[name] for name in space.kind.fields.names if name in state}
+        self._values.update(data)
         self._as_python = as_python
         self._lattice = CellGrid(int(space.width), int(space.height), space.periodic)
         self._births = np.array([space.births])
-        self._draws: Draws = np.array([moment.chance.word], np.uint64)
+        self._draws: Draws = np.array([self._chance.word], np.uint64)
         self._tables: dict[str, Opened] = {}
         self._edges: dict[str, Edges] = {}
         self._progress = new_progress()
@@ -172,7 +175,7 @@ class OpenedSpace:
         for name, table in self._tables.items():
             setattr(self._space, name, table.close())
         self._space.births = int(self._births[0])
-        self._moment.chance.word = int(self._draws[0])
+        self._chance.word = int(self._draws[0])
 
     def _count(self, subject: RuleParameter) -> int:
         if subject.table is not None:
@@ -222,7 +225,7 @@ class OpenedSpace:
     def _number(self, parameter: RuleParameter) -> Any:
         """The number for a parameter, passed to `run` or of the space."""
         name = parameter.name
-        number: Any = self._data[name] if name in self._data else self._attribute(parameter)
+        number = self._values[name] if name in self._values else self._attribute(parameter)
         # The usual case: only nan differs from itself.
         if type(number) is parameter.type and number == number:
             return number

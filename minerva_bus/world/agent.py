@@ -240,10 +240,11 @@ class Agent:
         stayed = old is not None and self.scope is old.scope and named
         # The same node again is how the rest of the frame knows that the agent has not changed: it
         # is neither sent, nor hashed, nor visualized.
+        kept = old is None or old.id == self.id
+        if not (kept and isinstance(self.scope, Scene)):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise self._wrong_own(old)
         if old is not None and stayed and all(map(is_, values, old.values)):
-            self._check_own(old)
             return old
-        self._check_own(old)
         try:
             former = old.values if old is not None and named else ()
             fitted = tuple(fields.fitted(f"{self.kind.name}#{self.id}", values, former))
@@ -255,13 +256,11 @@ class Agent:
         node = AgentNode(self.kind.name, self.id, fields.names, fitted, self.scope)
         return node.fitted(fields)
 
-    def _check_own(self, old: AgentNode | None) -> None:
+    def _wrong_own(self, old: AgentNode | None) -> StateError:
+        """The error for another id, or for a scope that is no string."""
         if old is not None and old.id != self.id:
-            raise StateError(f"an agent keeps its id; #{old.id} cannot become #{self.id}", "id")
-        if not isinstance(self.scope, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise StateError(
-                f"the scope of #{self.id} must be a string, not {self.scope!r}", "scope"
-            )
+            return StateError(f"an agent keeps its id; #{old.id} cannot become #{self.id}", "id")
+        return StateError(f"the scope of #{self.id} must be a string, not {self.scope!r}", "scope")
 
     def _check_names(self) -> None:
         names, state = self.kind.fields.names, self.__dict__

@@ -214,7 +214,7 @@ class AgentStep:
         """The agent in its current state, with the nodes that λ has placed beside it."""
         if self._agent is None or not self.symbol:
             return scene_of(self._node) if self._around is None else self._around
-        return self._with(scene_of(self._now(self._agent, self._event)))
+        return self._with(Scene((self._now(self._agent, self._event),)))
 
     def _with(self, result: Scene) -> Scene:
         """The string with this result in place of the agent."""
