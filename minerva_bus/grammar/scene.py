@@ -110,7 +110,7 @@ class Scene(Digested):
 
     def __str__(self) -> str:
         if not self.pieces:  # `python -OO` shows defaults of nodes before there is a printer.
-            return "ε"
+            return ""
         # Imported here, because the printer imports this module.
         from minerva_bus.grammar.printer import text
 
