@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.messages import EvolveReply, TickReply
+from minerva_bus.frame.passed import passed
 from minerva_bus.grammar.batch import AnyEvent
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class FrameInputs:
     """Input of the frame algorithm in one frame, as far as it was used.
 
@@ -52,7 +53,7 @@ class FrameInputs:
         return replace(self, layout=(), replies=(), waiting={}, answers=(), left_out=(), reports=())
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class RecordedFrame:
     """A frame of a recorded run.
 

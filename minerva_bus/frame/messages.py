@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
+from minerva_bus.frame.passed import passed
 from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Wire, Within
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.delta import Delta
@@ -137,7 +138,7 @@ class Hello:
         return tuple(name for name, offered in roles if offered)
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class TickReply:
     """C^d(t) of a lockstep member, and the data from which a successor continues.
 
@@ -162,7 +163,7 @@ class TickReply:
     received: Received = field(default=b"", compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class EvolveReply:
     """The changes of a host's fragments and views in a frame.
 
@@ -199,7 +200,7 @@ class EvolveReply:
     received: Received = field(default=b"", compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Emitted:
     """Events of a free-running generator."""
 
@@ -211,7 +212,7 @@ class Emitted:
     events: GeneratedEvents
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Failed:
     """User code in a member raised an exception; the member then ends."""
 
@@ -227,7 +228,7 @@ class Failed:
     traceback: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Resync:
     """An observer missed a view and requests a keyframe."""
 
@@ -237,7 +238,7 @@ class Resync:
     event_type: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Leaving:
     """A member leaves voluntarily."""
 
@@ -246,7 +247,7 @@ class Leaving:
     member: Sender
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class MemberMetrics:
     """A member's current metrics, for displays."""
 
@@ -261,7 +262,7 @@ class MemberMetrics:
     figures: Annotated[Figures, AtMost("figures")]
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Report:
     """A member's metrics for the summary; the answer to `Stop`."""
 
@@ -280,14 +281,14 @@ class Report:
 # --- from the coordinator to members ---
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Greet:
     """Request a member's `Hello`."""
 
     WIRE: ClassVar = Wire("greet", ("to",), "send `hello`")
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Welcome:
     """A member has joined: its world, and the next frame."""
 
@@ -302,7 +303,7 @@ class Welcome:
     saved: Annotated[Saved, Note("what a predecessor of this name saved last")] = None
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Refused:
     """A member may not join."""
 
@@ -313,7 +314,7 @@ class Refused:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Sources:
     """The lockstep publishers of each sensor topic."""
 
@@ -324,7 +325,7 @@ class Sources:
     publishers: Mapping[str, tuple[str, ...]]
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class TickRequest:
     """Steps 1 and 2 of Table 2: frame t begins; request its events."""
 
@@ -333,7 +334,7 @@ class TickRequest:
     frame: int
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Fragments:
     """Fragments that a host lacks, and those that it no longer needs."""
 
@@ -345,7 +346,7 @@ class Fragments:
     dropped: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class EvolveRequest:
     """Steps 5 and 6 of Table 2 for the hosts named in `asked`.
 
@@ -364,7 +365,7 @@ class EvolveRequest:
     only: Annotated[tuple[str, ...], Note("ids")] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class ViewShown:
     """π(w, e^v) for one visual event type: the string's static part and its agents' views.
 
@@ -389,7 +390,7 @@ class ViewShown:
     halted: Annotated[tuple[str, ...], Note("ids")] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Orders:
     """Events sent by people for the event types that a generator takes, for a frame."""
 
@@ -403,7 +404,7 @@ class Orders:
     events: tuple[AnyEvent, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class RegionRequest:
     """For regions: request a frame, with the events of people and of free generators for it."""
 
@@ -444,7 +445,7 @@ class RegionRequest:
     ] = False
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Repeat:
     """Request a publisher's last readings again, for a subscriber that has just joined."""
 
@@ -453,7 +454,7 @@ class Repeat:
     topic: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Stop:
     """The world ends."""
 
@@ -465,7 +466,7 @@ class Stop:
 # --- for all subscribers ---
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Readings:
     """A member's readings on one topic; `frame` is -1 if the publisher is free-running."""
 
@@ -477,7 +478,7 @@ class Readings:
     readings: tuple[Reading, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class FrameRecord:
     """The result of a frame, for watchers: its events in order, and its changes.
 

@@ -9,6 +9,7 @@ from typing import Final, TypeAlias
 
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
+from minerva_bus.frame.passed import passed
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 
@@ -21,28 +22,28 @@ HOSTS: Final = "~hosts"
 # --- stimuli, besides the messages of members ---
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Appeared:
     """A member's liveliness token has appeared."""
 
     member: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Vanished:
     """A member's liveliness token has disappeared."""
 
     member: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Abandoned:
     """A member whose process is no longer restarted; the world continues without it."""
 
     member: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Violation:
     """A member sent a message that the protocol does not allow."""
 
@@ -50,7 +51,7 @@ class Violation:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Publish:
     """A person sends an event, or a batch; `person` is the name, if known."""
 
@@ -58,26 +59,26 @@ class Publish:
     person: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Drain:
     """Drain a host: other hosts take over its agents at the start of the next frame."""
 
     member: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Skip:
     """Continue the frame without this member's reply; its agents keep their states."""
 
     member: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Silent:
     """A period has passed without a reply: awaited members are late, or gone without a report."""
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Begin:
     """The next frame may begin.
 
@@ -91,14 +92,14 @@ class Begin:
     at_once: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Seek:
     """Continue the replay of a record at this frame."""
 
     frame: int
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class End:
     """The world ends now; `failed`: prematurely, because of an error.
 
@@ -129,7 +130,7 @@ Stimulus: TypeAlias = (
 # --- instructions ---
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Send:
     """Send a message to a member, or to `EVERYONE`, all that are `TICKED`, or all `HOSTS`."""
 
@@ -137,7 +138,7 @@ class Send:
     message: ToMember
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Show:
     """Publish a view for all observers of its type, or for `to`, which needs another form."""
 
@@ -146,7 +147,7 @@ class Show:
     to: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Notify:
     """Notify observers of something about a member; `details` go to the log only."""
 
@@ -155,7 +156,7 @@ class Notify:
     details: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class OrderJudged:
     """An order of a person counts in this frame, or `norm` rejects it."""
 
@@ -165,14 +166,14 @@ class OrderJudged:
     norm: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Fixed:
     """The events from outside of all regions are fixed for this frame, and not yet sent."""
 
     frame: int
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Ready:
     """All required members are present, and no frame is in progress: send `Begin` when due."""
 
@@ -200,14 +201,14 @@ class FrameDone:
         return self.make()
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Stopping:
     """No frame follows, for this reason; members send their reports and leave."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@passed
 class Ended:
     """The world has ended: each member's report has arrived, or the member is gone."""
 
