@@ -12,7 +12,17 @@ from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, obstacles
 from minerva_agents.robot.looking import look
 from minerva_agents.robot.motion import GridPose
 from minerva_agents.robot.planning import shortest_path
-from minerva_agents.robot.prospects import DARK, RAYS, WALL, WORTH, Prospects, kinds_of
+from minerva_agents.robot.prospects import (
+    DARK,
+    NEWS,
+    NOTHING,
+    RAYS,
+    REST,
+    WALL,
+    WORTH,
+    Prospects,
+    kinds_of,
+)
 from minerva_agents.robot.searching import SearchState, news_ahead, news_at, next_goal
 from minerva_agents.robot.wave import STEP, Wave
 from minerva_bus import portable
@@ -232,7 +242,7 @@ def news_on_ray(kinds, row, column, ray, sight, most_dark):
         dark += kind == DARK
         if kind == WALL or dark > most_dark:
             break
-        news += int(WORTH[kind]) * step
+        news += (kind & WORTH) * step
     return news
 
 
@@ -246,7 +256,7 @@ def news_on_ray(kinds, row, column, ray, sight, most_dark):
 )
 def test_a_view_is_that_of_each_ray_by_itself(seed, walls, dark, sight, count):
     random = np.random.default_rng(seed)
-    kinds = random.choice([0, 1, 4], (20, 16)).astype(np.uint8)
+    kinds = random.choice([NOTHING, NEWS, REST], (20, 16)).astype(np.uint8)
     kinds[random.random(kinds.shape) < dark] = DARK
     kinds[random.random(kinds.shape) < walls] = WALL
     rows, columns = random.integers(0, 20, count), random.integers(0, 16, count)

@@ -32,23 +32,23 @@ RAYS: Final = 48
 _DEPTH: Final = 4.0
 """Maximum depth of unknown space that a ray passes, in metres."""
 
-NOTHING: Final = 0
-NEWS: Final = 1
-DARK: Final = 2
-WALL: Final = 3
-REST: Final = 4
-
 LEFT_OVER: Final = 3
 """How many times news counts that is left over."""
+
+WORTH: Final = 3
+"""The bits of a kind that say how many times a cell counts as news; a table takes longer."""
+
+NOTHING: Final = 0
+NEWS: Final = 1
+REST: Final = LEFT_OVER
+WALL: Final = 4
+DARK: Final = 5
 
 BLOCK: Final = 0.5
 """Side of a block in metres: for sums over many cells, and for candidates of a search."""
 
 _AROUND: Final = 7
 """Blocks in each direction in which more seen than unseen ground makes news left over."""
-
-WORTH: Final = np.array([0, 1, 1, 0, LEFT_OVER], np.int32)
-"""How many times a cell of each kind counts as news."""
 
 Kinds = NDArray[np.uint8]
 Counts = NDArray[np.int64]
@@ -121,7 +121,7 @@ class Prospects:
         too_deep = np.cumsum(dark[deep], axis=1, dtype=np.uint16) > self._dark
         first[deep] = np.minimum(first[deep], too_deep.argmax(axis=1))
         is_open = self._steps < first[..., np.newaxis]
-        return (WORTH.take(seen) * is_open * self._weights).sum(axis=2) * self._unit
+        return ((seen & WORTH) * is_open * self._weights).sum(axis=2) * self._unit
 
 
 @lru_cache(maxsize=8)
