@@ -291,7 +291,9 @@ class Reader:
         # The usual case: scalars, which are values as they are.
         if PLAIN_TYPES.issuperset(map(type, items)):
             return tuple(items)
-        return tuple([self.value(item) for item in items])
+        return tuple(
+            [item if item.__class__ in PLAIN_TYPES else self.value(item) for item in items]
+        )
 
     def events(self, plain: Any) -> tuple[AnyEvent, ...]:
         """Events in order."""

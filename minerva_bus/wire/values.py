@@ -93,7 +93,7 @@ def _plain_node(node: Node) -> list[Any]:
 def _plain_values(values: Sequence[Value]) -> list[Any]:
     if PLAIN_TYPES.issuperset(map(type, values)):  # The usual case: nothing to convert.
         return list(values)
-    return [plain_value(value) for value in values]
+    return [value if value.__class__ in PLAIN_TYPES else plain_value(value) for value in values]
 
 
 def plain_event(event: AnyEvent) -> list[Any]:
