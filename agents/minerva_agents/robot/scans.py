@@ -8,6 +8,7 @@ few cells have both, so these alone are processed in order.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -17,6 +18,7 @@ from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.knowledge import (
     FREE,
     LONGEST,
+    MARKER,
     SURE,
     Codes,
     Mask,
@@ -28,6 +30,9 @@ from minerva_bus import Cells
 
 _AT_ONCE: Final = 1 << 20
 """Samples of beams in one pass, which bounds memory."""
+
+# Most of these cells are the ends of beams: a call for each would take a tenth of a scan's time.
+_AFTER_HIT: Final = tuple(map(after_hit, range(MARKER)))
 
 Places = NDArray[np.intp]
 
@@ -65,11 +70,11 @@ def mark_scan(
     if not np.isfinite(longest).all():
         raise MapError("a beam ends at infinity; give its distance in metres")
     counts = np.ceil(longest)
-    samples = np.minimum(counts, _most_samples(grid))
-    chunks = np.cumsum(samples) // _AT_ONCE
-    for chunk in np.unique(chunks):
-        beams = np.flatnonzero(chunks == chunk)
-        _mark(grid, (row, column), (rows[beams], columns[beams]), counts[beams], part)
+    passes = np.cumsum(np.minimum(counts, _most_samples(grid))) // _AT_ONCE
+    borders = [0, *(1 + np.flatnonzero(passes[1:] != passes[:-1])).tolist(), len(rows)]
+    for begin, end in pairwise(borders):
+        ends = rows[begin:end], columns[begin:end]
+        _mark(grid, (row, column), ends, counts[begin:end], part)
 
 
 def _mark(
@@ -92,16 +97,19 @@ def _mark(
     codes = dict(zip(hits.tolist(), flat[hits].tolist(), strict=True))
     for cell, kind in zip(cells[order].tolist(), kinds[order].tolist(), strict=True):
         code = codes[cell]
-        codes[cell] = after_hit(code) if kind == 2 else after_passing(code, kind == 1)
+        if kind < 2:
+            codes[cell] = after_passing(code, kind == 1)
+        elif code < MARKER:
+            codes[cell] = _AFTER_HIT[code]
     flat[list(codes)] = list(codes.values())
 
 
 def _clear(flat: Codes, cells: Places, near: Mask) -> None:
     """Mark cells as free; each near pass of an obstacle removes 1 of its evidence."""
-    flat[cells] = np.maximum(flat[cells], FREE)
-    doubted = cells[near]
-    codes = flat[doubted]
-    obstacles, times = np.unique(doubted[(codes > FREE) & (codes <= SURE)], return_counts=True)
+    codes = flat[cells]
+    flat[cells] = np.maximum(codes, FREE)
+    doubted = cells[near & (codes > FREE) & (codes <= SURE)]
+    obstacles, times = np.unique(doubted, return_counts=True)
     flat[obstacles] = np.maximum(flat[obstacles] - times, FREE)
 
 
