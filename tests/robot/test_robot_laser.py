@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from robot_steps import after, changed, robot
 
+from minerva_agents.robot import scans
 from minerva_agents.robot.knowledge import (
     FREE,
     MARKER,
@@ -117,6 +118,20 @@ def test_a_scan_gives_the_grid_of_one_beam_after_another(ends, start, seed, part
     one_by_one(beams, *start, ends, part)
     mark_scan(whole, *start, *np.reshape(ends, (-1, 2)).T, part)
     assert whole.tolist() == beams.tolist()
+
+
+@pytest.mark.parametrize("samples", [1, 50, 300])
+def test_a_scan_of_many_samples_is_marked_in_parts(monkeypatch, samples):
+    random = np.random.default_rng(1)
+    whole = random.integers(0, SURE, (40, 40)).astype(np.int16)
+    parts = whole.copy()
+    ends = random.uniform(-5, 45, (2, 60))
+    mark_scan(whole, 20.3, 19.8, *ends)
+    monkeypatch.setattr(scans, "_AT_ONCE", samples)
+    mark_scan(parts, 20.3, 19.8, *ends)
+    assert np.array_equal(parts, whole)
+    mark_scan(parts, 20.3, 19.8, *ends[:, :0])
+    assert np.array_equal(parts, whole)
 
 
 def test_a_robot_clears_a_literal_grid_of_any_length_to_the_end():
