@@ -86,7 +86,7 @@ def _run_member(world: str, make: Callable[[], Member], endpoint: int, others: l
         os.close(pipe)
     with os.fdopen(endpoint) as pipe:
         address = pipe.readline().strip()
-    return MemberProcess(make(), world, address, print).run() if address else 1
+    return MemberProcess([make()], world, address, print).run() if address else 1
 
 
 def coordinator(

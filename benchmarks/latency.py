@@ -135,7 +135,7 @@ def minerva(event: EventType, events: int) -> list[float]:
     ]
 
     def take_part(number: int, member: Member) -> int:
-        return MemberProcess(member, "latency", pipes.endpoint(number), print).run()
+        return MemberProcess([member], "latency", pipes.endpoint(number), print).run()
 
     children = [forked(partial(take_part, n, member)) for n, member in enumerate(members)]
     children.append(forked(lambda: coordinate(pipes, [member.name for member in members])))

@@ -111,7 +111,7 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
     children = [forked(lambda: coordinate(names, writer(write_at), writer(write_frames)))]
     endpoint = json.loads(os.fdopen(read_at, "r").readline())
     children += [
-        forked(lambda member=member: MemberProcess(member, NAME, endpoint, print).run())
+        forked(lambda member=member: MemberProcess([member], NAME, endpoint, print).run())
         for member in parts
     ]
     frames: SimpleQueue[tuple[int, float, float]] = SimpleQueue()

@@ -152,7 +152,7 @@ def _echo_view(
 
     # The number of the process makes the name unique, so several can watch.
     name = f"echo-{os.getpid()}" if own is None else own.name
-    member = MemberProcess(Member(name, Echo()), world, endpoint, print_message, own=own)
+    member = MemberProcess([Member(name, Echo())], world, endpoint, print_message, own=own)
     leave_on_signals(member)
     member.run()
 

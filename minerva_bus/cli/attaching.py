@@ -110,7 +110,7 @@ def _attached(
     arrival = replace(ARRIVAL, standby=standby, claims=True)
     member = (
         MemberProcess(
-            participant,
+            [participant],
             world,
             endpoint,
             print_message,

@@ -7,6 +7,7 @@ from typing import Any
 
 from minerva_bus.launch.console import live_line, starting_line
 from minerva_bus.launch.process_log import FAILURE_REPORT
+from minerva_bus.launch.process_table import FailureCause
 from minerva_bus.launch.summary import EndReport
 from minerva_bus.launch.supervised_run import SupervisedRun
 from minerva_bus.launch.traces import END_OF_STACKS, NOT_STARTED, STOPPED
@@ -67,7 +68,8 @@ class CoordinatorReports:
             if process.abandoned or (run.ending.reason is not None and process.child is None):
                 run.abandon(process)
             elif process.child is not None and process.joined_at is None and not process.spec.hub:
-                run.coordinator.command(f"started {process.name}")
+                for name in process.names:
+                    run.coordinator.command(f"started {name}")
 
     def _on_log(self, member: str, text: str, details: str = "", *, keep: bool = False) -> None:
         """Log a line about a member; `keep`: the coordinator does not have it yet."""
@@ -75,15 +77,15 @@ class CoordinatorReports:
         if process is not None and FAILURE_REPORT.match(text):
             # The cause explains the exit that follows, and `repeated` compares it with earlier
             # ones.
-            self._run.log.failures.explained.add(member)
-            process.cause = text
+            self._run.log.failures.explained.update(process.names)
+            process.cause = FailureCause(member, text)
         self._run.log.reported(member, text, details, keep=keep)
 
     def _on_unready(self, member: str, reason: str) -> None:
         """Note why a process cannot take part; it ends. Further ones for this reason are known."""
         process = self._run.processes.get(member)
         if process is not None:
-            process.cause = reason
+            process.cause = FailureCause(member, reason)
         if self._run.log.failures.is_new(f"{member} {reason}"):
             self._run.log.add(member, reason, "info")
 
@@ -113,9 +115,10 @@ class CoordinatorReports:
         run = self._run
         process = run.processes.get(member)
         if process is not None:
-            process.joined(run.coordinator.frame)
+            process.joined(member, run.coordinator.frame)
             run.log.failures.explained.discard(member)
-            run.processes.queue.free(member)
+            if not process.awaited:
+                run.processes.queue.free(process.name)
 
     def _on_hub(self, region: str, endpoint: str) -> None:
         """Start the hosts of a region that listens for them, unless they run."""
@@ -168,7 +171,8 @@ class CoordinatorReports:
         now = run.machine.monotonic()
         ending.deadline = now + run.report_seconds
         if ending.regular:
-            running = [process.name for process in run.processes if process.child is not None]
+            processes = [process for process in run.processes if process.child is not None]
+            running = [name for process in processes for name in process.names]
             stopping = now if ending.stopping_at is None else ending.stopping_at
             ending.deadline = run.file.deadlines.end_of_output(running, stopping, now)
 

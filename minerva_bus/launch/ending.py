@@ -56,7 +56,7 @@ class Ending:
     ) -> RunSummary:
         """The summary of the run; digest and figures are lost if the coordinator died.
 
-        `joined`: whether each process has joined; with `frame` and `now`, it replaces the report
+        `joined`: whether each member has joined; with `frame` and `now`, it replaces the report
         of a coordinator that died.
         """
         report = self.report

@@ -71,8 +71,8 @@ class Machine:
         return child, command_write, report_read
 
     def start_member(self, start: MemberStart, lifeline: int) -> ChildProcess:
-        """Start the process of a member, or its command."""
-        process = start.process
+        """Start the process of members, or the command of its only one."""
+        process = start.members[0]
         if process.command:
             environment = {
                 "MINERVA_WORLD": start.world,

@@ -1,4 +1,4 @@
-"""A member's process: it runs a member of a world to its end."""
+"""The process of members: it runs them to the end of their world."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from minerva_bus.runtime.member import MemberProcess
 
 @dataclass(frozen=True, slots=True)
 class MemberStart:
-    """Arguments of a member's process: its description and the endpoint of its world."""
+    """Arguments of a process: its name, its members, and the endpoint of their world."""
 
-    process: Process
+    name: str
+    members: tuple[Process, ...]
     world: str
     endpoint: str
     shared: bool
@@ -27,38 +28,36 @@ class MemberStart:
 
 
 def run_member(start: MemberStart, reports: ReportPipe) -> int:
-    """Run a member of a world to its end; returns the exit code.
+    """Run members of a world to its end; returns the exit code.
 
-    It sends `reports` if it cannot take part, and a region about its hosts.
+    It sends `reports` if one cannot take part, and a region about its hosts.
     """
+    process = _process(start, reports)
     try:
-        return _run(start, reports)
+        named = start.profiling.member in {member.name for member in start.members}
+        path = profile_path(start.world, start.profiling.member)
+        return sampled(process.run, path) if named else process.run()
     except Unready as error:
-        name = start.process.name
+        name = process.running.name
         reports.send("unready", member=name, reason=str(error).removeprefix(f"{name} "))
         return UNREADY
 
 
-def _run(start: MemberStart, reports: ReportPipe) -> int:
-    process, world = start.process, start.world
+def _process(start: MemberStart, reports: ReportPipe) -> MemberProcess:
+    first = start.members[0]
 
     def log(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
-    # With STARTED_HERE the member waits for its greeting without limit: the launcher takes into
+    if isinstance(first, RegionSpec):
+        return RegionProcess(first, start.endpoint, log, shared=start.shared, reports=reports)
+    # With STARTED_HERE members wait for their greetings without limit: the launcher takes into
     # account how many processes start at the same time, and kills late ones.
-    member = (
-        RegionProcess(process, start.endpoint, log, shared=start.shared, reports=reports)
-        if isinstance(process, RegionSpec)
-        else MemberProcess(
-            process.participant(),
-            world,
-            start.endpoint,
-            log,
-            shared=start.shared,
-            arrival=STARTED_HERE,
-        )
+    return MemberProcess(
+        [member.participant() for member in start.members],
+        start.world,
+        start.endpoint,
+        log,
+        shared=start.shared,
+        arrival=STARTED_HERE,
     )
-    if process.name == start.profiling.member:
-        return sampled(member.run, profile_path(world, process.name))
-    return member.run()

@@ -40,7 +40,7 @@ class ProcessExits:
             return
         if run.ending.begun:
             if code == UNREADY:  # Its report says why.
-                run.ending.fail(f"{process.name} {process.cause or CANNOT_TAKE_PART}")
+                run.ending.fail(f"{_member(process)} {process.cause.text or CANNOT_TAKE_PART}")
             # A successor must not wait for it; the first coordinator was notified that it left.
             if run.coordinator.count:
                 run.abandon(process)
@@ -62,7 +62,7 @@ class ProcessExits:
             text = f"{ended}; a successor continues from its journal"
             number = f"({coordinator.count + 1} of {MAX_SUCCESSIONS})"
             run.console.log(COORDINATOR, f"{text} {number}", "warning")
-            coordinator.start_successor(run.processes.queue.queued)
+            coordinator.start_successor(run.processes.queued)
             return
         # It printed its error last, if it had one.
         ending.fail(self._reports.last_line or f"the coordinator {how_ended(code)}")
@@ -78,10 +78,10 @@ class ProcessExits:
             self._await_cause(process)
         # The report has been shown and is more specific than the exit code.
         unready = code == UNREADY
-        how = "failed" if process.cause else process.blocked or how_ended(code)
+        how = "failed" if process.cause.text else process.cause.blocked or how_ended(code)
         how = CANNOT_TAKE_PART if unready else how
         delay = process.fail(run.coordinator.frame, killed=code < 0)
-        if delay is not None and run.log.failures.repeated(spec, code, process.cause):
+        if delay is not None and run.log.failures.repeated(spec, code, process.cause.text):
             # `fail` has set the time of a restart.
             process.restart_at = None
             again = "failed again with the same error in the same frame"
@@ -103,13 +103,18 @@ class ProcessExits:
 
     def _stop_for(self, process: SupervisedProcess, why: str) -> None:
         """Stop the world because of a process."""
-        self._run.stop(f"{process.name} {process.cause or why}")
-        raised = FAILURE_REPORT.match(process.cause) and not self._run.console.traceback
+        self._run.stop(f"{_member(process)} {process.cause.text or why}")
+        raised = FAILURE_REPORT.match(process.cause.text) and not self._run.console.traceback
         more = " (--traceback shows all frames)" if raised else ""
         self._run.console.log(process.name, f"{why}; the world stops{more}", "error")
 
     def _await_cause(self, process: SupervisedProcess) -> None:
         """Wait for the report of a failure: the coordinator may pass it on after the exit."""
         until = self._run.machine.monotonic() + REPORT_SECONDS
-        while not process.cause and (left := until - self._run.machine.monotonic()) > 0:
+        while not process.cause.text and (left := until - self._run.machine.monotonic()) > 0:
             self._run.context.pipes.wait(left)
+
+
+def _member(process: SupervisedProcess) -> str:
+    """The name of the member that has ended a process, or that of the process."""
+    return process.cause.member or process.name

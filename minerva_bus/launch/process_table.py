@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from minerva_bus.launch.containers import containers
 from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.member_process import MemberStart
@@ -31,18 +32,30 @@ MIN_RESTART_SECONDS: Final = 0.05
 MAX_RESTART_SECONDS: Final = 5.0
 
 
+@dataclass(frozen=True, slots=True)
+class FailureCause:
+    """Why a process ends: the report of a `member`; or that code blocks it, as logged before."""
+
+    member: str = ""
+    text: str = ""
+    blocked: str = ""
+
+
+NO_CAUSE: Final = FailureCause()
+
+
 @dataclass(slots=True)
 class SupervisedProcess:
-    """A process of the world file with its state; times are of the monotonic clock.
+    """A process of the operating system with its state; times are of the monotonic clock.
 
-    `restarting`: an operator requested a restart. `exited_at`: when an exit with code 0 counts as
-    a failure unless the world has ended. `cause`: its report about its failure. `blocked`: why it
-    is killed, if the line of code that blocks it was logged before. `stacks`: lines of
-    its stacks, None if they were not requested. `joined_at`, `joined_in`: time and frame of its
-    `hello`. `waited`: seconds that frames have waited for it.
+    `members`: the processes of the world file that it runs, mostly one. `awaited`: names of those
+    that have not joined. `restarting`: an operator requested a restart. `exited_at`: when an exit
+    with code 0 counts as a failure unless the world has ended. `stacks`: lines of its stacks, None
+    if they were not requested. `joined_at`, `joined_in`: time and frame of its last `hello`.
+    `waited`: seconds that frames have waited for it.
     """
 
-    spec: Process
+    members: tuple[Process, ...]
     machine: Machine = REAL
     child: ChildProcess | None = None
     output: LineReader | None = None
@@ -52,16 +65,29 @@ class SupervisedProcess:
     waited: float = 0.0
     restart_at: float | None = None
     exited_at: float | None = None
-    cause: str = ""
-    blocked: str = ""
+    cause: FailureCause = NO_CAUSE
     restarting: bool = False
     abandoned: bool = False
     stacks: list[str] | None = None
+    awaited: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        self.awaited = frozenset(self.names)
+
+    @property
+    def spec(self) -> Process:
+        """The first member, whose restarts are those of all."""
+        return self.members[0]
 
     @property
     def name(self) -> str:
-        """The name of the process."""
-        return self.spec.name
+        """The name of its container, or of its only member."""
+        return self.spec.container or self.spec.name
+
+    @property
+    def names(self) -> list[str]:
+        """The names of its members."""
+        return [member.name for member in self.members]
 
     @property
     def due(self) -> list[float]:
@@ -83,11 +109,13 @@ class SupervisedProcess:
     def started(self, child: ChildProcess) -> None:
         """Note a start or restart."""
         self.child, self.restart_at, self.joined_at = child, None, None
-        self.cause, self.blocked, self.waited = "", "", 0.0
+        self.cause, self.waited, self.awaited = NO_CAUSE, 0.0, frozenset(self.names)
 
-    def joined(self, frame: int) -> None:
-        """Note its `hello`."""
-        self.joined_at, self.joined_in = self.machine.monotonic(), frame
+    def joined(self, member: str, frame: int) -> None:
+        """Note the `hello` of a member."""
+        self.awaited -= {member}
+        if not self.awaited:
+            self.joined_at, self.joined_in = self.machine.monotonic(), frame
 
     def was_healthy(self, now: float, frame: int) -> bool:
         """Whether it has worked for long enough; time that frames waited for it does not count.
@@ -123,7 +151,7 @@ class SupervisedProcess:
 
 
 class ProcessTable:
-    """All local processes of a world, by name; `log` receives what they print.
+    """All local processes of a world, by name and by member; `log` receives what they print.
 
     `on_report` receives what these processes report.
     """
@@ -139,10 +167,10 @@ class ProcessTable:
         self._on_report = on_report
         self._machine = context.machine
         self._processes = {
-            spec.name: SupervisedProcess(spec, context.machine)
-            for spec in context.file.processes
-            if not spec.elsewhere
+            name: SupervisedProcess(members, context.machine)
+            for name, members in containers(context.file.processes).items()
         }
+        self._by_member = {name: process for process in self for name in process.names}
         self._reports: dict[str, LineReader] = {}
         self.queue = StartQueue(STARTS_PER_CORE * context.machine.cores())
 
@@ -154,8 +182,14 @@ class ProcessTable:
 
     @property
     def names(self) -> frozenset[str]:
-        """The names of all processes."""
-        return frozenset(self._processes)
+        """The names of the members of all processes."""
+        return frozenset(self._by_member)
+
+    @property
+    def queued(self) -> frozenset[str]:
+        """The names of the members whose processes wait to be started."""
+        queued = self.queue.queued
+        return frozenset(n for n, process in self._by_member.items() if process.name in queued)
 
     @property
     def running(self) -> bool:
@@ -163,8 +197,8 @@ class ProcessTable:
         return any(process.child for process in self)
 
     def get(self, name: str) -> SupervisedProcess | None:
-        """The process with this name, None if it is not a local one."""
-        return self._processes.get(name)
+        """The process of a member, or of this name; None if it is not a local one."""
+        return self._by_member.get(name) or self._processes.get(name)
 
     def enqueue(self, process: SupervisedProcess) -> None:
         """Start or restart a process when it has a slot."""
@@ -181,7 +215,8 @@ class ProcessTable:
         endpoint = context.hubs[spec.hub] if spec.hub else context.endpoint
         if isinstance(spec, RegionSpec):  # Its hosts reconnect to their previous endpoint.
             spec = replace(spec, hosts_at=context.hubs.get(name, spec.hosts_at))
-        start = MemberStart(spec, world, endpoint, context.shared, context.profiling)
+        members = (spec, *process.members[1:])
+        start = MemberStart(name, members, world, endpoint, context.shared, context.profiling)
         child = self._machine.start_member(start, context.lifeline[0])
         process.started(child)
         process.output = LineReader(
@@ -231,12 +266,14 @@ class ProcessTable:
 
     def give_up(self, process: SupervisedProcess, waited: float) -> None:
         """Kill a process that has not answered for `waited` seconds, which counts as a failure."""
-        if process.child is None:
+        # Members of one process may be late together.
+        if process.child is None or process.waited:
             return
         process.waited = waited
-        self._log.failures.explained.add(process.name)
+        self._log.failures.explained.update(process.names)
         # Before it is killed: this is the only trace of its activity.
-        process.blocked = self._log.blocked(process.name, self.stacks(process), waited)
+        blocked = self._log.blocked(process.name, self.stacks(process), waited)
+        process.cause = replace(process.cause, blocked=blocked)
         self._machine.kill(process.child.pid)
 
     def stacks(self, process: SupervisedProcess) -> list[str]:

@@ -15,6 +15,7 @@ from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.containers import check_containers
 from minerva_bus.launch.distribution import names_of
 from minerva_bus.launch.norms import PEOPLE
 from minerva_bus.launch.options import beside
@@ -77,6 +78,7 @@ class _ProcessReader:
             on_failure=own.on_failure,
             restarts=own.restarts,
             elsewhere=own.elsewhere,
+            container=self._container(table, own),
             speaks_for=own.speaks_for,
             patience=self._patience(table),
         )
@@ -110,6 +112,12 @@ class _ProcessReader:
             plain, agents=classes, command=own.command, folder=folder, automatic=automatic
         )
         return [replace(plain, name=each) for each in names]
+
+    def _container(self, table: Table, own: ProcessSettings) -> str:
+        """The container of a service."""
+        if own.container and not own.service:
+            table.wrong("container", "is for services: others have processes of their own")
+        return checked_name(own.container, "a container") if own.container else ""
 
     def _names(self, name: str, table: Table, own: ProcessSettings) -> list[str]:
         """The names of the processes of a table; one name if their number is automatic."""
@@ -150,8 +158,10 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
     The processes of one table differ only in their names, so only the first one is checked.
     Raises WorldFileError.
     """
+    processes = [*processes]
     seen: set[str] = set()
     tables: set[str] = set()
+    hellos: dict[str, Hello] = {}
     members: list[Member] = []
     for process in processes:
         if process.name in seen:
@@ -166,10 +176,11 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
         tables.update({process.table} - {""})
         if not process.command and first:
             members.append(process.participant())
-            hello = members[-1].hello()
+            hello = hellos[process.table] = members[-1].hello()
             reason = incompatibility(hello, vocabulary) or _invalid_topic(hello)
             if reason:
                 raise WorldFileError(f"{path}: [process.{process.name}]: {reason}")
+    check_containers(processes, hellos, path)
     return members
 
 

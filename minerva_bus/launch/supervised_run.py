@@ -61,5 +61,5 @@ class SupervisedRun:
 
     def abandon(self, process: SupervisedProcess) -> None:
         """Tell the coordinator that a process will not be started again; it knows no hosts."""
-        if not process.spec.hub:
-            self.coordinator.command(f"abandoned {process.name}")
+        for name in [] if process.spec.hub else process.names:
+            self.coordinator.command(f"abandoned {name}")

@@ -191,7 +191,8 @@ class Supervisor:
             run.processes.queue.clear()
         while (process := run.processes.start_next()) is not None:
             if not process.spec.hub:  # A host joins its region.
-                run.coordinator.command(f"started {process.name}")
+                for name in process.names:
+                    run.coordinator.command(f"started {name}")
 
     # --- stopping ---
 
@@ -229,6 +230,6 @@ class Supervisor:
     def summary(self) -> RunSummary:
         """The summary of the run."""
         run = self._run
-        joined = [process.joined_at is not None for process in run.processes]
+        joined = [name not in each.awaited for each in run.processes for name in each.names]
         now, frame = run.machine.monotonic(), run.coordinator.frame
         return run.ending.summary(run.file.world, run.startup, frame, now, joined)

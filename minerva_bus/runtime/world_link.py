@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, cast
 
 import zenoh
 
@@ -47,13 +47,24 @@ class WorldLink:
         keys, member = self.keys, self._member
         self._replies = _publisher(session, keys.sent_by(member))
         for topic in topics:
-            self._publishers[topic] = _publisher(session, keys.topic(topic, member))
+            # Members of this process get readings without encoding.
+            self._publishers[topic] = session.declare_publisher(
+                keys.topic(topic, member),
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                allowed_destination=zenoh.Locality.REMOTE,
+            )
         return [self._replies, *self._publishers.values()]
 
     def send(self, message: m.FromMember | m.Readings) -> None:
-        """Send a message; before a coordinator's greeting it has no recipient and is dropped."""
+        """Send a message; before a coordinator's greeting it has no recipient and is dropped.
+
+        Readings go to other processes, and are not even encoded if none subscribes to them.
+        """
         if isinstance(message, m.Readings):
-            self._publishers[message.topic].put(encode(message))
+            publisher = self._publishers[message.topic]
+            # The stub has another type.
+            if cast("Any", publisher).matching_status.matching:
+                publisher.put(encode(message))
         # Read once: a generator's thread sends, too, while the main thread may lose the connection.
         elif epoch := self.stamp:
             self._replies.put(epoch + encode(message))

@@ -47,7 +47,7 @@ def own_member(role: MemberRole | None = None) -> StartMember:
     def start(environment: Mapping[str, str]) -> RunningMember:
         member: Member = reference(MemberRole(environment.get("MINERVA_ROLE", role)))
         world, endpoint = environment["MINERVA_WORLD"], environment["MINERVA_CONNECT"]
-        process = MemberProcess(member, world, endpoint, lambda line: None)
+        process = MemberProcess([member], world, endpoint, lambda line: None)
         return ThreadMember(process.run, process.leave)
 
     return start

@@ -333,7 +333,7 @@ def join(world: str, name: str, notify: Callable[[str], None] = print) -> None:
     arrival = Arrival(seen=0.1, named=0.1, greeted=0.2, greeted_at_most=0.3)
     member = Member(name, None, [Counter])
     with silent_world() as endpoint:
-        MemberProcess(member, world, endpoint, notify, arrival=arrival).run()
+        MemberProcess([member], world, endpoint, notify, arrival=arrival).run()
 
 
 def no_message(_: Path) -> object:

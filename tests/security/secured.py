@@ -46,7 +46,7 @@ class Joined:
     def __init__(self, world, endpoint, own, service=None, agents=(), kind=MemberProcess):
         self.told, self.result, self.over = [], None, threading.Event()
         participant = Member(own.name, service, agents)
-        self.member = kind(participant, world.name, endpoint, self.told.append, own=own)
+        self.member = kind([participant], world.name, endpoint, self.told.append, own=own)
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 

@@ -22,7 +22,6 @@ from minerva_bus.runtime.direct import Deliver, InProcessRunner
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.inbox import KeyedSample, keyed_sample
 from minerva_bus.runtime.member import BACK_WITHIN, MemberProcess
-from minerva_bus.runtime.own_threads import ReportFigures
 from minerva_bus.runtime.region_hub import HubConfig, HubItem, RegionHub
 from minerva_bus.runtime.region_links import ParcelArrived, RegionAppeared, RegionLinks
 from minerva_bus.runtime.runner import Notice
@@ -78,7 +77,7 @@ class RegionProcess(MemberProcess):
         make_runner = partial(self._make_hub, shared) if spec.hosts_at else InProcessRunner
         self._region = RegionMember(spec, self._send_parcel, self._log, make_runner)
         super().__init__(
-            self._region,
+            [self._region],
             spec.world_file.world.name,
             endpoint,
             notify,
@@ -178,7 +177,7 @@ class RegionProcess(MemberProcess):
             return declared
         return super()._declare(session)
 
-    def _close_service(self) -> None:
+    def _close_services(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
         if self._links is not None:
@@ -218,8 +217,8 @@ class RegionProcess(MemberProcess):
         if self._region.world is not None:
             # A successor of the coordinator, which has sent another welcome, knows no hosts.
             if self._region.world is not self._joined:
-                self._joined, self._figures = self._region.world, {}
-            self._on_figures(ReportFigures())
+                self._joined, self._first.figures = self._region.world, {}
+            self._first.report_figures()
         for region in awaited if links is not None and self._spec.announces else ():
             endpoint = links.unlinked(region) if links is not None else ""
             # None: a check is under way.

@@ -26,7 +26,7 @@ def main() -> int:
     try:
         (role,) = roles_named([given.get("MINERVA_ROLE", MemberRole.GENERATOR)])
         member = reference(role)
-        return MemberProcess(member, given["MINERVA_WORLD"], given["MINERVA_CONNECT"], _log).run()
+        return MemberProcess([member], given["MINERVA_WORLD"], given["MINERVA_CONNECT"], _log).run()
     except KeyError as missing:
         _log(f"{missing.args[0]} is not set; start this program by `minerva conformance`")
     except MinervaError as error:

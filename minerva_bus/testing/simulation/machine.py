@@ -177,13 +177,13 @@ class SimulatedMachine(Machine):
 
     def start_member(self, start: MemberStart, lifeline: int) -> ChildProcess:
         """Start a member's process."""
-        process, child = self._process(start.process.name, ())
+        process, child = self._process(start.name, ())
 
         def life() -> Generator[None, None, int]:
             # With the time-outs of a member that the launcher starts: a coordinator that is frozen
             # for seconds must not count as failures of members.
             member = MemberProcess(
-                start.process.participant(),
+                [member.participant() for member in start.members],
                 start.world,
                 start.endpoint,
                 process.log,

@@ -64,7 +64,11 @@ class Play:
         self.observed = Observed()
         self._begun: set[int] = set()
         self._coordinator: Coordinator | None = None
-        self.file = world_file(history.frames, history.rate, folder, self.observed.shown)
+        contained = history.seed % 3 == 0
+        self.file = world_file(
+            history.frames, history.rate, folder, self.observed.shown, contained=contained
+        )
+        self._containers = {each.name: each.container for each in self.file.processes}
         make = observing(self.timeline, self.observed, self._on_begin, self._on_end)
         self.launcher = Launcher(self.file, self.timeline, Weather(history.slow), make)
         self.network = self.launcher.network
@@ -103,11 +107,10 @@ class Play:
     # --- processes ---
 
     def process(self, name: str) -> SimulatedProcess | None:
-        """The running process of this name."""
-        return next(
-            (process for process in self._processes() if process.name == name and process.alive),
-            None,
-        )
+        """The running process of a member."""
+        name = self._containers.get(name) or name
+        running = (process for process in self._processes() if process.alive)
+        return next((process for process in running if process.name == name), None)
 
     def _processes(self) -> list[SimulatedProcess]:
         own = list(self.launcher.machine.processes.values())
@@ -129,7 +132,7 @@ class Play:
         process = SimulatedProcess(name, self.timeline, self.network, exited, log)
         participant = Member(name, None, GUESTS[name])
         endpoint, system = self.launcher.endpoint, process.system
-        member = MemberProcess(participant, NAME, endpoint, log, system=system)
+        member = MemberProcess([participant], NAME, endpoint, log, system=system)
         self.guests[name] = process, member
         process.start(member.life)
 

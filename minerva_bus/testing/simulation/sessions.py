@@ -140,20 +140,29 @@ class Token:
         self.session.drop_token(self)
 
 
+@dataclass(frozen=True, slots=True)
+class Matching:
+    """Whether a publisher has subscribers, which need not be known to publish."""
+
+    matching: bool = True
+
+
 @dataclass(slots=True)
 class Publisher:
-    """Publishes on one key: `local` stays in the process, `droppable` may be lost."""
+    """Publishes on one key, `here`, `elsewhere` or both; what is `droppable` may be lost."""
 
     session: Session
     key: str
-    local: bool
+    here: bool
+    elsewhere: bool
     droppable: bool
+    matching_status: Matching = Matching()
 
     def put(self, data: bytes) -> None:
         """Publish a payload."""
-        if self.local:
+        if self.here:
             self.session.hear(self.key, data)
-        else:
+        if self.elsewhere:
             self.session.publish(self.key, data, droppable=self.droppable)
 
     def declare_matching_listener(self, _: Any) -> Publisher:
@@ -189,9 +198,10 @@ class Session:
 
     def declare_publisher(self, key: str, **options: Any) -> Publisher:
         """Publish on a key."""
-        local = "allowed_destination" in options
+        allowed = str(options.get("allowed_destination"))
+        here, elsewhere = "REMOTE" not in allowed, "SESSION_LOCAL" not in allowed
         droppable = "DROP" in str(options.get("congestion_control"))
-        return Publisher(self, key, local, droppable)
+        return Publisher(self, key, here, elsewhere, droppable)
 
     def declare_queryable(self, key: str, handler: Any) -> Declared:
         """Declare a queryable."""
@@ -257,8 +267,7 @@ class Session:
         self.network.tokens.declare(self, token.key, there=False)
 
     def publish(self, key: str, data: bytes, *, droppable: bool) -> None:
-        """Publish to all subscribers, of this process and of others."""
-        self.hear(key, data)
+        """Publish to all subscribers of other processes."""
         self.network.publish(self, key, data, droppable=droppable)
 
     def hear(self, key: str, data: bytes) -> None:

@@ -235,6 +235,10 @@ ORDERS: Final = {event_type.name: event_type for event_type in (eMark, eNote)}
 IN_STEP: Final = frozenset({"lookout", "water"})
 """Members that have to know all regions in each frame."""
 
+CONTAINER: Final = "cove"
+CONTAINED: Final = frozenset({"clerk", "gulls", "lookout", "tide", "water"})
+"""A process of some histories, and its members."""
+
 NORMS: Final = (
     Norm("far", ("AHeron",), when="x > 2", most=1, per=4, sanction=eSeen(40)),
     Norm("loud", on=("eCall",), when="event.x < 3", most=1, per=5, sanction=eSeen(20)),
@@ -262,6 +266,14 @@ def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[Process, .
     )
 
 
+def in_container(process: Process) -> Process:
+    """The process, in a container with the others if it may share one."""
+    if process.name not in CONTAINED:
+        return process
+    # Each of them may be killed as often as a process of its own.
+    return replace(process, container=CONTAINER, restarts=len(CONTAINED) * process.restarts)
+
+
 def world(frames: int) -> World:
     """The world, with a number of frames."""
     return World(
@@ -285,8 +297,15 @@ def _scene() -> Scene:
     return VOCABULARY.read(STRING)
 
 
-def world_file(frames: int, rate: float, folder: Path, shown: dict[int, str]) -> WorldFile:
-    """The world file, with its journal in a folder; `shown` has the drawings of its screen."""
+def world_file(
+    frames: int, rate: float, folder: Path, shown: dict[int, str], *, contained: bool = False
+) -> WorldFile:
+    """The world file, with its journal in a folder; `shown` has the drawings of its screen.
+
+    `contained`: members share a process.
+    """
     bus = BusSettings(journal=str(folder))
-    numbers = count(1)
-    return WorldFile(folder / f"{NAME}.toml", world(frames), rate, processes(shown, numbers), bus)
+    own = processes(shown, count(1))
+    if contained:
+        own = tuple(map(in_container, own))
+    return WorldFile(folder / f"{NAME}.toml", world(frames), rate, own, bus)
