@@ -18,6 +18,7 @@ from minerva_bus.frame.event_sources import (
     name_of,
     people_of,
 )
+from minerva_bus.frame.generating import MAX_AHEAD
 from minerva_bus.frame.inbox import Orders, counting
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
@@ -34,9 +35,6 @@ if TYPE_CHECKING:
 
 ORDERS: Final = "orders"
 """Name under which orders are logged."""
-
-MAX_AHEAD: Final = 8
-"""Most frames for which a generator that is ahead is asked before they begin."""
 
 FEW_EVENTS: Final = 4
 """Most events of a generator that is asked for more than one frame before they begin."""

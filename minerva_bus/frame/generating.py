@@ -25,8 +25,11 @@ Outgoing: TypeAlias = m.FromMember | m.Readings
 KEPT: Final = 2
 """Answers that a generator keeps: a coordinator asks for frame t + 1 while frame t ends."""
 
-KEPT_AHEAD: Final = 9
-"""Answers that a generator keeps which is asked for several frames before they begin."""
+MAX_AHEAD: Final = 8
+"""Most frames for which a generator that is ahead is asked before they begin."""
+
+KEPT_AHEAD: Final = MAX_AHEAD + 1
+"""Answers that such a generator keeps."""
 
 
 class GeneratorSide:

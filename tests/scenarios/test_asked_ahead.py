@@ -7,7 +7,8 @@ from pond import Forward, Snail, eStep, host, service, world
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import FEW_EVENTS, MAX_AHEAD
+from minerva_bus.frame.collection import FEW_EVENTS
+from minerva_bus.frame.generating import MAX_AHEAD
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
