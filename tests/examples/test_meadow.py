@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus import EMPTY, Event, Frame, Scene, evolve, visualize
+from minerva_bus import EMPTY, Event, Frame, Scene, World, evolve, visualize
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import AgentNode, agents
@@ -258,3 +258,14 @@ def commands(block: str) -> list[list[str]]:
 def test_the_digests_that_the_readme_promises(here: Path):
     _, runs, _ = map(commands, blocks("sh"))
     assert len({json.loads(minerva(here, [*run, "--json"]))["digest"] for run in runs}) == 1
+
+
+@pytest.mark.parametrize(
+    "event", [eBite(), eGraze(-1.0, 2.0), eGraze(2.0, 1e300), eRustle(2.0, 13.0)]
+)
+def test_what_people_send_in_the_name_of_animals_has_no_receiver_for_an_answer(event):
+    with World.load(WORLD).start(seed=7) as live:
+        live.step(2)
+        live.publish(event)
+        live.step(3)
+        assert live.frame == 5

@@ -96,9 +96,12 @@ class Meadow(Agent, symbol="AMeadow"):
     @on("eGraze")
     def feed(self, graze: Event, moment: Context) -> None:
         grass, cell = self.writable("grass"), (int(graze.x / CELL), int(graze.y / CELL))
+        if not (0 <= cell[0] < grass.shape[0] and 0 <= cell[1] < grass.shape[1]):
+            return  # A person has sent it.
         amount = min(grass[cell], 3)
         grass[cell] -= amount
-        moment.emit(eGrass(amount, receivers=[graze.sender]))
+        if graze.sender:
+            moment.emit(eGrass(amount, receivers=[graze.sender]))
 
     @view("ePicture")
     def picture(self, event: Event) -> Scene:
@@ -148,7 +151,8 @@ class Rabbit(Animal, symbol="ARabbit"):
 
     @on("eBite")
     def die(self, bite: Event, moment: Context) -> Scene:
-        moment.emit(eMeal(8.0, receivers=[bite.sender]))
+        if bite.sender:  # Otherwise a person has sent it.
+            moment.emit(eMeal(8.0, receivers=[bite.sender]))
         return EMPTY
 
     @on("eGrass")
@@ -225,7 +229,7 @@ class Fox(Animal, symbol="AFox"):
         self.heading = self.bearing(prey.x, prey.y)
         self.go(min(0.35, self.distance(prey)))
         moment.emit(eProwl(self.x, self.y, condition=self.nearby(3.0)))
-        if self.distance(prey) < 0.4:
+        if prey.sender and self.distance(prey) < 0.4:
             moment.emit(eBite(receivers=[prey.sender]))
 
     @view("ePicture")
