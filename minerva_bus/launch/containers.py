@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from minerva_bus.errors import WorldFileError
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Hello
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.wire.keys import COORDINATOR
+
+SERVICES: Final = "services"
+"""Name of the container that the launcher makes."""
+
+DEFAULT: Final = Process("")
 
 
 def containers(processes: Iterable[Process]) -> dict[str, tuple[Process, ...]]:
@@ -36,7 +44,7 @@ def check_containers(processes: Iterable[Process], hellos: Mapping[str, Hello], 
         if container in names:
             raise WorldFileError(f"{where} is the name of a process; choose another one")
         hello = hellos.get(process.table)
-        if hello is not None and hello.draws and not hello.coupled:
+        if hello is not None and not _may_share(hello):
             raise WorldFileError(
                 f"{where} is for members in step, but {hello.service} is an observer, which may be"
                 " busy while others answer; give it a process of its own"
@@ -49,3 +57,37 @@ def check_containers(processes: Iterable[Process], hellos: Mapping[str, Hello], 
                     f"{where} restarts all of its members together, so their {key} must be equal:"
                     f" that of {other.name} is {values[0]}, and here it is {values[1]}"
                 )
+
+
+def contained(
+    processes: Sequence[Process], members: Iterable[Member], cores: int
+) -> tuple[Process, ...]:
+    """The processes, with services in a container if they and the coordinator exceed the cores.
+
+    `members` are those of the first process of each table.
+    """
+    hellos = {member.name: member.hello() for member in members if member.service is not None}
+    tables = {
+        process.table: hellos[process.name] for process in processes if process.name in hellos
+    }
+    alike = [
+        process
+        for process in processes
+        if process.table in tables
+        and not (process.container or process.elsewhere)
+        and (process.on_failure, process.restarts) == (DEFAULT.on_failure, DEFAULT.restarts)
+        and _may_share(tables[process.table])
+    ]
+    taken = {name for process in processes for name in (process.name, process.container)}
+    enough = len(containers(processes)) < cores
+    if enough or len(alike) < 2 or SERVICES in taken:
+        return tuple(processes)
+    return tuple(
+        replace(process, container=SERVICES) if process in alike else process
+        for process in processes
+    )
+
+
+def _may_share(hello: Hello) -> bool:
+    """Whether a member may share a process: frames wait for it, or nobody does."""
+    return hello.coupled or not hello.draws

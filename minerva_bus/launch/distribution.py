@@ -13,9 +13,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.launch.capacity import cores
+from minerva_bus.launch.containers import SERVICES, contained
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
@@ -30,8 +32,12 @@ ROW_SECONDS: Final = 0.03e-6
 """Time of an agent's row in a short method for populations."""
 
 
-def distributed(file: WorldFile) -> WorldFile:
-    """The world file with a number of processes for each table that leaves it to this machine."""
+def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
+    """The world file with a number of processes for each table that leaves it to this machine.
+
+    If it leaves any, services share one where there are fewer cores than processes. `members` are
+    those of the first process of each table.
+    """
     if not any(process.automatic for process in file.processes):
         return file
     processes, notes = list[Process](), list[str]()
@@ -40,6 +46,11 @@ def distributed(file: WorldFile) -> WorldFile:
         processes += own
         if process.automatic:
             notes.append(f"{process.name}: {counted(len(own), 'process')} (auto)")
+    if file.partition is None:
+        before = sum(not each.container for each in processes)
+        processes = [*contained(processes, members, cores())]
+        if sharing := before - sum(not each.container for each in processes):
+            notes.append(f"{SERVICES}: 1 process for {sharing} services (auto)")
     expected = frozenset(process.name for process in processes)
     return replace(
         file,

@@ -141,7 +141,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         hosts,
     )
     check_regions(file, members)
-    file = distributed(file)
+    file = distributed(file, members)
     file = replace(file, notes=(*file.notes, *unplaced(file)))
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from minerva_bus import Agent, EventType, Generator, Vocabulary, World, on, run
+from minerva_bus import Agent, Device, EventType, Generator, Vocabulary, World, on, run
 from minerva_bus.api.requests import request_of
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch import distribution
@@ -13,6 +13,7 @@ from minerva_bus.launch.reading import read_world_text
 from minerva_bus.settings.overrides import Overrides
 
 eStep = EventType("eStep")
+eShow = EventType("eShow", visual=True)
 SPEC = f"{__name__}:{{}}".format
 TEXT = f"""
 [world]
@@ -56,7 +57,7 @@ class Steps(Generator, events=("eStep",)):
         return (eStep(),)
 
 
-vocabulary = Vocabulary.of(eStep, Walker, Rower, Rock)
+vocabulary = Vocabulary.of(eStep, eShow, Walker, Rower, Rock)
 counts = {Walker: 3, Rower: 3, Rock: 1_000_000}
 
 
@@ -110,6 +111,41 @@ def test_the_choice_is_among_the_notes_of_the_run(tmp_path):
     file = read_world_text(TEXT, tmp_path / "w.toml", Overrides(processes="auto"))
     assert file.notes == ("walkers: 1 process (auto)", "rocks: 1 process (auto)")
     assert not read_world_text(TEXT, tmp_path / "w.toml").notes
+
+
+SERVICES = f"""[process.steps]
+service = "{SPEC("Steps")}"
+
+[process.more]
+service = "{SPEC("Steps")}"
+
+[process.stopping]
+service = "{SPEC("Steps")}"
+on_failure = "stop"
+
+[process.lamp]
+service = "{SPEC("Lamp")}"
+"""
+
+
+class Lamp(Device, draws=("eShow",)):
+    def show(self, view):
+        pass
+
+
+@pytest.mark.parametrize(("cores_here", "shared"), [(7, ()), (6, ("steps", "more"))])
+def test_services_share_a_process_where_there_are_fewer_cores(
+    tmp_path, monkeypatch, cores_here, shared
+):
+    """A process with another policy, and an observer, have their own."""
+    monkeypatch.setattr(distribution, "cores", lambda: cores_here)
+    text = TEXT[: TEXT.index("[process.steps]")] + SERVICES
+    file = read_world_text(text, tmp_path / "w.toml", Overrides(processes="auto"))
+    in_container = tuple(each.name for each in file.processes if each.container == "services")
+    assert in_container == shared
+    assert ("services: 1 process for 2 services (auto)" in file.notes) == bool(shared)
+    as_it_is = read_world_text(text, tmp_path / "w.toml")
+    assert not any(each.container for each in as_it_is.processes)
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
