@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.rows import Data
-from minerva_bus.collect.writers import Writer, check_ending, open_writer, path_of
+from minerva_bus.collect.writers import Writer, check_ending, create_writer, path_of
 from minerva_bus.outputs import check_output, name_file, target_of
 
 
@@ -60,7 +60,7 @@ class TableFiles:
             draft = final if special else final.with_name(hidden)
             # Noted first, because a file that is made may lack room for its beginning.
             self._drafts[final], self.files[plan.name] = draft, path
-            return open_writer(draft, plan.name, plan.columns)
+            return create_writer(draft, plan.columns, path)
 
         return _OnDemand(create) if self._sparse else create()
 

@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, Final, Protocol, TextIO
@@ -258,12 +259,14 @@ def open_writer(path: Path, name: str, types: Mapping[str, str]) -> Writer:
     return create_writer(path, types)
 
 
-def create_writer(path: Path, types: Mapping[str, str]) -> FileWriter:
-    """As `open_writer`, without checks of the file."""
+def create_writer(path: Path, types: Mapping[str, str], final: Path | None = None) -> FileWriter:
+    """As `open_writer`, without checks; errors name the `final` file of which `path` is a draft."""
     try:
         return _WRITERS[path.suffix](path, types)
     except OSError as error:
-        raise MisuseError(f"{path}: {error.strerror}") from None
+        # pyarrow's text contains the path.
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise MisuseError(f"{final or path}: cannot be written: {reason}") from None
 
 
 def path_of(path: Path, table: str, several: bool) -> Path:

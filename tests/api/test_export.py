@@ -2,6 +2,7 @@
 
 import csv
 import json
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -175,6 +176,14 @@ def test_wrong_arguments_are_reported(recorded, tmp_path):
         export(path, into=tmp_path / "x.xls")
     with pytest.raises(MinervaError):
         export(tmp_path / "none.mcap")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="without /proc, in which nobody can write")
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_file_that_cannot_be_written_is_named_as_it_was_given(recorded, ending):
+    named = f"^/proc/frogs.{ending}: cannot be written: No such file or directory$"
+    with pytest.raises(MisuseError, match=named):
+        export(recorded[1], collect=[Frog.x], into=f"/proc/frogs.{ending}")
 
 
 def minerva(*words):
