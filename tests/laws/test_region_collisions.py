@@ -138,7 +138,9 @@ def test_an_agent_whose_figure_has_no_id_stops_the_world():
     """It would be taken for scenery, which such a figure outside of all agents is."""
     nodes = TAt(0.0, 0.0)(PBall(0.1, "")).nodes[0], Nameless("n", x=0.0, y=0.0).string.nodes[0]
     regions = Regions(world(1, *nodes), FRAMES, [GRID], Random(1), lambda: members(1, False))
-    with pytest.raises(WorldStopped, match="TAt for eBody without x, y and its id as who"):
+    with pytest.raises(
+        WorldStopped, match=": an agent shows TAt for eBody without x, y and its id as who"
+    ):
         regions.digests()
 
 

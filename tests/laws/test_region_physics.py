@@ -246,5 +246,7 @@ def test_a_body_that_does_not_have_the_id_of_its_agent_stops_the_world():
     alias = Alias("z", x=7.0, y=7.0).string
     whole = replace(world(8), scene=Scene((*world(8).scene.pieces, *alias.pieces)))
     regions = Regions(whole, FRAMES, [GRID], Random(8), members)
-    with pytest.raises(WorldStopped, match=r"shows PRobot of 'robot-z' .* no agent of its region"):
+    with pytest.raises(
+        WorldStopped, match=r": an agent shows PRobot of 'robot-z' .* no agent of its region"
+    ):
         regions.digests()
