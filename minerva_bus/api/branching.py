@@ -14,7 +14,7 @@ from minerva_bus.api.running import run_file
 from minerva_bus.api.studies import grid_of, sent_world, sweep_of, table_of_study
 from minerva_bus.api.study_tables import collected_of
 from minerva_bus.api.world import World
-from minerva_bus.arguments import path_of
+from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.branching import BranchPoint, read_branch_point, recorded_digest
@@ -42,7 +42,7 @@ class Branches:
     @staticmethod
     def read(record: str | Path, frame: int, world: World | str | Path = "") -> Branches:
         """Read a frame; see `branch`. Raises MinervaError."""
-        own = world_of_record(record, world)
+        own, frame = world_of_record(record, world), whole_number("frame", frame)
         return Branches(read_branch_point(path_of("record", record), frame, own.read), own)
 
     def seeds(self, count: int) -> range:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from numbers import Real
 from typing import Final
 
 from minerva_bus.errors import MisuseError
@@ -40,6 +41,9 @@ class Range:
     most: float = math.inf
 
     def __post_init__(self) -> None:
+        for end in (self.least, self.most):
+            if isinstance(end, bool) or not isinstance(end, Real):  # pyright: ignore[reportUnnecessaryIsInstance]
+                raise MisuseError(f"an end of a range must be a number, not {end!r:.60}")
         if not self.least <= self.most or (math.isinf(self.least) and math.isinf(self.most)):
             raise MisuseError(
                 f"invalid range {self}; expected a minimum, a maximum, or both in this order"

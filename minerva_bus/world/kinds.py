@@ -50,6 +50,8 @@ def kinds_of(classes: Iterable[type[Agent]] | Kinds) -> Kinds:
         return cast("Kinds", classes)
     kinds: dict[str, type[Agent]] = {}
     for cls in classes:
+        if not isinstance(cls, type):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise MisuseError(f"expected a class of agents, not {cls!r:.60}")
         if not hasattr(cls, "kind"):
             raise MisuseError(
                 f'{cls.__name__} has no symbol: class {cls.__name__}(Agent, symbol="A...")'

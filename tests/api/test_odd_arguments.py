@@ -5,12 +5,15 @@ from frogs import Frog, pond
 
 from minerva_bus import (
     MinervaError,
+    Range,
     World,
+    branch,
     check,
     connect,
     count,
     diff,
     each,
+    evolve,
     explain,
     export,
     export_dataset,
@@ -104,6 +107,9 @@ CALLS = {
     "plot x": lambda odd, made: made[1].table().plot(x=odd),
     "plot path": lambda odd, made: made[1].plot(odd),
     "csv": lambda odd, made: made[1].table().to_csv(odd),
+    "branch": lambda odd, made: branch(made[0] / "pond.mcap", odd, world=pond()),
+    "range": lambda odd, made: Range(odd, 1),
+    "evolve": lambda odd, made: evolve(pond().scene, (), [odd]),
     "picture path": lambda odd, made: made[1].picture().save(odd),
 }
 
