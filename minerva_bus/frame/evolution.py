@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.errors import VocabularyError
@@ -40,7 +41,7 @@ class EvolutionStep:
     def request(self) -> None:
         """Steps 5 and 6: request w_next = η(w, e^u) and v = π(w, e^v) from all hosts concerned."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
-        requests, events = in_flight.requests, in_flight.events
+        requests = in_flight.requests
         if in_flight.logged is not None and in_flight.logged.complete:
             # Logged replies name fragments of the layout that their coordinator had chosen.
             algorithm.composition.lay_out(in_flight.logged.layout)
@@ -51,11 +52,19 @@ class EvolutionStep:
         requests.layout = algorithm.composition.layout
         hosts = self._hosts_to_ask()
         early = self.ahead.take()
-        if early is not None and self.ahead.counts(early, hosts):
+        counts = early is not None and self.ahead.counts(early, hosts)
+        if early is None or not early.begun:
+            self._ask(hosts)
+        elif counts:
+            self._ask(tuple([host for host in hosts if host != early.host]))
             self._take_up(early)
-            return
-        if early is not None:
-            hosts = self._ask_anew(early, hosts)
+        else:
+            self._ask(self._ask_anew(early, hosts))
+
+    def _ask(self, hosts: tuple[str, ...]) -> None:
+        """Request this frame of hosts."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        requests, events = in_flight.requests, in_flight.events
         for host in hosts:
             requests.outstanding[host, 0] = algorithm.placement.fragments_of(host)
             # Fragments are sent before the request that needs them;
@@ -76,7 +85,7 @@ class EvolutionStep:
             algorithm.out.send(host, request)
 
     def _take_up(self, early: EarlyEvolution) -> None:
-        """Wait for the answer to the early request, unless it is here."""
+        """Wait for the early reply, unless it is here."""
         requests = self._algorithm.in_flight.requests
         requests.outstanding[early.host, 0] = early.fragments
         requests.timed = False
@@ -93,7 +102,8 @@ class EvolutionStep:
         fragments = self._algorithm.placement.fragments_of(early.host)
         for fragment in fragments:
             self._algorithm.placement.resend(fragment)
-        if early.host not in hosts:
+        # If it was not asked for its early views, it is asked for this frame as usual.
+        if early.host not in hosts or not early.asked:
             return hosts
         # A further part, because a host evolves each part once.
         self._repeat_request(fragments)
@@ -196,19 +206,22 @@ class EvolutionStep:
         if wrong:
             algorithm.joining.violation(s.Violation(reply.member, wrong))
             return
-        del requests.outstanding[key]
+        fragments = requests.outstanding.pop(key)
         note_answer(algorithm, member)
+        self.ahead.note(reply, fragments)
         # A repeated request concerns a few fragments only; its
         # duration is not the speed of the host.
         if reply.elapsed and not reply.part and requests.timed:
             algorithm.placement.note_elapsed(reply.member, reply.elapsed)
+        if reply.ahead is not None:
+            reply = replace(reply, ahead=None)  # It belongs to the next frame.
         algorithm.in_flight.result.merge(reply, changed)
         algorithm.in_flight.result.changed_by.update(dict.fromkeys(changed, reply.member))
 
     def _objection(self, reply: m.EvolveReply, asked: frozenset[str]) -> str:
         """Reason for rejecting a reply, or an empty string."""
         composition = self._algorithm.composition
-        reason = foreign_fragment(reply, asked)
+        reason = self.ahead.views.objection(reply) or foreign_fragment(reply, asked)
         for name, events in sorted(reply.emitted.items()):
             reason = reason or foreign_sender(
                 name, events, self._sender_names(name), asked, composition

@@ -1,4 +1,4 @@
-"""Requests to a host for the next frame, before this one is complete.
+"""Evolution of the next frame by a host, before this frame is complete.
 
 The coordinator then checks and commits a frame while the host evolves the next one. This requires
 that the results of a frame cannot change the events of the next one: the host's agents send no
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.early_views import EarlyViewsStep
 from minerva_bus.frame.inbox import EarlyEvolution, are_same
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.views import due_views
@@ -28,6 +29,7 @@ class EvolutionAhead:
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm
+        self.views = EarlyViewsStep(algorithm)
         # Frames without an early request after one that was void: twice as many each time, and
         # fewer after those that count.
         self._pause = 1
@@ -36,12 +38,13 @@ class EvolutionAhead:
     def ask(self) -> None:
         """Request the next frame, if all that it depends on is known."""
         algorithm = self._algorithm
-        if algorithm.inbox.early.evolution is not None:
+        early = algorithm.inbox.early
+        if early.evolution is not None:
             return
         host = self._only_host()
         if host is None or not self._is_predictable():
             return
-        frame, early = algorithm.frame + 1, algorithm.inbox.early
+        frame = algorithm.frame + 1
         sources = self._sources(frame)
         events = collect(algorithm.world.order, sources) if sources else ()
         types = algorithm.world.vocabulary.events
@@ -101,26 +104,33 @@ class EvolutionAhead:
         early.reply = reply
         return True
 
+    def note(self, reply: m.EvolveReply, fragments: tuple[str, ...]) -> None:
+        """Note a reply about these fragments, which may have views of the next frame with it."""
+        early = self.views.after(reply, fragments)
+        if early is not None:
+            self._algorithm.inbox.early.evolution = early
+
     def take(self) -> EarlyEvolution | None:
-        """The early request for this frame, if there is one, which is then an ordinary one."""
+        """The early evolution for this frame, if there is one, which is then an ordinary one."""
         answers = self._algorithm.inbox.early
         early, answers.evolution = answers.evolution, None
         return early
 
     def counts(self, early: EarlyEvolution, hosts: Sequence[str]) -> bool:
-        """Whether an early request is the one that this frame needs of these hosts."""
+        """Whether an early evolution is the one that this frame needs of these hosts."""
         algorithm, placement = self._algorithm, self._algorithm.placement
         events = algorithm.in_flight.events
         counts = (
             algorithm.phase is Phase.EVOLVE
             and early.frame == algorithm.frame
-            and hosts == (early.host,)
-            and not events.visual
-            and are_same(events.evolving, early.events)
+            and early.host in hosts
+            and are_same((*events.evolving, *events.visual), early.events)
             and placement.fragments_of(early.host) == early.fragments
             and placement.is_current(early.host)
         )
-        if counts:
+        if not early.asked:
+            self.views.judge(early, counts=counts)
+        elif counts:
             self._pause = max(1, self._pause - 1)
         else:
             self._pause *= 2

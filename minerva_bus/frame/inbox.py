@@ -42,10 +42,11 @@ def _receivers(event: AnyEvent) -> list[str]:
 
 @dataclass(slots=True)
 class EarlyEvolution:
-    """The request to a host for a frame that has not begun, and its reply if there is one.
+    """The evolution of a host's fragments for a frame that has not begun, and its reply, if any.
 
-    `sources`: the events of the frame by source, as generators have answered; `events`: in order.
-    `fragments`: those of the host, in its order.
+    `sources`: the events of the frame by source, as far as they are known; `events`: in order.
+    `fragments`: those of the host, in its order. `asked`: whether the host was asked for it; it
+    also sends views without (`early_views.py`).
     """
 
     frame: int
@@ -54,6 +55,12 @@ class EarlyEvolution:
     sources: Mapping[str, Sequence[AnyEvent]]
     events: tuple[AnyEvent, ...]
     reply: m.EvolveReply | None = None
+    asked: bool = True
+
+    @property
+    def begun(self) -> bool:
+        """Whether the host has evolved its fragments for this frame, or will."""
+        return self.asked or self.reply is not None
 
     def has_sources(self, sources: Mapping[str, Sequence[AnyEvent]]) -> bool:
         """Whether these are its sources, with the same events."""
@@ -70,8 +77,8 @@ def are_same(events: Sequence[AnyEvent], others: Sequence[AnyEvent]) -> bool:
 class EarlyAnswers:
     """Requests to members before a frame begins: to generators that do not depend on the world.
 
-    `replies`: those of generators, by frame and member. `evolution`: the request to a host, if
-    there is one.
+    `replies`: those of generators, by frame and member. `evolution`: the early evolution of a
+    host, if there is one.
     """
 
     def __init__(self) -> None:
@@ -109,7 +116,8 @@ class EarlyAnswers:
 
     def awaits(self, member: str) -> bool:
         """Whether an early reply of a member is outstanding."""
-        if (early := self.evolution) is not None and early.host == member and early.reply is None:
+        early = self.evolution
+        if early is not None and early.asked and early.host == member and early.reply is None:
             return True
         return self.outstanding(member) > 0
 

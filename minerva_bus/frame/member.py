@@ -72,10 +72,12 @@ class Member:
         self._drawing = DeviceSide(service)
         self._policy = Policy.SEQUENTIAL
         self._evolved: tuple[int, set[int]] = (-1, set())
+        self._sends_early_views = False
         self._out: list[Outgoing] = []
         self._handlers: dict[type, Callable[[Any], None]] = {
             m.TickRequest: self._on_tick,
             m.EvolveRequest: self._on_evolve,
+            m.EarlyViews: self._on_early_views,
             m.Readings: self._on_readings,
             m.ViewShown: self._on_view,
             m.Fragments: self.host.take,
@@ -120,6 +122,7 @@ class Member:
             PROTOCOL_VERSION,
             service=type(service).__name__ if service is not None else "",
             kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
+            early_views=bool(self.host.kinds),
             generates=generated_types(generator),
             lockstep=generator is not None and generator.lockstep,
             ahead=is_ahead(service),
@@ -149,7 +152,7 @@ class Member:
         self.world = replace(welcome, vocabulary=vocabulary)
         # The coordinator that sent this may be a successor, which repeats the frame in progress.
         # All fragments are discarded, and the necessary ones arrive again.
-        self._evolved = (-1, set())
+        self._evolved, self._sends_early_views = (-1, set()), False
         self._generating.clear()
         self.host.clear()
         self._drawing.rejoin()
@@ -298,7 +301,14 @@ class Member:
             return
         self.frame, world = request.frame, self._welcome
         moment = Frame(request.frame, world.dt, world.seed)
-        self._out.append(self.host.answer(request, moment, self._policy, world.vocabulary))
+        answer = self.host.answer(request, moment, self._policy, world.vocabulary)
+        if self._sends_early_views:
+            after = Frame(request.frame + 1, world.dt, world.seed)
+            answer = self.host.with_views_ahead(answer, after, world.vocabulary)
+        self._out.append(answer)
+
+    def _on_early_views(self, message: m.EarlyViews) -> None:
+        self._sends_early_views = message.wanted
 
     def _has_evolved(self, request: m.EvolveRequest) -> bool:
         """Whether this request is a repetition: fragments may evolve only once in a frame."""

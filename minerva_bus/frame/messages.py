@@ -67,6 +67,14 @@ class Hello:
             " frame, and does not subscribe to `tick`"
         ),
     ] = False
+    early_views: Annotated[
+        bool,
+        Mark.OPTIONAL,
+        Note(
+            "a host that can send views of the next frame before it is asked, see"
+            " [section 9](#views-of-the-next-frame)"
+        ),
+    ] = False
     kept: Annotated[
         int,
         AtLeast(2),
@@ -170,7 +178,8 @@ class EvolveReply:
     `changed`: the string that replaces each fragment; `patched`: the delta of each fragment in
     columns. `views`: changed views by visual event type and fragment. `emitted`: the events sent by
     each agent or fragment in columns. `elapsed`: seconds that the coordinator waited for the reply.
-    `received`: the message as received.
+    `received`: the message as received. `ahead`: the reply for the next frame, with views only, if
+    the host has sent it with this one.
     """
 
     WIRE: ClassVar = Wire(
@@ -198,6 +207,54 @@ class EvolveReply:
     )
     elapsed: Annotated[float, Mark.LOCAL] = 0.0
     received: Received = field(default=b"", compare=False, repr=False)
+    ahead: Annotated[EvolveReply | None, Mark.LOCAL] = None
+
+
+@passed
+class EvolveReplyAhead:
+    """An `EvolveReply` with its `ahead`, as sent; `next_views` are those of the next frame."""
+
+    WIRE: ClassVar = Wire(
+        "evolved_ahead",
+        ("from",),
+        "`evolved`, and what has changed in the views of the next frame, see"
+        " [section 9](#views-of-the-next-frame)",
+        "evolve",
+        max_bytes="answer_bytes",
+        max_values="answer_values",
+        max_rows="answer_rows",
+        awaited=True,
+    )
+
+    member: Sender
+    frame: int
+    part: int
+    changed: Parts
+    emitted: Annotated[SentBy, Mark.EMITTED]
+    views: Annotated[Mapping[str, Parts], Mark.VIEW]
+    next_views: Annotated[Mapping[str, Parts], Mark.VIEW]
+    patched: Annotated[Patches, Within("changed")]
+    view_patches: Annotated[Mapping[str, Patches], Within("views")]
+    next_patches: Annotated[Mapping[str, Patches], Within("next_views")]
+
+    @classmethod
+    def of(cls, reply: EvolveReply, ahead: EvolveReply) -> EvolveReplyAhead:
+        """A reply and the one for the next frame as one message."""
+        return cls(
+            reply.member, reply.frame, reply.part, reply.changed, reply.emitted, reply.views,
+            ahead.views, reply.patched, reply.view_patches, ahead.view_patches,
+        )  # fmt: skip
+
+    @property
+    def reply(self) -> EvolveReply:
+        """The reply, with the one for the next frame."""
+        ahead = EvolveReply(
+            self.member, self.frame + 1, views=self.next_views, view_patches=self.next_patches
+        )
+        return EvolveReply(
+            self.member, self.frame, self.part, self.changed, self.emitted, self.views,
+            self.patched, self.view_patches, ahead=ahead,
+        )  # fmt: skip
 
 
 @passed
@@ -366,6 +423,20 @@ class EvolveRequest:
 
 
 @passed
+class EarlyViews:
+    """Whether a host is to send views of the next frame with its replies."""
+
+    WIRE: ClassVar = Wire(
+        "early_views",
+        ("to",),
+        "whether it is to send views of the next frame with its answers, see"
+        " [section 9](#views-of-the-next-frame); only to a host whose hello has `early_views`",
+    )
+
+    wanted: bool
+
+
+@passed
 class ViewShown:
     """π(w, e^v) for one visual event type: the string's static part and its agents' views.
 
@@ -495,7 +566,16 @@ class FrameRecord:
 
 
 FromMember: TypeAlias = (
-    Hello | TickReply | EvolveReply | Emitted | Failed | Resync | Leaving | MemberMetrics | Report
+    Hello
+    | TickReply
+    | EvolveReply
+    | EvolveReplyAhead
+    | Emitted
+    | Failed
+    | Resync
+    | Leaving
+    | MemberMetrics
+    | Report
 )
 ToMember: TypeAlias = (
     Greet
@@ -505,6 +585,7 @@ ToMember: TypeAlias = (
     | TickRequest
     | Fragments
     | EvolveRequest
+    | EarlyViews
     | ViewShown
     | Orders
     | RegionRequest
