@@ -17,6 +17,7 @@ from minerva_bus.space.occupancy import (
     ROWS,
     SLOT,
     UNCOUNTED,
+    UNLISTED,
     VACANT,
     move_to,
 )
@@ -38,7 +39,7 @@ class CellLists(NamedTuple):
 
 @kernel
 def enter(values: Column, cell: Rows, links: Rows, places: Rows, counts: Rows, births: Rows) -> int:
-    """Admit all rows of a lattice, and build the lists of its cells.
+    """Admit all rows of a lattice, and build the lists of its cells, unless it is to have none.
 
     Returns ENTERED, UNBORN if an id is not below `births`, or OUTSIDE if a cell does not exist.
     """
@@ -48,7 +49,8 @@ def enter(values: Column, cell: Rows, links: Rows, places: Rows, counts: Rows, b
         if cell[i] < 0 or cell[i] >= places.shape[1]:
             return OUTSIDE
         links[ALIVE, i] = 1
-    enlist(cell, links, places, counts)
+    if counts[VACANT] != UNLISTED:
+        enlist(cell, links, places, counts)
     return ENTERED
 
 

@@ -1,5 +1,7 @@
 """Which rows are in which cell: a list of the rows of each cell, and the free cells.
 
+A table has no lists in a frame whose rules do not search it.
+
 Functions for rules over tables (`minerva_bus.space.tables`). `place` and `take_out` keep the lists
 complete while rows move. The rows of a cell are in a fixed order: at the start of a frame that of
 the table, later the last to arrive first.
@@ -25,6 +27,9 @@ ROWS, VACANT, FOUND, LATER, GONE = 0, 1, 2, 3, 4
 UNCOUNTED = -1
 """In place of the number of free cells: no rule asks for one, so there is no list of them."""
 
+UNLISTED = -2
+"""The same if no rule searches for rows either, so there are no lists of those in a cell."""
+
 TOO_MANY = "one activation made more copies than `births` of the rule allows"
 REMOVED = "a row that was removed cannot move or be removed again"
 
@@ -34,8 +39,11 @@ def place(table: Any, i: int, cell: int) -> None:
     """Enter row i into the list of a cell."""
     if not 0 <= cell < table.places.shape[1]:
         raise IndexError(NO_CELL)
+    table.cell[i] = cell
+    if table.counts[VACANT] == UNLISTED:
+        return
     first = table.places[FIRST, cell]
-    table.links[NEXT, i], table.links[PREVIOUS, i], table.cell[i] = first, -1, cell
+    table.links[NEXT, i], table.links[PREVIOUS, i] = first, -1
     table.places[FIRST, cell] = i
     if first >= 0:
         table.links[PREVIOUS, first] = i
@@ -52,9 +60,11 @@ def place(table: Any, i: int, cell: int) -> None:
 @kernel
 def take_out(table: Any, i: int) -> None:
     """Remove row i from the list of its cell."""
-    cell, before, after = table.cell[i], table.links[PREVIOUS, i], table.links[NEXT, i]
     if not table.links[ALIVE, i]:
         raise IndexError(REMOVED)
+    if table.counts[VACANT] == UNLISTED:
+        return
+    cell, before, after = table.cell[i], table.links[PREVIOUS, i], table.links[NEXT, i]
     if after >= 0:
         table.links[PREVIOUS, after] = before
     if before >= 0:

@@ -31,7 +31,7 @@ from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.matrices import is_constant
-from minerva_bus.space.occupancy import ALIVE, GONE, LATER, ROWS, UNCOUNTED
+from minerva_bus.space.occupancy import ALIVE, GONE, LATER, ROWS, UNLISTED, VACANT
 from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows
 
 _PER_CELL: Final = 2
@@ -88,7 +88,7 @@ class Opened:
         extent: tuple[float, float],
         births: Rows,
         *,
-        free: bool,
+        vacant: int | None,
         room: int,
     ) -> Opened:
         """Open a matrix of the string.
@@ -99,7 +99,7 @@ class Opened:
             lattice: the shape of the space in cells.
             extent: the width and height of the space.
             births: the id of the next newborn, shared by all tables, shape (1,).
-            free: whether to list free cells.
+            vacant: UNCOUNTED or UNLISTED, if there are no lists of free cells or none at all.
             room: the most newborns of an activation, for which there is room at first.
 
         Raises:
@@ -116,15 +116,15 @@ class Opened:
             x, y = values[row : row + 2, :count]
             shape = _field(extent, lattice.periodic, x, y)
         opened = Opened(kind, matrix, {"births": births, "values": values}, shape)
-        opened._allocate(count, free)
+        opened._allocate(count, vacant)
         opened._enter()
         return opened
 
-    def _allocate(self, count: int, free: bool) -> None:
+    def _allocate(self, count: int, vacant: int | None) -> None:
         capacity, cells = self.arrays["values"].shape[1], _cells(self.shape)
         self.arrays |= {
             "places": np.empty((3, cells), np.int64),
-            "counts": np.array([count, cells if free else UNCOUNTED, 0, 0, 0]),
+            "counts": np.array([count, cells if vacant is None else vacant, 0, 0, 0]),
             "links": np.empty((3, capacity), np.int64),
             "cell": np.empty(capacity, np.int64),
         }
@@ -185,7 +185,7 @@ class Opened:
         places, count = self.arrays["places"], int(self.arrays["counts"][ROWS])
         starts, rows = np.empty(places.shape[1] + 1, np.int64), np.empty(count, np.int64)
         at = np.empty((2, count))
-        if self.listed or self.moved:
+        if self.arrays["counts"][VACANT] != UNLISTED and (self.listed or self.moved):
             self.enlist()
             SORT(places, self.arrays["links"], *self._places(), starts, rows, *at)
         else:
@@ -200,7 +200,8 @@ class Opened:
 
     def enlist(self) -> None:
         """Enter all rows into the lists of the cells where they are."""
-        if self.listed and not self.moved:
+        unlisted = self.arrays["counts"][VACANT] == UNLISTED
+        if unlisted or (self.listed and not self.moved):
             return
         lists = _LISTS(self.arrays)
         if not self.listed:

@@ -16,7 +16,7 @@ from minerva_bus.space.edges import Edges, opened_edges
 from minerva_bus.space.kernels import interpreted, interpreting
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.matrices import Matrices
-from minerva_bus.space.occupancy import ROWS
+from minerva_bus.space.occupancy import ROWS, UNCOUNTED, UNLISTED
 from minerva_bus.space.opened import Opened
 from minerva_bus.space.parameters import BEFORE, RuleParameter
 from minerva_bus.space.parts import PLACE, new_progress, parts_of, run_parts
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 
 _TAKES_FREE_CELLS: Final = attrgetter("takes_free_cells")
+_SEARCHES: Final = attrgetter("searches")
 _BIRTHS: Final = attrgetter("births")
 
 
@@ -257,10 +258,12 @@ class OpenedSpace:
             kind: Any = parameter.table
             matrix = self._attribute(parameter)
             extent = self._space.width, self._space.height
-            free = any(map(_TAKES_FREE_CELLS, self._rules))
+            vacant = None
+            if not any(map(_TAKES_FREE_CELLS, self._rules)):
+                vacant = UNCOUNTED if any(map(_SEARCHES, self._rules)) else UNLISTED
             room = max(map(_BIRTHS, self._rules))
             opened = Opened.of(
-                kind, matrix, self._lattice, extent, self._births, free=free, room=room
+                kind, matrix, self._lattice, extent, self._births, vacant=vacant, room=room
             )
             self._tables[parameter.name] = opened
         return opened

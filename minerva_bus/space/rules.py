@@ -10,9 +10,10 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.space.checking import check_rule
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.driving import RuleDriver
+from minerva_bus.space.field import near
 from minerva_bus.space.independent import Independence, independence
 from minerva_bus.space.kernels import Kernel
-from minerva_bus.space.occupancy import random_free
+from minerva_bus.space.occupancy import random_at, random_free, within
 from minerva_bus.space.opened import loops_of_table
 from minerva_bus.space.parameters import BEFORE, RuleParameter, parameters_of
 from minerva_bus.space.read_only import only_read
@@ -68,6 +69,11 @@ class SpaceRule:
     def takes_free_cells(self) -> bool:
         """Whether it, or a kernel that it calls, calls `random_free`."""
         return random_free in self.kernel.called
+
+    @cached_property
+    def searches(self) -> bool:
+        """Whether it, or a kernel that it calls, searches for the rows of cells."""
+        return bool({near, random_at, random_free, within} & {*self.kernel.called})
 
     @cached_property
     def independence(self) -> Independence:

@@ -288,7 +288,7 @@ def test_rows_sorted_by_cell_are_found_in_the_order_of_their_lists(as_python, pe
 def test_a_crowded_field_has_smaller_cells(part, cells):
     birds = flock(40, 300.0, 200.0, part=part).birds
     field = Opened.of(
-        Bird, birds, CellGrid(300, 200, True), (300.0, 200.0), np.array([40]), free=False, room=0
+        Bird, birds, CellGrid(300, 200, True), (300.0, 200.0), np.array([40]), vacant=None, room=0
     ).shape
     assert cells * 0.7 <= field.across * field.down <= cells
 
