@@ -37,6 +37,7 @@ from meadow import (  # noqa: E402  # pyright: ignore[reportMissingImports]
     Rabbit,
     eAlarm,
     eBite,
+    eGrass,
     eGraze,
     eHowl,
     eMeal,
@@ -269,3 +270,14 @@ def test_what_people_send_in_the_name_of_animals_has_no_receiver_for_an_answer(e
         live.publish(event)
         live.step(3)
         assert live.frame == 5
+
+
+@pytest.mark.parametrize("amount", [1e308, -1e308])
+def test_animals_stay_few_whatever_people_feed_them(amount: float):
+    with World.load(WORLD).start(seed=7) as live:
+        live.step(2)
+        for event in (eGrass(amount), eMeal(amount)):
+            live.publish(event)
+            live.publish(event)
+        live.step(12)
+        assert len([*agents(live.scene)]) < 2_000

@@ -22,7 +22,7 @@ WORLD = (FOLDER / "traffic.toml").read_text(encoding="utf-8")
 
 sys.path.insert(0, str(FOLDER))
 
-from traffic import Car, eHonk, eLight, vocabulary  # noqa: E402
+from traffic import MOST_FINED, Car, eFine, eHonk, eLight, vocabulary  # noqa: E402
 
 
 def lived(norms, frames=500):
@@ -102,3 +102,11 @@ def test_the_readme_has_the_norms_of_the_world():
         for line in block.split("\n```")[0].splitlines():
             name = line.split(" = ")[0]
             assert any(entry.startswith(line) for entry in WORLD.splitlines()), name
+
+
+@pytest.mark.parametrize(("amount", "fined"), [(2**62, MOST_FINED), (-(2**62), 0)])
+def test_a_driver_pays_a_limited_fine_whatever_people_send(amount: int, fined: int):
+    car = vocabulary.read('ACar#c<lane="east", axis="x", s=-40>')
+    for t in range(3):
+        car = evolve(car, [eFine(amount, "speed_limit")], [Car], Frame(t, 0.1, 3)).scene
+    assert car.nodes[0].state["fined"] == fined

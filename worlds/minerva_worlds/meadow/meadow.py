@@ -36,6 +36,7 @@ from minerva_bus import (
 )
 
 WIDTH, HEIGHT, CELL = 24.0, 15.0, 0.5
+MOST_ENERGY = 60.0  # of an animal
 GREENS = ("#ddd6a3", "#cdd295", "#bccc88", "#abc57c", "#9bbd71", "#8cb468", "#7faa60", "#749f59")
 
 # --- the vocabulary: primitives, a transformation, event types ------------------------------------
@@ -138,6 +139,10 @@ class Animal(Agent):
             f" and y > {self.y - reach} and y < {self.y + reach}"
         )
 
+    def eat(self, food: Event) -> None:
+        """Take energy from an `eGrass` or `eMeal`; a person may send any amount."""
+        self.energy = min(max(0.0, self.energy + food.amount), MOST_ENERGY)
+
     def breed(self) -> Scene:
         self.energy /= 2
         young = self.child(x=self.x, y=self.y, heading=self.heading + 180, energy=self.energy)
@@ -156,8 +161,8 @@ class Rabbit(Animal, symbol="ARabbit"):
         return EMPTY
 
     @on("eGrass")
-    def eat(self, grass: Event, moment: Context) -> None:
-        self.energy += grass.amount
+    def graze(self, grass: Event, moment: Context) -> None:
+        self.eat(grass)
 
     @on("eProwl")
     def warn(self, prowl: Event, moment: Context) -> None:
@@ -196,8 +201,8 @@ class Fox(Animal, symbol="AFox"):
     _prey: Event | None = None  # not state, because of the underscore: lasts for one frame
 
     @on("eMeal")
-    def eat(self, meal: Event, moment: Context) -> None:
-        self.energy += meal.amount
+    def devour(self, meal: Event, moment: Context) -> None:
+        self.eat(meal)
 
     @on("eHowl")
     def give_way(self, howl: Event, moment: Context) -> None:

@@ -42,6 +42,7 @@ HALF, LINE, SPACE = 60.0, -8.0, 7.0
 """Half the length of a lane; where cars stop before the crossing at 0; spacing of cars. Metres."""
 
 BRAKES, GAS = 6.0, 3.0
+MOST_FINED = 1_000_000
 LANES = {"east": 0, "north": 90, "west": 180, "south": 270}
 
 # --- the vocabulary -------------------------------------------------------------------------------
@@ -126,7 +127,8 @@ class Car(Agent, symbol="ACar"):
 
     @on("eFine")
     def pay(self, fine: Event, moment: Context) -> None:
-        self.fined += fine.amount
+        # A person may send any amount.
+        self.fined = min(max(0, self.fined + fine.amount), MOST_FINED)
         self.wish = max(10.0, self.wish - 2.0)
 
     @on("eCrash")
