@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeAlias, cast, overloa
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.units import Quantity
 
 if TYPE_CHECKING:
@@ -134,6 +135,16 @@ class Scene(Digested):
 
 
 EMPTY: Final = Scene()
+
+
+def checked_string(value: Any) -> Scene:
+    """A string that a user's code has passed. Raises MisuseError for anything else."""
+    if not isinstance(value, Scene):
+        raise MisuseError(
+            f"expected a string of a world, not {value!r:.60}; an agent has its own as .string, and"
+            " parse(...) reads a text"
+        )
+    return value
 
 
 class _SingleNode(Digested):

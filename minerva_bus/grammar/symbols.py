@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
+from minerva_bus.arguments import text
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.arrays import is_array
 from minerva_bus.grammar.batch import Events
@@ -24,6 +25,11 @@ from minerva_bus.grammar.unique_ids import invalid_id, no_id
 
 
 def _check_form(owner: str, form: Form | None, fields: Fields) -> None:
+    if form is not None and not isinstance(form, Form):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(
+            f"the form of {owner} must be one of minerva_bus, such as Disc() or Motion(x='x'), not"
+            f" {form!r:.60}"
+        )
     for name in parameters_of(form) if form is not None else ():
         if name not in fields.names:
             raise MisuseError(
@@ -277,7 +283,7 @@ class EventType:
         values = self.fields.bind(self.name, args, kwargs)
         if condition:
             # Parsed for its errors only, so that they appear where the event is created.
-            parse_condition(condition)
+            parse_condition(text("condition", condition))
         to = receiver_ids(receivers) if receivers else ()
         return Event(self.name, self.fields.names, values, condition, sender, to)
 
@@ -295,7 +301,7 @@ class EventType:
         count = len(to) if to is not None else lengths[0]
         columns = self.fields.columns(self.name, given, count)
         if condition:
-            parse_condition(condition)
+            parse_condition(text("condition", condition))
         listed = () if to is not None else receiver_ids(receivers)
         if len(listed) > 1:
             raise MisuseError(f"a batch of {self.name} needs one receiver for each event, as Ids")

@@ -8,7 +8,13 @@ from typing import Any, Self, cast
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.packing import walk_pieces
-from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode
+from minerva_bus.grammar.scene import (
+    AgentNode,
+    FigureNode,
+    Scene,
+    TransformationNode,
+    checked_string,
+)
 
 
 class Geometry:
@@ -104,9 +110,13 @@ def interpret(scene: Scene, geometry: Geometry) -> None:
         geometry: the geometric system, whose methods run for each symbol.
 
     Raises:
-        MisuseError: the string contains an agent; φ is defined for L(E) only.
+        MisuseError: the string contains an agent, because φ is defined for L(E) only; an argument
+            is of a wrong type.
 
     """
+    checked_string(scene)
+    if not isinstance(geometry, Geometry):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(f"geometry must be a Geometry, not {geometry!r:.60}")
     opened: list[TransformationNode] = []
     try:
         for opens, node in walk_pieces(scene, geometry.many):

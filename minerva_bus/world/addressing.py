@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Final, TypeAlias
@@ -10,12 +10,14 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import MANY, AnyEvent, Events
 from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 
 _TYPE: Final = attrgetter("type")
+_EVENTS: Final = frozenset[type]((Event, Events))
 
 
 @dataclass(slots=True)
@@ -106,8 +108,19 @@ def _index(pair: tuple[int, AnyEvent]) -> int:
 
 
 def addressed(events: Sequence[AnyEvent] | Addressed) -> Addressed:
-    """Events indexed by receiver; pass the result on, so that the index is built once."""
-    return events if isinstance(events, Addressed) else Addressed(tuple(events))
+    """Events indexed by receiver; pass the result on, so that the index is built once.
+
+    Raises MisuseError for anything else than events.
+    """
+    if isinstance(events, Addressed):
+        return events
+    if not isinstance(events, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(f"expected a list of events, not {events!r:.60}")
+    listed = tuple(events)
+    if not _EVENTS.issuperset(map(type, listed)):
+        wrong = next(event for event in listed if type(event) not in _EVENTS)
+        raise MisuseError(f"expected an event, such as eTick(), not {wrong!r:.60}")
+    return Addressed(listed)
 
 
 Round: TypeAlias = tuple[AnyEvent, Rows | None]

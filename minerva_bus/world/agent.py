@@ -197,6 +197,8 @@ class Agent:
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
         if AGENT_ID.fullmatch(text("id", id)) is None:
             raise MisuseError(no_id(id))
+        if not hasattr(self, "kind"):
+            raise MisuseError(f"{type(self).__name__} has no symbol, so there are no such agents")
         fields = self.kind.fields
         values = fields.bind(f"{self.kind.name}#{id}", (), state)
         self.__dict__.update(zip(fields.names, values, strict=True))

@@ -11,7 +11,15 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.packing import rewritten
-from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents, rescoped
+from minerva_bus.grammar.scene import (
+    EMPTY,
+    AgentNode,
+    Node,
+    Scene,
+    agents,
+    checked_string,
+    rescoped,
+)
 from minerva_bus.grammar.traversal import rebuild, walk
 from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import Agent
@@ -65,13 +73,18 @@ def evolve(
 
     Raises:
         ActivityError: code of an agent fails.
-        MisuseError: before there are too many copies.
+        MisuseError: an argument is of a wrong type; before there are too many copies.
 
     Example:
         >>> evolve(Fox("f1", energy=0.5).string, [eHunger(amount=1.0)], [Fox]).scene == EMPTY
         True
 
     """
+    checked_string(scene)
+    if not isinstance(frame, Frame):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(f"frame must be a Frame, such as Frame(3), not {frame!r:.60}")
+    if not isinstance(policy, Policy):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(f"policy must be a Policy, such as {Policy.LITERAL}, not {policy!r:.60}")
     eta = _Eta(policy.rules.divide(addressed(events)), kinds_of(kinds), frame)
     if len(eta.copies) > 1:
         _check_few(scene, len(eta.copies), frame, policy)

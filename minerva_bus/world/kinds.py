@@ -48,6 +48,8 @@ def kinds_of(classes: Iterable[type[Agent]] | Kinds) -> Kinds:
     # A dictionary is found without the checks of abstract classes, which each frame would make.
     if isinstance(classes, dict | Mapping):
         return cast("Kinds", classes)
+    if not isinstance(classes, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(f"expected a list of agent classes, not {classes!r:.60}")
     kinds: dict[str, type[Agent]] = {}
     for cls in classes:
         if not isinstance(cls, type):  # pyright: ignore[reportUnnecessaryIsInstance]

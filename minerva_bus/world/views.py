@@ -10,7 +10,16 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.packing import has_columns, packed, rewritten
-from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents, rescoped, with_scope
+from minerva_bus.grammar.scene import (
+    EMPTY,
+    AgentNode,
+    Node,
+    Scene,
+    agents,
+    checked_string,
+    rescoped,
+    with_scope,
+)
 from minerva_bus.grammar.traversal import identities
 from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import Agent
@@ -36,12 +45,14 @@ def visualize(
 
     Raises:
         ActivityError: code of an agent fails.
+        MisuseError: an argument is of a wrong type.
 
     Example:
         >>> print(visualize(Fox("f1", x=2.0).string, [ePicture()], [Fox]))
         TAt<x=2, y=0>(PSnail)
 
     """
+    checked_string(scene)
     concerning = addressed(events)
     classes = kinds_of(kinds)
 

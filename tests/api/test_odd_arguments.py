@@ -4,7 +4,11 @@ import pytest
 from frogs import Frog, pond
 
 from minerva_bus import (
+    EMPTY,
+    EventType,
+    Geometry,
     MinervaError,
+    Primitive,
     Range,
     World,
     branch,
@@ -18,6 +22,7 @@ from minerva_bus import (
     export,
     export_dataset,
     graph,
+    interpret,
     record,
     replay,
     replay_swapped,
@@ -26,6 +31,7 @@ from minerva_bus import (
     run,
     service,
     sweep,
+    visualize,
 )
 
 ODD = (None, 3, -1, 10**30, float("nan"), "x", b"x", "\ud800", "\0", [], {}, {1: 2}, object(), Frog)
@@ -110,6 +116,18 @@ CALLS = {
     "branch": lambda odd, made: branch(made[0] / "pond.mcap", odd, world=pond()),
     "range": lambda odd, made: Range(odd, 1),
     "evolve": lambda odd, made: evolve(pond().scene, (), [odd]),
+    "evolve string": lambda odd, made: evolve(odd, (), [Frog]),
+    "evolve events": lambda odd, made: evolve(pond().scene, odd, [Frog]),
+    "evolve event": lambda odd, made: evolve(pond().scene, [odd], [Frog]),
+    "evolve kinds": lambda odd, made: evolve(pond().scene, (), odd),
+    "evolve frame": lambda odd, made: evolve(pond().scene, (), [Frog], odd),
+    "evolve policy": lambda odd, made: evolve(pond().scene, (), [Frog], policy=odd),
+    "visualize string": lambda odd, made: visualize(odd, (), [Frog]),
+    "visualize event": lambda odd, made: visualize(pond().scene, [odd], [Frog]),
+    "interpret string": lambda odd, made: interpret(odd, Geometry()),
+    "interpret geometry": lambda odd, made: interpret(EMPTY, odd),
+    "form": lambda odd, made: Primitive("PLeaf", odd),
+    "event condition": lambda odd, made: EventType("eWind")(condition=odd),
     "picture path": lambda odd, made: made[1].picture().save(odd),
 }
 
