@@ -30,7 +30,7 @@ from minerva_bus import (
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.world.services import Service
 from minerva_services.physics.neighbours import Neighbours
-from minerva_services.physics.neighbours.perception import near
+from minerva_services.physics.neighbours.search import near
 
 NAME = "flock"
 CYCLE = 2

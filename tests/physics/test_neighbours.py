@@ -30,8 +30,10 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.ids import Ids
-from minerva_services.physics.neighbours import Neighbours, perception
-from minerva_services.physics.neighbours.perception import near, summary
+from minerva_services.physics.neighbours import Neighbours, search
+from minerva_services.physics.neighbours.cells import Candidates
+from minerva_services.physics.neighbours.perception import summary
+from minerva_services.physics.neighbours.search import near
 from minerva_services.physics.neighbours.spots import Names, SpotReader, Spots
 
 PSpot = Primitive("PSpot", who=str, vx=float)
@@ -162,6 +164,12 @@ def test_points_in_a_clump_are_all_found() -> None:
 def test_a_place_a_hair_before_the_edge_of_a_torus_is_near_the_other_edge() -> None:
     events = told(plane(1.5, True), spots([(-1e-18, 0, 1), (0.5, 0, 2)]))
     assert len(events) == 2
+
+
+def test_whole_coordinates_on_a_torus_are_those_of_reals() -> None:
+    view = PCell("a", 0, 1, 3, 0.5) + PCell("b", 7, 1, 3, 0.5)
+    service = plane(1.5, True, event="eClose")
+    assert [event.distance for event in told(service, view)] == [1.0, 1.0]
 
 
 def test_missing_scipy_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -313,6 +321,11 @@ def test_an_agent_outside_all_cells_is_named(x: int, y: int) -> None:
         ({"event": "eNeer"}, "neighbours: .* no event type eNeer; did you mean 'eNear'"),
         ({"every": 0}, "every is 0"),
         ({"radius": 0.0}, r"radius is 0\.0"),
+        ({"radius": math.nan}, "radius is nan"),
+        ({"periodic": True, "width": math.inf, "height": 9.0}, "inf and 9.0; expected numbers"),
+        ({"periodic": True, "width": math.nan, "height": 9.0}, "nan and 9.0; expected numbers"),
+        ({"grid": True, "width": math.inf, "height": 9}, "width of a lattice is inf"),
+        ({"grid": True, "width": 9, "height": math.nan}, "height of a lattice is nan"),
         ({"nearest": -1}, "nearest is -1"),
         ({"nearest": 2, "summary": True}, "nearest requires one event per neighbour"),
         ({"hood": "more"}, "hood is 'more'; expected moore or von neumann"),
@@ -397,6 +410,7 @@ def test_pairs_depend_neither_on_the_order_nor_on_the_rounding_of_the_tree(
         def query_pairs(self, radius: float, output_type: str) -> Any:
             return np.array([[1, 2], [0, 2], [0, 1]])
 
-    monkeypatch.setattr(perception, "tree", lambda: Tree)
+    monkeypatch.setattr(search, "tree", lambda: Tree)
+    monkeypatch.setattr(Candidates, "win", lambda _: False)
     pairs = near(np.array([0.0, 0.5, 1.0]), np.zeros(3), 0.5)
     assert [*zip(pairs.first.tolist(), pairs.second.tolist(), strict=True)] == [(0, 1), (1, 2)]

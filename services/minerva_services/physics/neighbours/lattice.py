@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from typing import Any
@@ -127,7 +128,7 @@ class Lattice:
 
 
 def _cells_of(name: str, number: float) -> int:
-    if number < 1 or number != int(number):
+    if not 1 <= number < math.inf or number != int(number):
         raise MisuseError(f"neighbours: {name} of a lattice is {number}; expected an integer >= 1")
     return int(number)
 

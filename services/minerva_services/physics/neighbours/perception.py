@@ -4,73 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
-from importlib import import_module
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_services.options import require
+from minerva_services.physics.neighbours.search import Numbers, Pairs, Rows
 from minerva_services.physics.neighbours.spots import Spots
-
-Numbers = NDArray[np.float64]
-Rows = NDArray[np.intp]
-
-
-_MARGIN: Final = 1.0 + 1e-9
-"""How much further the tree looks: it compares distances between boxes, which are rounded."""
-
-
-@dataclass(frozen=True, slots=True)
-class Pairs:
-    """Pairs of points, each once: rows, displacement from `first` to `second`, squared distance.
-
-    They are ordered by both rows, `first` < `second`.
-    """
-
-    first: Rows
-    second: Rows
-    dx: Numbers
-    dy: Numbers
-    squared: Numbers
-
-    def take(self, rows: Rows) -> Pairs:
-        """The pairs of these rows."""
-        dx, dy, squared = self.dx[rows], self.dy[rows], self.squared[rows]
-        return Pairs(self.first[rows], self.second[rows], dx, dy, squared)
-
-
-def tree() -> Any:
-    """scipy's k-d tree. Raises MisuseError if scipy is not installed."""
-    require("neighbours", "scipy.spatial", "scipy", "neighbours")
-    spatial: Any = import_module("scipy.spatial")
-    return spatial.cKDTree
-
-
-def near(x: Numbers, y: Numbers, radius: float, size: tuple[float, float] | None = None) -> Pairs:
-    """All pairs within a radius; `size` is (width, height) of a periodic plane.
-
-    The radius must be below half of both. Whether two points are a pair depends on nothing but
-    them, and sums over pairs have the order of the rows, so a part of a plane has the same ones.
-    """
-    points = np.column_stack((x, y))
-    if size is not None:
-        points %= size
-        points[points >= size] = 0.0  # a value just below 0 wraps to the far edge, which is 0
-    close = tree()(points, boxsize=size).query_pairs(radius * _MARGIN, output_type="ndarray")
-    ordered = close[:, 0] * len(points) + close[:, 1]
-    ordered.sort()
-    first, second = np.divmod(ordered, max(len(points), 1))
-    way = points[second] - points[first]
-    if size is not None:
-        # The shortest displacement may lead across an edge (minimum image convention).
-        way -= np.round(way / size) * size
-    dx, dy = np.ascontiguousarray(way[:, 0]), np.ascontiguousarray(way[:, 1])
-    pairs = Pairs(first, second, dx, dy, dx * dx + dy * dy)
-    within = pairs.squared <= radius * radius
-    return pairs if within.all() else pairs.take(np.flatnonzero(within))
-
 
 Data = Mapping[str, Any]
 
@@ -91,7 +31,7 @@ def individual(
     dx = np.concatenate((pairs.dx, 0.0 - pairs.dx))
     dy = np.concatenate((pairs.dy, 0.0 - pairs.dy))
     distance = np.sqrt(np.concatenate((pairs.squared, pairs.squared)))
-    # Rows break ties between equal distances, because the order of the tree's pairs means nothing.
+    # Rows break ties between equal distances, because no pair comes before another by itself.
     order = np.lexsort((about, distance, to) if nearest else (about, to))
     if nearest:
         # Rank of each neighbour among those of its agent, without a loop over agents.

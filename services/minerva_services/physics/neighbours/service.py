@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -14,7 +15,8 @@ from minerva_bus.world.service_inputs import Tick, View, WorldInfo
 from minerva_bus.world.services import Device, Generator
 from minerva_services.event_factory import event_type
 from minerva_services.physics.neighbours.lattice import NEIGHBOURHOODS, Lattice, counts
-from minerva_services.physics.neighbours.perception import individual, near, summary, tree
+from minerva_services.physics.neighbours.perception import individual, summary
+from minerva_services.physics.neighbours.search import near, tree
 from minerva_services.physics.neighbours.spots import Names, SpotReader, Spots
 
 _KINDS = {"who": "text", "number": "int", "same": "int"}
@@ -157,7 +159,7 @@ class Neighbours(Device, Generator, coupled=True):
 def _check(every: int, radius: float, hood: str) -> None:
     if every < 1:
         raise MisuseError(f"neighbours: every is {every}; expected an integer >= 1 (frames)")
-    if radius <= 0:
+    if not radius > 0:
         raise MisuseError(f"neighbours: radius is {radius}; expected a number above 0")
     if hood not in NEIGHBOURHOODS:
         raise MisuseError(f"neighbours: hood is {hood!r}; expected {' or '.join(NEIGHBOURHOODS)}")
@@ -174,7 +176,7 @@ def _check_nearest(nearest: int, together: bool) -> None:
 
 def _plane(width: float, height: float, radius: float) -> tuple[float, float]:
     """Size of a periodic plane. Raises MisuseError if it is too small for the radius."""
-    if min(width, height) <= 2 * radius:
+    if not all(2 * radius < side < math.inf for side in (width, height)):
         raise MisuseError(
             f"neighbours: width and height of a periodic plane are {width} and {height}; expected"
             f" numbers above {2 * radius}, twice the radius"
