@@ -130,10 +130,8 @@ def candidates(
     rows = np.arange(len(x))
     if size is not None:
         rows, cells = _wrapped(rows, cells, across.count, down.count)
-    bits = len(rows).bit_length()
-    places = (cells << bits) | np.arange(len(rows))
-    places.sort()
-    cells, places = places >> bits, places & ((1 << bits) - 1)
+    places = order_of(cells, below=(across.count + 1) * tall)
+    cells = cells[places]
     starts = np.zeros((across.count + 1) * tall + 1, np.int64)
     np.cumsum(np.bincount(cells, minlength=len(starts) - 1), out=starts[1:])
     own = np.flatnonzero(places < len(x))
@@ -144,6 +142,13 @@ def candidates(
     high = np.concatenate((starts[cells + 2], starts[cells + tall + 2]))
     area = math.prod(max(axis.length / axis.count / reach, 1.0) for axis in axes)
     return Candidates(rows[places], np.concatenate((own, own)), low, high, area > _COARSE)
+
+
+def order_of(*keys: Rows, below: int) -> Rows:
+    """The stable order by the first key, then by the next ones; keys are integers >= 0."""
+    # numpy sorts numbers of 16 bits digit by digit, in a fifth of the time of larger ones.
+    shifts = range(0, max(below.bit_length(), 1), 16)
+    return np.lexsort([(key >> shift).astype(np.uint16) for key in keys[::-1] for shift in shifts])
 
 
 def _wrapped(rows: Rows, cells: Rows, across: int, down: int) -> tuple[Rows, Rows]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_services.physics.neighbours.cells import order_of
 from minerva_services.physics.neighbours.search import Numbers, Pairs, Rows
 from minerva_services.physics.neighbours.spots import Spots
 
@@ -32,7 +33,7 @@ def individual(
     dy = np.concatenate((pairs.dy, 0.0 - pairs.dy))
     distance = np.sqrt(np.concatenate((pairs.squared, pairs.squared)))
     # Rows break ties between equal distances, because no pair comes before another by itself.
-    order = np.lexsort((about, distance, to) if nearest else (about, to))
+    order = np.lexsort((about, distance, to)) if nearest else order_of(to, about, below=len(spots))
     if nearest:
         # Rank of each neighbour among those of its agent, without a loop over agents.
         ordered = to[order]

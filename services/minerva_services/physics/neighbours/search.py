@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_services.options import require
-from minerva_services.physics.neighbours.cells import Candidates, candidates
+from minerva_services.physics.neighbours.cells import Candidates, candidates, order_of
 
 Numbers = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -99,6 +99,8 @@ def in_tree(x: Numbers, y: Numbers, reach: float, size: Size | None) -> tuple[Ro
 
 
 def _wrapped(at: Numbers, size: float) -> Numbers:
+    if not len(at) or (at.min() >= 0.0 and at.max() < size):
+        return at  # `%` takes many times as long
     at = at % size
     at[at >= size] = 0.0  # a value just below 0 wraps to the far edge, which is 0
     return at
@@ -106,10 +108,9 @@ def _wrapped(at: Numbers, size: float) -> Numbers:
 
 def _ordered(first: Rows, second: Rows, points: int) -> tuple[Rows, Rows]:
     """Pairs ordered by the lower row, then by the higher one."""
-    bits = points.bit_length()
-    both = (np.minimum(first, second) << bits) | np.maximum(first, second)
-    both.sort()
-    return both >> bits, both & ((1 << bits) - 1)
+    lower, higher = np.minimum(first, second), np.maximum(first, second)
+    order = order_of(lower, higher, below=points)
+    return lower[order], higher[order]
 
 
 def _between(x: Numbers, y: Numbers, first: Rows, second: Rows, size: Size | None) -> Pairs:
