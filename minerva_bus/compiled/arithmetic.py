@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Sequence
 from typing import Final
 
 from minerva_bus.compiled.form import (
@@ -15,9 +16,7 @@ from minerva_bus.compiled.form import (
     ValueKind,
     Variable,
 )
-from minerva_bus.compiled.names import (
-    STATE,
-)
+from minerva_bus.compiled.names import STATE, joined
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.compiled.references import INT_BITS, References
 from minerva_bus.compiled.refused import REAL_EVERYWHERE
@@ -95,6 +94,18 @@ class Arithmetic(References):
         if isinstance(value, Constant) and abs(value.value) <= _EXACT:
             return Constant(ValueKind.MIXED, float(value.value))
         return self.fault(ValueKind.MIXED, "exact", value)
+
+    def alike(
+        self, node: ast.AST, values: Sequence[Expression]
+    ) -> tuple[ValueKind, list[Expression]]:
+        """Values converted to one kind."""
+        kind: ValueKind | None = values[0].kind
+        for value in values[1:]:
+            kind = joined(kind, value.kind) if kind is not None else None
+        if kind is None:
+            kinds = " and ".join(sorted({value.kind.value for value in values}))
+            raise self.problem(node, f"{kinds} in one place", "use one type")
+        return kind, [self.as_mixed(each) if kind is ValueKind.MIXED else each for each in values]
 
     def _operation(self, node: ast.BinOp) -> Expression:
         return self.of_values(node, node.op, self.value(node.left), self.value(node.right))
@@ -181,7 +192,6 @@ class Arithmetic(References):
         """The negative of a number."""
         if isinstance(operand, Constant) and operand.value > -INT_BITS:
             return Constant(operand.kind, -operand.value)
-        # -0 is 0 for an int and -0.0 for a real.
         if operand.kind is ValueKind.MIXED:
             raise self.mixed(node, operand)
         if operand.kind is ValueKind.INT:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import FunctionType
-from typing import Any, Final, cast
+from typing import Any, Final
 
-from minerva_bus.compiled.arithmetic import Arithmetic
 from minerva_bus.compiled.draw_calls import draw
 from minerva_bus.compiled.form import (
     BinaryOperation,
@@ -32,13 +31,11 @@ from minerva_bus.compiled.names import (
     Method,
     Moment,
     Reference,
-    joined,
 )
 from minerva_bus.compiled.refused import EXPRESSIONS
+from minerva_bus.compiled.sequences import Sequences
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
-
-_TABLE: Final = 10_000
 
 _COMPARISONS: Final[dict[type[ast.cmpop], str]] = {
     ast.Eq: "==",
@@ -50,7 +47,7 @@ _COMPARISONS: Final[dict[type[ast.cmpop], str]] = {
 }
 
 
-class Expressions(Arithmetic):
+class Expressions(Sequences):
     """Checks the expressions of one function."""
 
     def __init__(self, method: Method, scope: LocalNames) -> None:
@@ -91,18 +88,6 @@ class Expressions(Arithmetic):
         test, yes, no = self.truth(node.test), self.value(node.body), self.value(node.orelse)
         kind, (yes, no) = self.alike(node, [yes, no])
         return Choice(kind, test, yes, no)
-
-    def alike(
-        self, node: ast.AST, values: Sequence[Expression]
-    ) -> tuple[ValueKind, list[Expression]]:
-        """Values converted to one kind."""
-        kind: ValueKind | None = values[0].kind
-        for value in values[1:]:
-            kind = joined(kind, value.kind) if kind is not None else None
-        if kind is None:
-            kinds = " and ".join(sorted({value.kind.value for value in values}))
-            raise self.problem(node, f"{kinds} in one place", "use one type")
-        return kind, [self.as_mixed(each) if kind is ValueKind.MIXED else each for each in values]
 
     def _comparison(self, node: ast.Compare) -> Expression:
         if len(node.ops) == 1 and isinstance(node.ops[0], ast.In | ast.NotIn):
@@ -146,7 +131,7 @@ class Expressions(Arithmetic):
         return BinaryOperation(ValueKind.BOOL, sign, left, right)
 
     def _membership(self, node: ast.Compare) -> Expression:
-        value, members = self.value(node.left), self._members(node)
+        value, members = self.value(node.left), self.members(node)
         if not isinstance(value, Constant | Variable | Item):
             raise self.problem(
                 node, "`in` of a computed value", "assign that value to a variable first"
@@ -158,69 +143,6 @@ class Expressions(Arithmetic):
             if isinstance(node.ops[0], ast.NotIn)
             else either
         )
-
-    def _members(self, node: ast.Compare) -> list[Expression]:
-        """The values of a tuple, which is written here or a constant of the module or class."""
-        given = node.comparators[0]
-        if isinstance(given, ast.Tuple | ast.List | ast.Set) and given.elts:
-            return [self.value(each) for each in given.elts]
-        known = self.reference(given) if isinstance(given, ast.Name | ast.Attribute) else None
-        values: Any = known.value if isinstance(known, Known) else None
-        if type(values) is tuple:
-            members = [self.constant_of(each) for each in cast("tuple[Any, ...]", values)]
-            if members and None not in members:
-                return [each for each in members if each is not None]
-        raise self.problem(
-            node, "`in` of something else than a tuple", 'write the values: x in ("a", "b")'
-        )
-
-    # --- items of sequences ---
-
-    def _item(self, node: ast.Subscript) -> Expression:
-        sequence = self.sequence(node.value)
-        if sequence is None:
-            raise self.problem(
-                node, "an item of this value", "index a constant tuple or a local list of numbers"
-            )
-        name, kind, length = sequence
-        return Item(kind, name, length, self.index(node, length))
-
-    def index(self, node: ast.Subscript, length: int) -> Expression:
-        """An index, counted from the start."""
-        if isinstance(node.slice, ast.Slice | ast.Tuple):
-            raise self.problem(node, "a slice", "write a for loop over the index")
-        index = self.value(node.slice)
-        if index.kind is not ValueKind.INT:
-            raise self.problem(node.slice, f"{index.kind.value} as an index", "use an int")
-        return self.fault(ValueKind.INT, "place", index, Constant(ValueKind.INT, length))
-
-    def sequence(self, node: ast.expr) -> tuple[str, ValueKind, int] | None:
-        """The variable, kind of items and length of a local list or a constant tuple."""
-        if isinstance(node, ast.Name) and node.id in self.scope.lists:
-            known = self.scope.lists[node.id]
-            return f"l_{known.name}", known.kind, known.length
-        reference = self.reference(node) if isinstance(node, ast.Name | ast.Attribute) else None
-        constant: Any = reference.value if isinstance(reference, Known) else None
-        if type(constant) is not tuple:
-            return None
-        return self._table(node, cast("tuple[Any, ...]", constant))
-
-    def _table(self, node: ast.expr, values: tuple[Any, ...]) -> tuple[str, ValueKind, int]:
-        items = [self.constant_of(value) for value in values]
-        known = [item for item in items if item is not None]
-        if not known or len(known) != len(items) or len(items) > _TABLE:
-            raise self.problem(
-                node,
-                f"the tuple {ast.unparse(node)}",
-                f"use 1 to {_TABLE:,} numbers, bools or texts",
-            )
-        kind, converted = self.alike(node, known)
-        numbers = tuple(cast("Constant", item).value for item in converted)
-        key = (kind, *map(repr, numbers))
-        name, kind = self.method.tables.setdefault(
-            (key, numbers), (f"TABLE_{len(self.method.tables)}", kind)
-        )
-        return name, kind, len(numbers)
 
     # --- calls ---
 

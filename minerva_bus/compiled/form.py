@@ -150,21 +150,23 @@ class If:
 
 @dataclass(frozen=True, slots=True)
 class While:
-    """A loop with a condition."""
+    """A loop with a condition; `otherwise` runs at its end, but not after a break."""
 
     test: Expression
     body: Sequence[Statement]
+    otherwise: Sequence[Statement] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """A loop over `range(start, stop, step)`."""
+    """A loop over `range(start, stop, step)`; `otherwise` as for `While`."""
 
     counter: str
     start: Expression
     stop: Expression
     step: int
     body: Sequence[Statement]
+    otherwise: Sequence[Statement] = ()
 
 
 class Jump(Enum):

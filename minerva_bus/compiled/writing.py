@@ -246,15 +246,15 @@ class _Writer:
             case If(test, then, otherwise):
                 yield f"if {_text(test)}:"
                 yield from self.block(then, 1)
-                if otherwise:
-                    yield "else:"
-                    yield from self.block(otherwise, 1)
-            case While(test, body):
+            case While(test, body, otherwise):
                 yield f"while {_text(test)}:"
                 yield from self._loop(body)
-            case Count(counter, start, stop, step, body):
+            case Count(counter, start, stop, step, body, otherwise):
                 yield f"for {counter} in range({_text(start)}, {_text(stop)}, {step}):"
                 yield from self._loop(body)
+        if otherwise:
+            yield "else:"
+            yield from self.block(otherwise, 1)
 
     def _loop(self, body: Sequence[Statement]) -> Iterator[str]:
         # After a fault values are arbitrary, so a loop might not end.

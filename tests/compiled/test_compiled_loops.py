@@ -1,0 +1,161 @@
+"""Loops of compiled methods over tuples, `enumerate` and `zip`, and `else` of loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+
+from minerva_bus import EMPTY, Agent, EventType, on
+from tests.compiled.twins import same
+
+eDay = EventType("eDay", grass=float, count=int)
+STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
+LABELLED = (("a", (0.5, 1)), ("b", (1.5, 2)))
+NORTH = (0.0, 1.0)
+
+
+def day(**data):
+    return eDay(**{"grass": 1.0, "count": 3} | data)
+
+
+def sown(count=60, **state):
+    x = np.round(np.random.default_rng(3).normal(size=count), 1)
+    return lambda cls: cls.many("a", count, x=x, n=np.arange(count) % 7, **state)
+
+
+def nearest_step(x, y):
+    best = 0
+    for dx, dy in STEPS:
+        if dx * x + dy * y > best:
+            best = dx * x + dy * y
+    return best
+
+
+def test_loops_over_tuples_that_are_written_or_constants():
+    def make(compiled):
+        class Walker(Agent, symbol="AWalker"):
+            ODD = (1, 3, 5)
+            x: float = 0.0
+            y: float = 0.0
+            n: int = 0
+            name: str = ""
+
+            @on("eDay", compiled=compiled)
+            def walk(self, day, moment):
+                for dx in (-1, 0, 1):
+                    for dy in [-1, 0, 1]:
+                        if dx == dy == 0:
+                            continue
+                        self.x += 0.1 * dx * moment.chance.random()
+                        self.y += dy * 0.25 + dx
+                for east, north in ((0, 1), (1, 0), NORTH):
+                    self.x += east * 0.5
+                    self.y -= north * day.grass
+                    if self.x > 2:
+                        break
+                for dx, dy in STEPS:
+                    if self.n == 3 and dx == -1:
+                        return EMPTY
+                    self.n += 2 * dx - dy
+                for odd in self.ODD:
+                    self.n += odd
+                for word, (real, whole) in LABELLED:
+                    self.name = word
+                    self.x += real * whole
+                for word in ("c", "d"):
+                    if self.x > 0.5:
+                        self.name = word
+                        break
+                self.x += nearest_step(self.x, self.y)
+                self.n %= 11
+
+        return Walker
+
+    same(make, sown(), [[day()], [day(grass=-0.5), day()], [day()]], parts=3)
+
+
+def test_else_of_loops():
+    def make(compiled):
+        class Seeker(Agent, symbol="ASeeker"):
+            x: float = 0.0
+            n: int = 0
+
+            @on("eDay", compiled=compiled)
+            def seek(self, day, moment):
+                for dx in (-1, 0, 1):
+                    if self.n + dx == 2:
+                        place = dx
+                        break
+                else:
+                    place = 7
+                self.x += place
+                while self.n > 3:
+                    self.n -= 1
+                    if self.n == 5:
+                        break
+                else:
+                    self.x += 100.0
+                for turn in range(self.n):
+                    if turn == 2:
+                        return None
+                else:
+                    if self.x > 50:
+                        return EMPTY
+                    self.x *= 2.0
+                self.n += 5
+
+        return Seeker
+
+    same(make, sown(), [[day()], [day()], [day(), day()]])
+
+
+def test_else_of_a_loop_over_events():
+    def make(compiled):
+        class Hearer(Agent, symbol="AHearer"):
+            x: float = 0.0
+            n: int = 0
+
+            @on("eDay", together=True, population=False, compiled=compiled)
+            def hear(self, days, moment):
+                for each in days:
+                    if each.count == self.n:
+                        break
+                    self.x += each.grass
+                else:
+                    self.x = -1.0
+
+        return Hearer
+
+    same(make, sown(), [[day()], [day(count=k) for k in range(3)]])
+
+
+def test_enumerate_and_zip():
+    def make(compiled):
+        class Counter(Agent, symbol="ACounter"):
+            x: float = 0.0
+            n: int = 0
+
+            @on("eDay", compiled=compiled)
+            def count(self, day, moment):
+                counts = [0.0] * 4
+                for i, (dx, dy) in enumerate(STEPS):
+                    counts[i] += dx * self.x - dy
+                for i, value in enumerate(counts, 1):
+                    counts[i % 4] += value * 0.5
+                for i, count in enumerate((2, 4), start=-1):
+                    self.n += i * count
+                for value, weight, (dx, _) in zip(counts, (1.0, 0.5, 0.25), STEPS):  # noqa: B905  (of three lengths)
+                    if value > 3:
+                        break
+                    self.x += value * weight + dx
+                else:
+                    self.n += 1
+                for (i, a), b in zip(enumerate(counts), NORTH):  # noqa: B905
+                    self.x += i * a * b
+                self.n %= 9
+
+        return Counter
+
+    same(make, sown(), [[day()], [day(), day()]])
