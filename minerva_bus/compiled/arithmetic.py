@@ -45,6 +45,16 @@ _OF_REALS: Final[dict[type[ast.operator], str]] = {
     ast.Pow: "power",
 }
 
+_OF_MIXED: Final[dict[type[ast.operator], str]] = {
+    ast.Add: "add_mixed",
+    ast.Sub: "subtract_mixed",
+    ast.Mult: "multiply_mixed",
+    ast.FloorDiv: "floor_divide_mixed",
+    ast.Mod: "modulo_mixed",
+    ast.Pow: "power_mixed",
+}
+"""Operators of two numbers of which both may be ints and one may be a real."""
+
 
 class Arithmetic(References):
     """Checks operators and conversions of numbers."""
@@ -131,8 +141,20 @@ class Arithmetic(References):
         if kinds == {ValueKind.INT}:
             return self._of_ints(node, operator, left, right)
         if ValueKind.REAL not in kinds and not isinstance(operator, ast.Div):
-            raise self.mixed(node, left, right)
+            return self._of_mixed(node, operator, left, right)
         return self._of_reals(node, operator, left, right)
+
+    def _of_mixed(
+        self, node: ast.AST, operator: ast.operator, left: Expression, right: Expression
+    ) -> Expression:
+        """The result of an operator that is an int if both numbers are ints, and else a real."""
+        function = _OF_MIXED.get(type(operator))
+        if function is None:
+            raise self.problem(node, "an operator on bits of a real", "convert with int(...)")
+        # An int to the power of a negative int is a real.
+        if isinstance(operator, ast.Pow) and not (isinstance(right, Constant) and right.value >= 0):
+            raise self.mixed(node, left, right)
+        return self.fault(ValueKind.MIXED, function, self.as_mixed(left), self.as_mixed(right))
 
     def mixed(self, node: ast.AST, *values: Expression) -> NotCompilable:
         """The error of arithmetic whose result depends on whether a number is an int."""
@@ -193,7 +215,7 @@ class Arithmetic(References):
         if isinstance(operand, Constant) and operand.value > -INT_BITS:
             return Constant(operand.kind, -operand.value)
         if operand.kind is ValueKind.MIXED:
-            raise self.mixed(node, operand)
+            return self._of_mixed(node, ast.Mult(), operand, Constant(ValueKind.INT, -1))
         if operand.kind is ValueKind.INT:
             return self.fault(ValueKind.INT, "subtract", Constant(ValueKind.INT, 0), operand)
         return UnaryOperation(ValueKind.REAL, "-", operand)

@@ -62,7 +62,7 @@ _TYPES: Final = {
     ValueKind.BOOL: "boolean",
     ValueKind.TEXT: "int64",
 }
-_LIBRARIES: Final = ("library", "function_library")
+_LIBRARIES: Final = ("library", "mixed_library", "function_library")
 """Modules of `compiled` whose names generated modules use."""
 
 _STEP: Final = "    "

@@ -32,6 +32,7 @@ eDay = EventType("eDay", a=float, k=int, w=bool, t=str)
 eCall = EventType("eCall", a=float, k=int, t=str)
 TABLE = (1.0, -0.5, 3.0)
 SIZE = 3
+STEPS = ((0, 1), (1, 0), (-1, -2))
 
 class Days(Generator, events=("eDay",)):
     def generate(self, tick):
@@ -65,7 +66,7 @@ def make(compiled):
 
         @on("eDay", compiled=compiled)
         def live(self, day, moment):
-            i = 0
+            i = dx = dy = 0
             u = 1.0
             v = self.x
             counts = [0.0] * 3
@@ -104,7 +105,10 @@ class Writer:
         if not depth or self.random.random() < 0.6:
             return [self.simple()]
         lines = [self.random.choice(HEADS).replace("$b", self.bool(2)), *self.block(depth - 1)]
-        if lines[0].startswith("if") and self.random.random() < 0.5:
+        if lines[0].startswith("for") and self.random.random() < 0.5:
+            jump = f"    if {self.bool(2)}: {self.random.choice(JUMPS)}"
+            lines.insert(self.random.choice([1, len(lines)]), jump)
+        if self.random.random() < (0.5 if lines[0].startswith("if") else 0.3):
             lines += ["else:", *self.block(depth - 1)]
         return lines
 
@@ -114,10 +118,11 @@ class Writer:
 
     def method(self):
         lines = [line for _ in range(self.random.randint(6, 12)) for line in self.statement(3)]
-        return [*lines, *self.random.choice(ENDS)]
+        # The sum `w` is a real, or begins as an int.
+        return [self.random.choice(["w = 0", "w = 0.0"]), *lines, *self.random.choice(ENDS)]
 
 
-REALS = ["0.0", "-0.0", "1.5", "-2.25", "1e-3", "self.x", "self.y", "u", "v", "day.a", "moment.dt",
+REALS = ["0.0", "-0.0", "1.5", "-2.25", "1e-3", "self.x", "self.y", "u", "v", "w", "day.a", "moment.dt",
          "moment.time", "TABLE[1]", "counts[i % 3]", "self.mean()", "moment.chance.random()",
          "moment.chance.normal(0, 0.5)", "moment.chance.uniform(-1, 1)",
          "moment.chance.exponential(2)"]  # fmt: skip
@@ -127,8 +132,8 @@ OF_REALS = ["($r + $r)", "($r - $r)", "($r * $r)", "($r + $i)", "($r * $i)", "(-
             "($r if $b else $r)", "math.sqrt(abs($r))", "portable.sin($r)", "float($i)",
             "portable.exp(min(2.0, $r))", "shaped($r, self.n)", "shaped($r, i)", "($r ** 2)",
             "($i / 7)", "portable.hypot($r, $r)", "math.atan2($r, $r)"]  # fmt: skip
-INTS = ["0", "1", "-7", "self.n", "i", "day.k", "moment.number", "SIZE", "self.births", "2**40",
-        "moment.chance.integers(5)", "len(TABLE)"]  # fmt: skip
+INTS = ["0", "1", "-7", "self.n", "i", "dx", "dy", "day.k", "moment.number", "SIZE", "self.births",
+        "2**40", "moment.chance.integers(5)", "len(TABLE)"]  # fmt: skip
 OF_INTS = ["($i + $i)", "($i - $i)", "($i * $i)", "($i & $i)", "($i | $i)", "($i // 3)", "($i % -5)",
            "($i if $b else $i)", "int(max(-1e9, min(1e9, $r)))", "round(max(-1e9, min(1e9, $r)))",
            "math.floor(max(-1e9, min(1e9, $r)))", "abs($i)"]  # fmt: skip
@@ -136,14 +141,18 @@ BOOLS = ["self.c", "day.w", "True", "self.s == 'a'", "self.s in ('b', 'c')", "da
          "self.id == self.friend", "moment.chance.chance(0.4)"]  # fmt: skip
 OF_BOOLS = ["($r < $r)", "($r <= $r)", "($r == $r)", "($i != $r)", "($i < $r)", "($i >= $i)",
             "($b and $b)", "($b or $b)", "(not $b)"]  # fmt: skip
-SIMPLE = ["self.x = max(-1e6, min(1e6, $r))", "self.y = max(-1e6, min(1e6, $r))", "u += $r",
+SIMPLE = ["w += $r", "w = max(-1e6, min(1e6, w - $r))", "self.x = max(-1e6, min(1e6, $r))",
+          "self.y = max(-1e6, min(1e6, $r))", "u += $r",
           "u = max(-1e6, min(1e6, $r))", "v = max(-1e6, min(1e6, $r))", "self.x -= $r",
           "self.n = $i % 1000", "i = $i % 100", "self.c = $b", "self.s = 'b'", "u, v = v, u",
           "self.s = 'c' if $b else 'a'", "self.friend = self.id", "self.y = 0.0 if $b else v",
           "counts[$i % 3] += max(-1e3, min(1e3, $r))", "assert self.n < 990", "assert u < 1e9",
           "moment.emit(eCall(a=max(-1e9, min(1e9, $r)), k=$i % 9, t=self.s, receivers=[self.friend]))",
           "if $b and self.x > 5: return EMPTY"]  # fmt: skip
-HEADS = ["if $b:", "if $b:", "for i in range(3):", "for each in TABLE:"]
+HEADS = ["if $b:", "if $b:", "if $b:", "for i in range(3):", "for each in TABLE:", "for dx in (-1, 0, 1):",
+         "for dx, dy in ((0, 1), (1, 0)):", "for dx, dy in STEPS:", "for dy, u in enumerate(counts):",
+         "for i, (dx, dy) in zip((3, 1), STEPS):", "for dx, w in zip((1, -1), (0.5, 2.0)):"]  # fmt: skip
+JUMPS = ["break", "continue", "return None", "return EMPTY"]
 ENDS = [
     ["return self.string + self.child(x=u if abs(u) < 1e9 else 0.0, s=self.s) if self.c else None"],
     ["litter = EMPTY", "for i in range(self.n % 3):", "    litter += self.child(n=i)",
