@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 from minerva_bus.compiled.form import Finish, If, Jump, Statement
 from minerva_bus.compiled.loops import Loops, both
 from minerva_bus.compiled.names import LocalNames, Method
 from minerva_bus.compiled.refused import STATEMENTS
-
-_PASSES: Final = 10
-"""Passes over a function until the kinds of its variables are known: each may change once."""
 
 
 class Statements(Loops):
@@ -44,7 +41,7 @@ class Statements(Loops):
         """The statements of the function, once the kinds of its variables are known."""
         body = self.scope.origin.tree.body
         parameters = set(self.scope.assigned or ())
-        for _ in range(_PASSES):
+        while True:  # It ends, because a kind only changes to MIXED, and then stays.
             known = dict(self.scope.kinds), self.scope.result, dict(self.method.kinds)
             self.scope.assigned = set(parameters)
             self.scope.litters, self._repeated = {}, set()
@@ -56,7 +53,6 @@ class Statements(Loops):
                 return [*checked, *self._end(reached)]
             if not self.scope.helper:
                 del self.method.outputs[outputs:]
-        raise AssertionError("the kinds of variables have not settled")
 
     def _reached(self) -> bool:
         return self.scope.assigned is not None

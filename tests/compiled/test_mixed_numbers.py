@@ -66,6 +66,25 @@ def test_a_sum_that_begins_as_an_int():
     same(make, sown(), [[day()], [day(), day()], [day(count=1)]], parts=3)
 
 
+def test_a_chain_of_variables_that_become_reals_one_by_one():
+    def make(compiled):
+        class Queue(Agent, symbol="AQueue"):
+            x: float = 0.0
+            n: int = 0
+
+            @on("eDay", compiled=compiled)
+            def pass_on(self, day, moment):
+                a = b = c = d = e = f = g = h = i = j = k = m = 0
+                for _ in range(4 * self.n):
+                    a, b, c, d, e, f = b, c, d, e, f, g
+                    g, h, i, j, k, m = h, i, j, k, m, m + self.x
+                self.x = a + 1
+
+        return Queue
+
+    same(make, sown(), [[day()], [day()]])
+
+
 MIXED = {
     "add_mixed": operator.add,
     "subtract_mixed": operator.sub,
