@@ -21,6 +21,7 @@ from minerva_bus.compiled.names import (
     joined,
 )
 from minerva_bus.compiled.outputs import Outputs
+from minerva_bus.compiled.sequences import Column
 from minerva_bus.grammar.types import Type
 
 MAX_ITEMS: Final = 1_000
@@ -38,22 +39,35 @@ class Assignments(Outputs):
             if self._is_litter(node.value):
                 return self._collect(name, node.value)
         if len(node.targets) == 1 and isinstance(node.targets[0], ast.Tuple | ast.List):
-            return self._unpack(node, node.targets[0].elts)
+            return self._unpack(node, node.targets[0])
         value = self.value(node.value)
         if len(node.targets) == 1:
             return self.store(node.targets[0], value)
         held, statement = self._held(value)
         return [statement, *(s for target in node.targets for s in self.store(target, held))]
 
-    def _unpack(self, node: ast.Assign, targets: Sequence[ast.expr]) -> list[Statement]:
+    def _unpack(self, node: ast.Assign, target: ast.Tuple | ast.List) -> list[Statement]:
+        targets = target.elts
+        if isinstance(node.value, ast.Subscript):
+            columns = self.columns(node.value.value, target)
+            if columns is not None:
+                return self._unpack_item(node.value, columns)
         if not isinstance(node.value, ast.Tuple) or len(node.value.elts) != len(targets):
             raise self.problem(
                 node, "an assignment to several names", "write as many values: a, b = b, a"
             )
         held = [self._held(self.value(each)) for each in node.value.elts]
         made = [statement for _, statement in held]
-        for target, (value, _) in zip(targets, held, strict=True):
-            made += self.store(target, value)
+        for each, (value, _) in zip(targets, held, strict=True):
+            made += self.store(each, value)
+        return made
+
+    def _unpack_item(self, item: ast.Subscript, columns: Sequence[Column]) -> list[Statement]:
+        """Assign the values of one tuple of a constant tuple of tuples."""
+        index, statement = self._held(self.index(item, columns[0][3]))
+        made = [statement]
+        for target, sequence, kind, length in columns:
+            made += self.store(target, Item(kind, sequence, length, index))
         return made
 
     def _annotated(self, node: ast.AnnAssign) -> list[Statement]:

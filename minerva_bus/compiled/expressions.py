@@ -189,6 +189,9 @@ class Expressions(Sequences):
         if len(node.args) == 1 and not node.keywords:
             if isinstance(self.reference(node.args[0]), EventItself):
                 return self.count_of_events(node)
+            constant = self._constant_tuple(node.args[0])
+            if constant is not None:
+                return Constant(ValueKind.INT, len(constant))
             sequence = self.sequence(node.args[0])
             if sequence is not None:
                 return Constant(ValueKind.INT, sequence[2])

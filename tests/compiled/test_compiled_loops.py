@@ -76,6 +76,25 @@ def test_loops_over_tuples_that_are_written_or_constants():
     same(make, sown(), [[day()], [day(grass=-0.5), day()], [day()]], parts=3)
 
 
+def test_values_of_a_chosen_tuple():
+    def make(compiled):
+        class Drifter(Agent, symbol="ADrifter"):
+            x: float = 0.0
+            n: int = 0
+            name: str = ""
+
+            @on("eDay", compiled=compiled)
+            def drift(self, day, moment):
+                dx, dy = STEPS[moment.chance.integers(len(STEPS))]
+                self.x += dx * moment.chance.random() + dy
+                self.name, (real, self.n) = LABELLED[self.n % 2 - 2]
+                self.x += real
+
+        return Drifter
+
+    same(make, sown(), [[day()], [day(), day()]])
+
+
 def test_else_of_loops():
     def make(compiled):
         class Seeker(Agent, symbol="ASeeker"):
