@@ -114,9 +114,11 @@ class _ProcessReader:
         return [replace(plain, name=each) for each in names]
 
     def _container(self, table: Table, own: ProcessSettings) -> str:
-        """The container of a service."""
-        if own.container and not own.service:
-            table.wrong("container", "is for services: others have processes of their own")
+        """The container of a service, or of agents."""
+        if own.container and own.command:
+            table.wrong(
+                "container", "is for services and agents: a command has a process of its own"
+            )
         return checked_name(own.container, "a container") if own.container else ""
 
     def _names(self, name: str, table: Table, own: ProcessSettings) -> list[str]:

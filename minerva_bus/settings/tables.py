@@ -347,7 +347,7 @@ class ProcessSettings:
     container: str = _process(
         "",
         "Name of a process that it shares with all others of this `container`.",
-        more="For generators and coupled devices that are started here; see"
+        more="For members that are started here, except observers; see"
         " [Share a process](howto/processes.md#share-a-process).",
         form="text",
         shown="a process of its own",

@@ -9,6 +9,7 @@ from running import ALL_KINDS, MEMBERS, World, eventually, here, minerva, summar
 
 NAMES = ("steps", "walkers", "water", "eye", "screen", "noise")
 SHARED = ("steps", "water", "eye", "noise")
+WITH_HOST = (*SHARED, "walkers")
 
 
 def shared(members=ALL_KINDS, names=SHARED, container="services"):
@@ -25,25 +26,27 @@ def alone(folder, path):
     return summary(here(folder, "run", path, "--in-process", "--rate", "0", "--json"))
 
 
-def test_members_of_a_container_share_a_process_and_make_the_same_string(tmp_path):
-    path = write_world(tmp_path, shared(), frames=120, rate=60)
+@pytest.mark.parametrize("names", [SHARED, WITH_HOST])
+def test_members_of_a_container_share_a_process_and_make_the_same_string(tmp_path, names):
+    path = write_world(tmp_path, shared(names=names), frames=120, rate=60)
     with World(path, "--json") as world:
         pids = world.runs(*NAMES)
-        assert len({pids[name] for name in SHARED}) == 1
-        assert len(set(pids.values())) == 3
+        assert len({pids[name] for name in names}) == 1
+        assert len(set(pids.values())) == 1 + len(NAMES) - len(names)
         ended = world.summary()
         world.gone()
     assert (ended["frames"], ended["digest"]) == (120, alone(tmp_path, path)["digest"])
-    apart = summary(minerva(tmp_path, "run", path, "--json", *_apart()))
+    apart = summary(minerva(tmp_path, "run", path, "--json", *_apart(names)))
     assert apart["digest"] == ended["digest"]
 
 
-def _apart():
-    return [word for name in SHARED for word in ("--set", f"{name}.container=")]
+def _apart(names):
+    return [word for name in names for word in ("--set", f"{name}.container=")]
 
 
-def test_a_killed_container_is_restarted_with_all_of_its_members(tmp_path):
-    path = write_world(tmp_path, shared(), frames=200, rate=60)
+@pytest.mark.parametrize("names", [SHARED, WITH_HOST])
+def test_a_killed_container_is_restarted_with_all_of_its_members(tmp_path, names):
+    path = write_world(tmp_path, shared(names=names), frames=200, rate=60)
     with World(path, "--json") as world:
         for _ in range(2):
             before = world.runs(*NAMES)
@@ -54,7 +57,7 @@ def test_a_killed_container_is_restarted_with_all_of_its_members(tmp_path):
                 return all(
                     members.get(name, {}).get("state") == "present"
                     and members[name]["pid"] != before[name]
-                    for name in SHARED
+                    for name in names
                 )
 
             eventually(others, "another process of these members")
@@ -130,7 +133,6 @@ def test_a_member_on_request_is_restarted_with_its_container(tmp_path):
     ("names", "more", "problem"),
     [
         (("screen",), "", r"Screen is an observer.*give it a process of its own"),
-        (("walkers",), "", r"container is for services"),
         (("steps", "water"), "restarts = 2", "their restarts must be equal: .* steps is 2"),
     ],
 )

@@ -15,6 +15,7 @@ from minerva_bus.testing.simulation.observing import Asked, Observed
 from minerva_bus.testing.simulation.person import SETTLED
 from minerva_bus.testing.simulation.playing import Played
 from minerva_bus.testing.simulation.reference import orders_in
+from minerva_bus.testing.simulation.worlds import eMark
 
 PACE = ("pause", "step", "resume", "stop")
 
@@ -38,8 +39,10 @@ def _wrong_orders(observed: Observed) -> Iterator[str]:
             continue
         effects = times.pop((event_type, asked.act.number), 0)
         answer = asked.answer or {}
-        # A confirmed order belongs to the frame of its answer, if the world has run it.
-        due = asked.confirmed and int(answer["frame"]) < last
+        # A confirmed order belongs to the frame of its answer, if the world has run it. The clerk
+        # takes marks, and may be away, or have answered this frame to a former coordinator.
+        latest = last - (event_type == eMark.name)
+        due = asked.confirmed and int(answer["frame"]) < latest
         # Without an answer it may or may not have arrived.
         at_most = 0 if not asked.sent or "error" in answer else 1
         if effects > at_most or (due and not effects):

@@ -236,7 +236,7 @@ IN_STEP: Final = frozenset({"lookout", "water"})
 """Members that have to know all regions in each frame."""
 
 CONTAINER: Final = "cove"
-CONTAINED: Final = frozenset({"clerk", "gulls", "lookout", "tide", "water"})
+CONTAINED: Final = frozenset({"birds", "clerk", "gulls", "lookout", "tide", "water"})
 """A process of some histories, and its members."""
 
 NORMS: Final = (
