@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
+import traceback
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path, PurePath
@@ -12,7 +13,7 @@ from types import ModuleType
 from typing import Any, cast, get_type_hints
 
 from minerva_bus.blame import report
-from minerva_bus.errors import MinervaError, WorldFileError, nearest
+from minerva_bus.errors import MinervaError, MisuseError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.installed import (
     AGENTS,
@@ -100,20 +101,34 @@ def _import(name: str, spec: str) -> Any:
 def called(spec: str, options: Mapping[str, Any], path: Path, table: Table, key: str) -> Any:
     """Call the function that a key of a world file names, `module:function`, with its options.
 
-    Raises WorldFileError, and any MinervaError that the function raises.
+    Raises WorldFileError, and any MinervaError that the function itself raises.
     """
     with table.loading(key):
         function = load(spec, path.parent)
-    if not callable(function):
+    # An instance of a class is none of the values that these functions return.
+    if not callable(function) or inspect.isclass(function):
         raise WorldFileError(f"{path}: {spec} is not a function")
     try:
         return function(options)
-    except MinervaError:
-        raise
+    except MinervaError as error:
+        if not _misused(error):
+            raise
+        raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
     except KeyboardInterrupt:
         raise
     except BaseException as error:
         raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
+
+
+def _misused(error: MinervaError) -> bool:
+    """Whether a function of the framework raised this, because code of a world misused it."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    place = place_of(error)
+    return (
+        isinstance(error, MisuseError)
+        and place is not None
+        and frame.f_code.co_filename != place.file
+    )
 
 
 def find_service(spec: str, folder: Path | None = None) -> type[Service]:

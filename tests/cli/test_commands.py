@@ -320,6 +320,18 @@ REPLACED = [
 ]  # fmt: skip
 
 
+def test_a_scene_that_misuses_the_library_is_shown_with_its_line(minerva, home):
+    code = "from alphabet import Walker\n\n\ndef scene(options):\n    return Walker(3).string\n"
+    (home / "clumsy.py").write_text(code, encoding="utf-8")
+    path = written(home, WORLD.replace('string = "PDot · AWalker#w"', 'scene = "clumsy:scene"', 1))
+    code, out, err = minerva("check", path)
+    assert (code, out) == (1, "")
+    assert f"{path}: clumsy:scene: id must be a text, not 3" in err
+    assert "return Walker(3).string" in err
+    assert "clumsy.py" in err
+    assert len(err.splitlines()) <= 4
+
+
 @pytest.mark.parametrize(("old", "new"), REPLACED)
 def test_a_wrong_world_has_one_message(minerva, home, old, new):
     assert old in WORLD
