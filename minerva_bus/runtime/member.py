@@ -21,6 +21,7 @@ from minerva_bus.runtime.memory import keep_freed_memory
 from minerva_bus.runtime.own_threads import Leave
 from minerva_bus.runtime.participant import ForParticipant, MemberLinkOptions, Participant
 from minerva_bus.runtime.system import REAL, System, run_through
+from minerva_bus.runtime.world_link import WorldLink
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import COORDINATOR
 
@@ -98,7 +99,16 @@ class MemberProcess:
             Leave: self._on_leave,
         }
         self._first = self._running = self._participants[0]
-        self.member, self.link = self._first.member, self._first.link
+
+    @property
+    def member(self) -> Member:
+        """The first member."""
+        return self._first.member
+
+    @property
+    def link(self) -> WorldLink:
+        """The link of the first member."""
+        return self._first.link
 
     @property
     def running(self) -> Member:
