@@ -10,8 +10,10 @@ from minerva_bus.launch.process_log import FAILURE_REPORT
 from minerva_bus.launch.process_table import REPORT_SECONDS, SupervisedProcess
 from minerva_bus.launch.succession import MAX_SUCCESSIONS
 from minerva_bus.launch.supervised_run import SupervisedRun
+from minerva_bus.launch.traces import STACK_SIGNAL
 from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wording import duration
 
 CANNOT_TAKE_PART: Final = "cannot take part"
 """What is logged about a process that this world does not suit; its report has the reason."""
@@ -78,7 +80,7 @@ class ProcessExits:
             self._await_cause(process)
         # The report has been shown and is more specific than the exit code.
         unready = code == UNREADY
-        how = "failed" if process.cause.text else process.cause.blocked or how_ended(code)
+        how = "failed" if process.cause.text else process.cause.blocked or _how(process, code)
         how = CANNOT_TAKE_PART if unready else how
         delay = process.fail(run.coordinator.frame, killed=code < 0)
         if delay is not None and run.log.failures.repeated(spec, code, process.cause.text):
@@ -113,6 +115,13 @@ class ProcessExits:
         until = self._run.machine.monotonic() + REPORT_SECONDS
         while not process.cause.text and (left := until - self._run.machine.monotonic()) > 0:
             self._run.context.pipes.wait(left)
+
+
+def _how(process: SupervisedProcess, code: int) -> str:
+    """How a process has ended. The request for its stacks ends one that has only just begun."""
+    if process.waited and code == -STACK_SIGNAL:
+        return f"did not answer for {duration(process.waited)}"
+    return how_ended(code)
 
 
 def _member(process: SupervisedProcess) -> str:
