@@ -93,7 +93,7 @@ class EarlyAnswers:
         They end with this frame, or with as many `frames` from it on if half of them are missing:
         a member that is asked for several frames at once wakes up once for all of them.
         """
-        first = max(frame, self._asked.get(member, -1) + 1)
+        first = max(frame, self.last_asked(member) + 1)
         if first > frame + frames // 2:
             return range(0)
         self._asked[member] = frame + frames - 1

@@ -137,7 +137,7 @@ def rewritten(
 
     If that returns None, `leave` rewrites their rows, as nodes.
     """
-    if Columns not in map(type, scene.pieces):
+    if not has_columns(scene):
         return rebuild(scene, leave)
     made: list[Piece] = []
     for piece in scene.pieces:
