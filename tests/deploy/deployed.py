@@ -11,20 +11,15 @@ DOCKERFILE = (DEPLOY / "docker" / "Dockerfile").read_text(encoding="utf-8")
 UNITS = sorted((DEPLOY / "systemd").glob("*.service"))
 
 
-def manifests(folder="kubernetes"):
-    names = yaml.safe_load((DEPLOY / folder / "kustomization.yaml").read_text())["resources"]
-    texts = [(DEPLOY / folder / name).read_text(encoding="utf-8") for name in names]
+def manifests():
+    folder = DEPLOY / "kubernetes"
+    names = yaml.safe_load((folder / "kustomization.yaml").read_text())["resources"]
+    texts = [(folder / name).read_text(encoding="utf-8") for name in names]
     return [document for text in texts for document in yaml.safe_load_all(text)]
 
 
 MANIFESTS = {(manifest["kind"], manifest["metadata"]["name"]): manifest for manifest in manifests()}
-# Those of a world in regions, whose coordinator has the same name in another namespace.
-OF_REGIONS = {
-    (manifest["kind"], manifest["metadata"]["name"]): manifest
-    for manifest in manifests("kubernetes/regions")
-}
-COMPOSED_REGIONS = yaml.safe_load((DEPLOY / "docker" / "regions.yaml").read_text(encoding="utf-8"))
-SETS = {name: manifest for (kind, name), manifest in (OF_REGIONS | MANIFESTS).items()
+SETS = {name: manifest for (kind, name), manifest in MANIFESTS.items()
         if kind in ("StatefulSet", "Deployment")}  # fmt: skip
 PODS = {name: workload["spec"]["template"]["spec"] for name, workload in SETS.items()}
 CONTAINERS = [

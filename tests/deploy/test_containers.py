@@ -7,68 +7,48 @@ import sys
 
 import pytest
 
-from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.reading import read_world_file
 from tests.deploy.commands import DEPLOY
-from tests.deploy.deployed import COMPOSE, COMPOSED_REGIONS, DOCKERFILE, README
+from tests.deploy.deployed import COMPOSE, DOCKERFILE, README
 from tools.dependencies import IMAGE_EXTRAS, project
 
 
-@pytest.mark.parametrize("name", ["compose.yaml", "regions.yaml"])
-def test_compose_is_of_the_compose_specification(name):
+def test_compose_is_of_the_compose_specification():
     pytest.importorskip("check_jsonschema")
     done = subprocess.run(
         [sys.executable, "-m", "check_jsonschema", "--builtin-schema", "vendor.compose-spec",
-         str(DEPLOY / "docker" / name)],
+         str(DEPLOY / "docker" / "compose.yaml")],
         capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("file", [COMPOSE, COMPOSED_REGIONS], ids=["compose", "regions"])
-def test_references_of_containers_exist(file):
-    for name, container in file["services"].items():
+def test_references_of_containers_exist():
+    for name, container in COMPOSE["services"].items():
         for network in container["networks"]:
-            assert network in file["networks"], name
+            assert network in COMPOSE["networks"], name
         for other in container.get("depends_on", ()):
-            assert other in file["services"], name
+            assert other in COMPOSE["services"], name
         for secret in container.get("secrets", []):
-            assert secret["source"] in file["secrets"], name
+            assert secret["source"] in COMPOSE["secrets"], name
             assert secret["target"].endswith(secret["source"])
         for volume in container.get("volumes", []):
             source = volume.partition(":")[0]
-            there = source in file["volumes"] or source.startswith(("..", "${"))
+            there = source in COMPOSE["volumes"] or source.startswith(("..", "${"))
             assert there, f"{name}: {volume}"
             if source.startswith(".."):
                 assert (DEPLOY / "docker" / source).exists(), source
 
 
 def test_each_member_has_its_own_key_and_no_other():
-    for name, container in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
+    for name, container in COMPOSE["services"].items():
         if "attach" in container.get("command", ()):
-            own = "rabbits" if name.startswith("rabbits-") else name  # a family
             files = {secret["source"] for secret in container["secrets"]}
-            # A region has the certificates of its hosts, but not their keys.
-            admits = {"crl.pem", "rabbits.pem"} if name.startswith("region-") else set()
-            assert files == {"ca.pem", f"{own}.pem", f"{own}.key"} | admits
+            assert files == {"ca.pem", f"{name}.pem", f"{name}.key"}
 
 
-def test_each_region_in_a_container_has_a_host():
-    services = COMPOSED_REGIONS["services"]
-    for number in range(4):
-        region, host = services[f"region-{number}"], services[f"rabbits-host-{number}"]
-        (listens,) = [word for word in region["command"] if word.startswith("--listen=")]
-        port = listens.rpartition(":")[2]
-        assert f"--connect=tls/region-{number}:{port}" in host["command"]
-        assert f"--name=rabbits-host-{number}" in host["command"]
-        # The region runs the processes of the world file itself, and refuses their names.
-        names = {process.name for process in read_world_file(find_world("meadow")).processes}
-        assert f"rabbits-host-{number}" not in names
-
-
-@pytest.mark.parametrize("name", COMPOSED_REGIONS["services"] | COMPOSE["services"])
+@pytest.mark.parametrize("name", COMPOSE["services"])
 def test_containers_may_do_little(name):
-    container = (COMPOSED_REGIONS["services"] | COMPOSE["services"])[name]
+    container = COMPOSE["services"][name]
     assert container["cap_drop"] == ["ALL"]
     assert container["security_opt"] == ["no-new-privileges:true"]
     assert not {"privileged", "pid", "network_mode"} & container.keys()

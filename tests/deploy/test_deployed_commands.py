@@ -7,13 +7,13 @@ import pytest
 from minerva_bus.launch.installed import WORLDS, entries, find_world
 from minerva_bus.launch.reading import read_world_file
 from tests.deploy.commands import in_markdown, wrong_with
-from tests.deploy.deployed import COMPOSE, COMPOSED_REGIONS, CONTAINERS, FLEET, README, UNITS
+from tests.deploy.deployed import COMPOSE, CONTAINERS, FLEET, README, UNITS
 
 
 def commands():
     yield from in_markdown(README)
     yield from in_markdown(FLEET)
-    for name, service in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
+    for name, service in COMPOSE["services"].items():
         if service["image"].startswith("minerva-bus:"):
             yield [*service["command"], f"#{name}"]
     for container in CONTAINERS:
@@ -24,8 +24,6 @@ def commands():
         yield line.split()
     for args in re.findall(r"^.*MINERVA_ARGS=(--listen.*?)'? >", README, re.M):
         yield ["run", *args.split()]
-    for args in re.findall(r"^MINERVA_ARGS=(--process .*)$", README, re.M):
-        yield ["attach", "meadow", *args.split()]
 
 
 @pytest.mark.parametrize("words", list(commands()), ids=" ".join)

@@ -11,14 +11,13 @@ from minerva_bus.security.credentials import covers
 from minerva_bus.security.keys import KeyFolder
 from minerva_bus.wire.keys import is_name
 from tests.deploy.commands import DEPLOY, in_markdown
-from tests.deploy.deployed import CONTAINERS, MANIFESTS, OF_REGIONS, PODS, README, SETS, manifests
+from tests.deploy.deployed import CONTAINERS, MANIFESTS, PODS, README, SETS, manifests
 from tests.runtime.running import here
-from tools.region_hosts import HOSTS, MOST, main, manifest
 
 
 def test_manifests_are_of_their_schemas():
     validate = pytest.importorskip("kubernetes_validate")
-    for each in [*manifests(), *manifests("kubernetes/regions")]:
+    for each in manifests():
         validate.validate(each, validate.latest_version(), strict=True)
 
 
@@ -52,7 +51,7 @@ def test_references_of_pods_exist(name):
     labels = whole["spec"]["template"]["metadata"]["labels"]
     assert whole["spec"]["selector"]["matchLabels"].items() <= labels.items()
     if whole["kind"] == "StatefulSet":
-        service = (OF_REGIONS | MANIFESTS)["Service", whole["spec"]["serviceName"]]
+        service = MANIFESTS["Service", whole["spec"]["serviceName"]]
         assert service["spec"]["selector"].items() <= labels.items()
 
 
@@ -112,84 +111,6 @@ def test_only_permitted_agents_communicate():
     }
     ports = {port["containerPort"] for port in PODS["coordinator"]["containers"][0]["ports"]}
     assert open_ports == ports
-
-
-def test_pods_of_regions_are_named_like_regions_and_link_by_their_names():
-    """A pod of a StatefulSet has the name of the set and a number."""
-    regions, coordinator = (
-        OF_REGIONS["StatefulSet", "region"],
-        OF_REGIONS["StatefulSet", "coordinator"],
-    )
-    count = f"--regions={regions['spec']['replicas']}"
-    (region,), (world,) = (
-        each["spec"]["template"]["spec"]["containers"] for each in (regions, coordinator)
-    )
-    (name,) = region["env"]
-    assert name["valueFrom"]["fieldRef"]["fieldPath"] == "metadata.name"
-    assert count in region["args"]
-    assert count in world["args"]
-    assert f"--process=$({name['name']})" in region["args"]
-    link, hub = (port["containerPort"] for port in region["ports"])
-    service = regions["spec"]["serviceName"]
-    assert f"--link=tls/$({name['name']}).{service}:{link}" in region["args"]
-    assert f"--listen=tls/0.0.0.0:{hub}" in region["args"]
-    for number in range(regions["spec"]["replicas"]):
-        (host,) = PODS[f"rabbits-{number}"]["containers"]
-        assert f"--connect=tls/region-{number}.{service}:{hub}" in host["args"]
-    hosts = re.findall(r"keys issue (region-\d) --role region --host (\S+)", README)
-    assert [host for host, _ in hosts] == [f"region-{n}" for n in range(4)]
-    assert all({f"{host}.{service}", service} <= {*names.split(",")} for host, names in hosts)
-
-
-def test_each_region_has_hosts_with_an_autoscaler_of_their_own():
-    count = OF_REGIONS["StatefulSet", "region"]["spec"]["replicas"]
-    assert HOSTS.read_text(encoding="utf-8") == manifest(count, MOST)
-    policy = OF_REGIONS["NetworkPolicy", "rabbits"]["spec"]["podSelector"]["matchLabels"]
-    selectors = []
-    for number in range(count):
-        name = f"rabbits-{number}"
-        scaler = OF_REGIONS["HorizontalPodAutoscaler", name]["spec"]
-        assert scaler["scaleTargetRef"] == {
-            "apiVersion": "apps/v1",
-            "kind": "Deployment",
-            "name": name,
-        }
-        assert 1 <= scaler["minReplicas"] < scaler["maxReplicas"]
-        # Applying the file again must not undo what the autoscaler has chosen.
-        assert "replicas" not in SETS[name]["spec"]
-        # A share of what each container requests.
-        (host,) = PODS[name]["containers"]
-        (metric,) = scaler["metrics"]
-        assert metric["resource"]["name"] in host["resources"]["requests"]
-        selectors.append(SETS[name]["spec"]["selector"]["matchLabels"])
-        assert policy.items() <= SETS[name]["spec"]["template"]["metadata"]["labels"].items()
-        assert is_name(f"{name}-5d8c7b9f4-x2x7k")  # of the family rabbits
-    # A Deployment counts the pods that its selector finds, so they must differ.
-    assert all(selectors.count(selector) == 1 for selector in selectors)
-
-
-@pytest.mark.parametrize("words", [["--regions", "0"], ["--most", "0"]])
-def test_a_world_has_a_region_and_a_host(monkeypatch, words):
-    monkeypatch.setattr("sys.argv", ["region_hosts", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-
-
-def test_regions_may_link_to_each_other_and_to_the_coordinator():
-    policy = OF_REGIONS["NetworkPolicy", "region"]["spec"]
-    ports = {
-        (port["port"], rule["to"][0]["podSelector"]["matchLabels"]["app.kubernetes.io/name"])
-        for rule in policy["egress"]
-        if "namespaceSelector" not in rule["to"][0]
-        for port in rule["ports"]
-    }
-    assert ports == {(7447, "coordinator"), (7450, "region")}
-    assert [rule["ports"] for rule in policy["ingress"]] == [
-        [{"protocol": "TCP", "port": port}] for port in (7450, 7460)
-    ]
-    hosts = OF_REGIONS["NetworkPolicy", "rabbits"]["spec"]
-    assert hosts["egress"][0]["ports"] == [{"protocol": "TCP", "port": 7460}]
 
 
 def test_kustomize_puts_it_together():
