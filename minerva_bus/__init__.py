@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from minerva_bus.world.views import visualize
 
 
-__version__ = "0.5.0"
+__version__ = "0.6.0"
 
 _HOMES = {
     "api.branching": "branch",
