@@ -4,7 +4,6 @@
     python -m benchmarks.simulation --seeds 1000     run histories 0 to 999
     python -m benchmarks.simulation --minutes 30     run histories for 30 minutes, from --first on
 
-With `--regions` the world is divided into regions: their processes die, links between them are cut.
 The exit code is 1 if a history fails; the benchmark then prints its seed and the history. With
 `--shorten` it removes the parts that are not needed for the failure. docs/testing.md describes the
 simulation.
@@ -32,7 +31,6 @@ def read_options() -> argparse.Namespace:
     which.add_argument("--seeds", type=int, metavar="N", help="play so many histories")
     which.add_argument("--minutes", type=float, metavar="M", help="play for so long")
     parser.add_argument("--first", type=int, default=0, metavar="S", help="the first seed (0)")
-    parser.add_argument("--regions", action="store_true", help="a world in regions")
     parser.add_argument("--shorten", action="store_true", help="shorten a history that fails")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     return parser.parse_args()
@@ -54,7 +52,7 @@ def play_all(options: argparse.Namespace) -> tuple[Tried | None, int, int]:
     console, began = Console(quiet=options.json), time.monotonic()
     done, frames, last = 0, 0, None
     for seed in seeds(options):
-        last = tried_seed(seed, regions=options.regions)
+        last = tried_seed(seed)
         done, frames = done + 1, frames + last.frames
         passed = time.monotonic() - began
         if options.minutes is None:

@@ -26,8 +26,7 @@
     ├── KeysError                a key or a certificate is missing or does not fit
     ├── WorldStopped             a running world ended prematurely
     ├── CaseFailure              a member violates a requirement          testing.conformance.link
-    ├── NotJoined                a member has not joined for a case       testing.conformance.link
-    └── Hangs                    a simulated world does not end         testing.simulation.cluster
+    └── NotJoined                a member has not joined for a case       testing.conformance.link
 
 A module name at the end of a line says where a class is defined; the others are defined here.
 Services and agents derive their own errors from `MinervaError`, in the modules that raise them.

@@ -9,15 +9,7 @@ from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.generating import GeneratorSide
 from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.frame.pace import Pace
-from minerva_bus.launch.regions.journal import FileJournal
-from minerva_bus.launch.regions.sending import ParcelSender
 from minerva_bus.log.journal import Journal
-from minerva_bus.regions.dividing import Border
-from minerva_bus.regions.outbox import Outbox
-from minerva_bus.regions.part import PartSender
-from minerva_bus.regions.region import Region
-from minerva_bus.regions.schedule import Schedule
-from minerva_bus.regions.whole import WholeSource
 from minerva_bus.testing.simulation.history import drawn
 from minerva_bus.testing.simulation.trying import LINES, report, shortest, tried, tried_seed
 
@@ -103,106 +95,8 @@ If it detects nothing after a change of the simulation, the other seeds are trie
 """
 
 
-def lose_parcels(patch):
-    """Omit the parcels of one region in the journals of the others."""
-    whole = FileJournal.write
-
-    def write(journal, arrived):
-        if arrived.source != 1:
-            whole(journal, arrived)
-
-    patch.setattr(FileJournal, "write", write)
-
-
-def send_nothing_again(patch):
-    """Lose parcels that are sent while a link is cut."""
-    patch.setattr(ParcelSender, "again", lambda sender, regions, since=-1: None)
-
-
-def acknowledge_early(patch):
-    """Drop parcels that their receiver may not have."""
-    patch.setattr(Outbox, "acknowledge", lambda outbox, frame: outbox._kept.clear())
-
-
-def obey_repeated_orders(patch):
-    """Let orders of the frame before count again."""
-    whole, last = Region.give, {}
-
-    def give(region, request, **more):
-        events = {**last.get(region.number, {}), **request.events}
-        last[region.number] = request.events
-        whole(region, replace(request, events=events), **more)
-
-    patch.setattr(Region, "give", give)
-
-
-def take_stale_reports(patch):
-    """Accept the report of an earlier frame as that of the present one."""
-    whole = WholeSource.tick_reply
-
-    def tick_reply(source, reply):
-        whole(source, replace(reply, frame=source._algorithm.frame))
-
-    patch.setattr(WholeSource, "tick_reply", tick_reply)
-
-
-def move_agents_twice(patch):
-    """Keep agents that have moved to another region."""
-    whole = Border.leaving
-
-    def leaving(border, units, partition):
-        left, _ = whole(border, units, partition)
-        return left, None
-
-    patch.setattr(Border, "leaving", leaving)
-
-
-def begin_too_early(patch):
-    """Run one frame farther ahead than the lag allows."""
-    whole = Schedule.needs
-
-    def needs(schedule, frame):
-        first = frame - frame % schedule.every
-        return (
-            whole(schedule, frame)
-            if schedule.waits(frame)
-            else max(first, frame - schedule.ahead - 1)
-        )
-
-    patch.setattr(Schedule, "needs", needs)
-
-
-def ignore_early_reports(patch):
-    """Drop reports of frames that have not begun, as replies for which nothing waits."""
-    patch.setattr(WholeSource, "early_replies", lambda source, member: 0)
-
-
-def forget_what_is_for_all(patch):
-    """Continue from a journal without the events that all regions need."""
-    whole = PartSender.message
-
-    def message(sender, *given, for_all, **others):
-        return whole(sender, *given, for_all=for_all if "answered" in others else b"", **others)
-
-    patch.setattr(PartSender, "message", message)
-
-
-REGIONS = {
-    forget_what_is_for_all: 45,
-    lose_parcels: 0,
-    send_nothing_again: 0,
-    acknowledge_early: 4,
-    obey_repeated_orders: 4,
-    take_stale_reports: 7,
-    move_agents_twice: 0,
-    begin_too_early: 38,
-    ignore_early_reports: 14,
-}
-"""Broken engines of regions, as in `ENGINES`."""
-
-
-def first_failure(likely, *, regions=False):
-    tries = (tried_seed(seed, regions=regions) for seed in (likely, *range(MOST)))
+def first_failure(likely):
+    tries = (tried_seed(seed) for seed in (likely, *range(MOST)))
     return next((tried for tried in tries if tried.wrong), None)
 
 
@@ -213,26 +107,6 @@ def test_a_broken_engine_is_caught(breaking, monkeypatch):
     failed = first_failure(ENGINES[breaking])
     assert failed is not None
     print(breaking.__name__, report(failed))
-
-
-@pytest.mark.timeout(600)
-@pytest.mark.parametrize("breaking", REGIONS, ids=lambda breaking: breaking.__name__)
-def test_a_broken_engine_of_regions_is_caught(breaking, monkeypatch):
-    breaking(monkeypatch)
-    failed = first_failure(REGIONS[breaking], regions=True)
-    assert failed is not None
-    print(breaking.__name__, report(failed))
-
-
-def test_a_history_of_regions_is_shortened(monkeypatch):
-    """One order counts twice in any circumstances, so nothing else remains."""
-    obey_repeated_orders(monkeypatch)
-    failed = first_failure(REGIONS[obey_repeated_orders], regions=True)
-    assert failed is not None
-    short = shortest(failed)
-    assert short.wrong
-    assert not short.history.faults
-    assert len(short.history.acts) == 1
 
 
 def test_a_history_that_fails_is_shortened_to_what_it_takes(monkeypatch):

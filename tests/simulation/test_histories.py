@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,13 +10,11 @@ import pytest
 from minerva_bus.errors import UserCodeError
 from minerva_bus.testing.simulation import trying
 from minerva_bus.testing.simulation.history import Fault, History, drawn
-from minerva_bus.testing.simulation.regions import RegionHistory
 from minerva_bus.testing.simulation.trying import report, tried, tried_seed
 from minerva_bus.testing.simulation.writing import read_back, written
 from minerva_bus.wire.keys import COORDINATOR
 
 HISTORIES = 2000
-REGION_HISTORIES = 100
 SHARE = 25
 FAILED = Path(__file__).with_name("failed.jsonl")
 """Histories that failed once, each with its error."""
@@ -30,42 +27,6 @@ def test_histories_go_well(first):
     for seed in range(first, first + SHARE):
         again = tried_seed(seed)
         assert not again.wrong, report(again)
-
-
-@pytest.mark.parametrize("first", range(0, REGION_HISTORIES, SHARE))
-def test_histories_of_regions_go_well(first):
-    for seed in range(first, first + SHARE):
-        again = tried_seed(seed, regions=True)
-        assert not again.wrong, report(again)
-
-
-# 306: a region waited for one that itself waited behind a link that was cut for more than 30 s.
-# 42: the only host of agents left, so they did not evolve until it was back.
-# 272: a host lost an agent and got it back in one frame, and evolved its own rejected result.
-@pytest.mark.parametrize("seed", [306, 42, 272])
-def test_histories_of_regions_that_failed_once_go_well(seed):
-    again = tried_seed(seed, regions=True)
-    assert not again.wrong, report(again)
-
-
-@pytest.mark.parametrize(
-    "faults",
-    [
-        [Fault(3, 0.0, "kill", "region-0")],
-        [Fault(3, 0.0, "kill", "region-1")],
-        [Fault(3, 0.0, "cut", "1-0", 80.0)],
-        [Fault(3, 0.0, "succeed", COORDINATOR)],
-        [Fault(3, 0.0, "kill", "region-1"), Fault(3, 0.0, "succeed", COORDINATOR, count=4)],
-    ],
-    ids=lambda faults: ", ".join(fault.kind + " " + fault.target for fault in faults),
-)
-def test_services_see_the_last_views_whatever_happens_when_the_world_is_over(faults):
-    for after in range(0, 48, 3):  # Deliveries between the last frame and the reports.
-        # Regions keep their journals, or the coordinator does.
-        for seed, count in (4, 3), (5, 2):
-            late = tuple([replace(each, count=each.count + after) for each in faults])
-            again = tried(RegionHistory(seed, 3, 0.0, 0.0, late, count=count))
-            assert not again.wrong, report(again)
 
 
 @pytest.mark.parametrize("line", FAILED.read_text().splitlines())
@@ -99,8 +60,6 @@ TRACES = """
 from minerva_bus.testing.simulation.trying import tried_seed
 for seed in (1, 2, 3, 5, 8):
     print(*tried_seed(seed).trace, sep="\\n")
-    regions = tried_seed(seed, regions=True)
-    print(*regions.trace, regions.frames, sep="\\n")
 """
 
 

@@ -90,7 +90,8 @@ def _wrong_strings(played: Played) -> Iterator[str]:
     if [frame.number for frame in observed.frames] != list(range(len(observed.frames))):
         return
     ordered = ((frame.number, orders_in(_single(frame))) for frame in observed.frames)
-    same = undisturbed(played.history.frames, tuple((n, orders) for n, orders in ordered if orders))
+    due = tuple((number, orders) for number, orders in ordered if orders)
+    same = undisturbed(played.history.frames, due, norms=played.history.norms)
     for frame in observed.frames:
         number = frame.number
         # A free-running generator emits by the clock, so its events may be in other frames than

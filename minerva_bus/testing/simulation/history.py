@@ -16,6 +16,9 @@ MAX_FAULTS: Final = 6
 MAX_KILLS: Final = 3
 """Deaths of one process: fewer than a world file allows."""
 
+NORMS: Final = 0.25
+"""The share of histories with norms."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:
@@ -54,7 +57,7 @@ class Operation:
 class History:
     """Script of a simulation. A person begins to act when frame `acts_from` begins.
 
-    `slow` is the share of messages that are late.
+    `slow` is the share of messages that are late, `norms`: the world has norms.
     """
 
     seed: int
@@ -64,10 +67,13 @@ class History:
     faults: tuple[Fault, ...] = ()
     acts: tuple[Operation, ...] = ()
     acts_from: int = 0
+    norms: bool = False
 
     def __str__(self) -> str:
         pace = f"{self.rate:g} frames a second" if self.rate else "as fast as it goes"
         lines = [f"seed {self.seed}: {self.frames} frames, {pace}, {self.slow:.0%} slow messages"]
+        if self.norms:
+            lines[0] += ", with norms"
         lines += [f"  {fault}" for fault in self.faults]
         if self.acts:
             lines.append(f"  from frame {self.acts_from} on, a person")
@@ -92,7 +98,8 @@ def drawn(seed: int) -> History:
     acts = _acts(chance, span) if chance.random() < 0.6 else ()
     slow = chance.choice((0.0, 0.02, 0.2))
     begin = chance.randrange(frames)
-    return History(seed, frames, rate, slow, tuple(faults), acts, begin)
+    norms = chance.random() < NORMS
+    return History(seed, frames, rate, slow, tuple(faults), acts, begin, norms)
 
 
 def _deaths(faults: list[Fault], target: str) -> int:

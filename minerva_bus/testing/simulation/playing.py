@@ -66,7 +66,12 @@ class Play:
         self._coordinator: Coordinator | None = None
         contained = history.seed % 3 == 0
         self.file = world_file(
-            history.frames, history.rate, folder, self.observed.shown, contained=contained
+            history.frames,
+            history.rate,
+            folder,
+            self.observed.shown,
+            contained=contained,
+            norms=history.norms,
         )
         self._containers = {each.name: each.container for each in self.file.processes}
         make = observing(self.timeline, self.observed, self._on_begin, self._on_end)

@@ -41,6 +41,8 @@ def _shorter(history: History) -> Iterator[History]:
         yield replace(history, acts=acts)
     if history.slow:
         yield replace(history, slow=0.0)
+    if history.norms:
+        yield replace(history, norms=False)
     for frames in range(1, history.frames):
         yield replace(history, frames=frames)
 

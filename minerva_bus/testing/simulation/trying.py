@@ -11,13 +11,6 @@ from minerva_bus.testing.simulation.checks import wrong
 from minerva_bus.testing.simulation.decoding import decoding_once
 from minerva_bus.testing.simulation.history import History, drawn
 from minerva_bus.testing.simulation.playing import Played, play
-from minerva_bus.testing.simulation.regions import (
-    PlayedRegions,
-    RegionHistory,
-    drawn_regions,
-    play_regions,
-    wrong_regions,
-)
 from minerva_bus.testing.simulation.shrinking import shortened
 
 LINES: Final = 20
@@ -31,7 +24,7 @@ MEMORY: Final = Path("/dev/shm")  # noqa: S108
 class Tried:
     """A played history and the violated properties; `crash` is an internal error."""
 
-    played: Played | PlayedRegions | None
+    played: Played | None
     wrong: tuple[str, ...]
     history: History
 
@@ -52,9 +45,6 @@ def tried(history: History) -> Tried:
     temporary = tempfile.TemporaryDirectory(prefix="minerva-simulation-", dir=folder)
     with temporary as name, decoding_once():
         try:
-            if isinstance(history, RegionHistory):
-                regions = play_regions(history, Path(name))
-                return Tried(regions, tuple(wrong_regions(regions)), history)
             played = play(history, Path(name))
         # The launcher runs in this process, so its errors would end the search.
         except Exception as error:
@@ -75,9 +65,9 @@ def _pass_interruption(error: BaseException) -> None:
         cause = cause.__cause__ or cause.__context__
 
 
-def tried_seed(seed: int, *, regions: bool = False) -> Tried:
-    """Play and check the history of a seed, of a world with one coordinator or in regions."""
-    return tried(drawn_regions(seed) if regions else drawn(seed))
+def tried_seed(seed: int) -> Tried:
+    """Play and check the history of a seed."""
+    return tried(drawn(seed))
 
 
 def shortest(failed: Tried) -> Tried:

@@ -37,7 +37,6 @@ from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.launch.worldfile import Process, WorldFile
-from minerva_bus.regions.lag import RegionLag
 from minerva_bus.settings.tables import BusSettings
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
@@ -155,12 +154,9 @@ class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
     def __init__(self) -> None:
         self.figures = 0
         self.ripples = 0
-        self.last, self.shown = -1, 0
 
     def show(self, view: View) -> None:
         self.figures = sum(1 for opens, _ in walk(view.scene) if opens)
-        if view.frame > self.last:  # A successor is shown the last view again.
-            self.last, self.shown = view.frame, self.shown + self.figures
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         self.ripples += self.figures
@@ -170,13 +166,10 @@ class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
         return ()
 
     def save(self) -> Mapping[str, Any]:
-        return {"ripples": self.ripples, "last": self.last, "shown": self.shown}
+        return {"ripples": self.ripples}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        self.ripples, self.last, self.shown = saved["ripples"], saved["last"], saved["shown"]
-
-    def report(self) -> Mapping[str, int]:
-        return {"last": self.last, "shown": self.shown}
+        self.ripples = saved["ripples"]
 
 
 class Lookout(Generator, events=("eSeen",)):
@@ -232,9 +225,6 @@ VOCABULARY: Final = Vocabulary.of(
 ORDERS: Final = {event_type.name: event_type for event_type in (eMark, eNote)}
 """The event types that people send: one through the clerk, one directly."""
 
-IN_STEP: Final = frozenset({"lookout", "water"})
-"""Members that have to know all regions in each frame."""
-
 CONTAINER: Final = "cove"
 CONTAINED: Final = frozenset({"birds", "clerk", "gulls", "lookout", "tide", "water"})
 """A process of some histories, and its members."""
@@ -244,6 +234,7 @@ NORMS: Final = (
     Norm("loud", on=("eCall",), when="event.x < 3", most=1, per=5, sanction=eSeen(20)),
     Norm("back", ("AHeron",), when="x < was.x and x < 1", then=Then.SANCTION, sanction=eSeen(-30)),
 )
+"""Norms of some histories."""
 
 GUESTS: Final[Mapping[str, tuple[type[Agent], ...]]] = {
     "egret": (Heron, Eel),
@@ -274,8 +265,8 @@ def in_container(process: Process) -> Process:
     return replace(process, container=CONTAINER, restarts=len(CONTAINED) * process.restarts)
 
 
-def world(frames: int) -> World:
-    """The world, with a number of frames."""
+def world(frames: int, *, norms: bool = False) -> World:
+    """The world, with a number of frames, and perhaps with norms."""
     return World(
         NAME,
         _scene(),
@@ -284,12 +275,8 @@ def world(frames: int) -> World:
         frames=frames,
         seed=5,
         expected=frozenset(process.name for process in processes({}, count())),
+        norms=NORMS if norms else (),
     )
-
-
-def running_ahead(world: World, lag: RegionLag) -> World:
-    """The world with a lag and norms, without what would keep its regions in step."""
-    return replace(world, lag=lag, norms=NORMS, expected=world.expected - IN_STEP)
 
 
 @cache
@@ -298,7 +285,13 @@ def _scene() -> Scene:
 
 
 def world_file(
-    frames: int, rate: float, folder: Path, shown: dict[int, str], *, contained: bool = False
+    frames: int,
+    rate: float,
+    folder: Path,
+    shown: dict[int, str],
+    *,
+    contained: bool = False,
+    norms: bool = False,
 ) -> WorldFile:
     """The world file, with its journal in a folder; `shown` has the drawings of its screen.
 
@@ -308,4 +301,4 @@ def world_file(
     own = processes(shown, count(1))
     if contained:
         own = tuple(map(in_container, own))
-    return WorldFile(folder / f"{NAME}.toml", world(frames), rate, own, bus)
+    return WorldFile(folder / f"{NAME}.toml", world(frames, norms=norms), rate, own, bus)
