@@ -1,7 +1,6 @@
 """A world under random faults for some minutes gives the same string as without faults.
 
-    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--regions 0] [--hosts 0]
-                               [--lag 0] [--move-every 50] [--folder FOLDER]
+    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--folder FOLDER]
 
 Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. At random times,
 members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP, SIGCONT); external
@@ -10,11 +9,6 @@ the world is paused. Meanwhile another client repeats messages of members and th
 delay. At the end the string must have the digest of an undisturbed run, and the two records must
 have the same events in every frame. Whenever the world waits for long, it must say for whom, and
 what follows. The exit code is 0 if so, otherwise 1.
-
-With --regions, the world runs as so many regions by position. They are killed and frozen like
-members; no external hosts join. With --hosts, each region has so many hosts of its agents, which
-are killed and frozen, too. With --lag, regions run ahead of each other between two moves of agents,
-so a generator without views takes the place of device and observer.
 
 The seed determines the faults and their order; their exact times depend on the machine.
 """
@@ -28,13 +22,12 @@ import time
 from pathlib import Path
 
 from benchmarks.chaos_faults import Chaos
-from benchmarks.chaos_world import Layout
 
 
 def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:
     """The summary of a recorded run of `frames` frames in one process."""
     done = chaos.command(
-        "run", chaos.world, "--in-process", "--regions", 0, "--frames", frames,
+        "run", chaos.world, "--in-process", "--frames", frames,
         "--record", chaos.folder / "undisturbed.mcap", "--json",
     )  # fmt: skip
     if done.returncode:
@@ -53,8 +46,7 @@ def same_events(chaos: Chaos) -> str:
 
 def run(folder: Path, given: argparse.Namespace) -> bool:
     minutes, seed = given.minutes, given.seed
-    layout = Layout(given.regions, given.lag, given.move_every, given.hosts)
-    chaos = Chaos(folder, seed, given.rate, layout)
+    chaos = Chaos(folder, seed, given.rate)
     try:
         chaos.start()
         end = time.monotonic() + 60.0 * minutes
@@ -88,16 +80,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rate", type=float, default=20.0)
-    parser.add_argument("--regions", type=int, default=0, help="0: one coordinator")
-    parser.add_argument("--hosts", type=int, default=0, help="hosts of agents in each region")
-    parser.add_argument("--lag", type=int, default=0, help="frames that regions run ahead")
-    parser.add_argument("--move-every", type=int, default=50, help="frames between moves of agents")
     parser.add_argument("--folder", type=Path, help="where logs and records stay")
     given = parser.parse_args()
-    if given.lag and not given.regions:
-        parser.error("--lag is between regions: add --regions")
-    if given.hosts and not given.regions:
-        parser.error("--hosts are those of regions: add --regions")
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.folder or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)

@@ -15,7 +15,7 @@ from pathlib import Path
 from random import Random
 
 from benchmarks.chaos_repeater import Repeater
-from benchmarks.chaos_world import HOSTS, NAME, Layout, world_text
+from benchmarks.chaos_world import HOSTS, NAME, world_text
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.client import Client
 from minerva_bus.testing.proxy import Proxy
@@ -23,9 +23,8 @@ from minerva_bus.testing.proxy import Proxy
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
 HERE = Path(__file__).resolve().parent.parent
 MAX_GUESTS = 3
-FAULTS = {"kill": 5, "freeze": 4, "pause": 1}
+FAULTS = {"kill": 5, "freeze": 4, "pause": 1, "join": 3, "leave": 2, "drop": 2, "drain": 1}
 """Methods of `Chaos`, with their weights."""
-FAULTS_OF_GUESTS = {"join": 3, "leave": 2, "drop": 2, "drain": 1}
 LAST_LINES = 60
 """Number of lines printed from the end of each log after a time-out."""
 LONG_WAIT = 3.0
@@ -35,14 +34,13 @@ LONG_WAIT = 3.0
 class Chaos:
     """A running world, and the faults that are injected into it."""
 
-    def __init__(self, folder: Path, seed: int, rate: float, layout: Layout) -> None:
+    def __init__(self, folder: Path, seed: int, rate: float) -> None:
         self.folder = folder
         self.random = Random(seed)
-        self.faults = FAULTS if layout.regions else FAULTS | FAULTS_OF_GUESTS
         self.done: Counter[str] = Counter()
         self.unsaid: list[str] = []
         self.world = folder / f"{NAME}.toml"
-        self.world.write_text(world_text(seed, layout))
+        self.world.write_text(world_text(seed))
         self.guests: dict[str, subprocess.Popen[bytes]] = {}
         self._joined = 0
         self._log = (folder / "chaos.log").open("w")
@@ -105,7 +103,7 @@ class Chaos:
 
     def disturb(self) -> None:
         """Inject a random fault, and wait for up to 1.2 s."""
-        fault = self.random.choices([*self.faults], [*self.faults.values()])[0]
+        fault = self.random.choices([*FAULTS], [*FAULTS.values()])[0]
         pick = self.random.random()
         with suppress(MinervaError, ProcessLookupError):
             what = getattr(self, fault)(pick)

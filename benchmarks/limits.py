@@ -18,7 +18,7 @@ additions in the same run: divide by it to compare machines, or the same machine
 values are medians of the repetitions, except for `frame` and `silence`, which are the lowest: other
 programs of the machine only increase them. `--only` takes a part of a name; `--markdown` prints the
 table of docs/performance.md. Messages are encoded before they are sent, so that their construction
-does not count. Messages between regions are measured in this process: `frame` and `silence` are 0.
+does not count.
 """
 
 from __future__ import annotations
@@ -40,7 +40,6 @@ import zenoh
 from benchmarks.command import Table
 from benchmarks.forked import task
 from benchmarks.limit_cases import CASES, STRING, VOCABULARY, Case, hello
-from benchmarks.limit_regions import REGION_CASES
 from benchmarks.limit_world import NAME, RATE, Raw, running
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame.own_agents import OwnAgents
@@ -56,8 +55,6 @@ SHOWN = {
 }  # fmt: skip
 ADDITIONS = 1_000_000
 CALM, SETTLED = 1.0, 30.0
-NOT_MEASURED = ("frame", "calm", "silence", "calm silence")
-"""Figures that only a world on the bus has."""
 BROKEN = "broke the protocol"
 """Part of the log line about a refused message."""
 
@@ -161,19 +158,8 @@ def alone(case: Case) -> float:
     return 1e3 * (time.thread_time() - began)
 
 
-def between_regions(name: str, repeat: int) -> dict[str, Any]:
-    """One row of the table, for a message between regions or of one to its coordinator."""
-    REGION_CASES[name]()  # Imports, and functions that numpy prepares.
-    figures = [REGION_CASES[name]() for _ in range(max(3, repeat))]
-    size, decode, path = (statistics.median(each) for each in zip(*figures, strict=True))
-    own = {"case": name, "bytes": round(size), "decode": round(decode, 1), "path": round(path, 1)}
-    return own | {"cost": round(decode + path, 1)} | dict.fromkeys(NOT_MEASURED, 0.0)
-
-
 def row(name: str, repeat: int) -> dict[str, Any]:
     """One row of the table."""
-    if name in REGION_CASES:
-        return between_regions(name, repeat)
     case, rows = CASES[name], list[dict[str, float]]()
     for _ in range(repeat):  # Zenoh's threads do not survive a fork: use new processes.
         rows.append(task("benchmarks.limits", name))
@@ -201,10 +187,8 @@ def loop() -> float:
 def markdown(figures: dict[str, Any]) -> str:
     """A row of the table in docs/performance.md."""
     size = f"{figures['bytes']:,}" if figures["bytes"] else ""
-    shown = [key for key in SHOWN if figures["case"] in CASES or key not in NOT_MEASURED]
-    cells = [f"`{figures['case']}`", size, *(f"{max(0.0, figures[key]):.0f}" for key in shown)]
-    cells += [""] * (len(SHOWN) - len(shown)) + [f"{loop():.0f}"]
-    return f"| {' | '.join(cells)} |"
+    cells = [f"{max(0.0, figures[key]):.0f}" for key in SHOWN]
+    return f"| `{figures['case']}` | {size} | {' | '.join(cells)} | {loop():.0f} |"
 
 
 def main() -> None:
@@ -219,7 +203,7 @@ def main() -> None:
     if options.task:
         print(json.dumps(measured(CASES[options.task])))
         return
-    names = [name for name in (*CASES, *REGION_CASES) if any(part in name for part in options.only)]
+    names = [name for name in CASES if any(part in name for part in options.only)]
     if options.markdown:
         print(f"| message | bytes | {' | '.join(SHOWN.values())} | loop, ms |")
         print("|---|---|---|---|---|---|---|---|")

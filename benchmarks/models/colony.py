@@ -131,13 +131,6 @@ class Ground(Generator, Device, events=("eCrowded", "eLay"), draws=("eShow",), c
         return (eCrowded(self.ants),) if self.ants > 220 else (eLay(),) if self.ants < 200 else ()
 
 
-class Seasons(Generator, events=("eLay",)):
-    """Lets ants lay without a view of the ground, so that about as many are born as die."""
-
-    def generate(self, tick: Tick) -> tuple[Event, ...]:
-        return () if tick.number % 25 else (eLay(),)
-
-
 class Screen(Device, draws=("eShow",)):
     """An observer."""
 

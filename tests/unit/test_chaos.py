@@ -65,7 +65,7 @@ def test_the_exit_code_is_0_only_for_an_equal_run(monkeypatch, digest, differ, e
 
 def test_a_wait_that_is_not_explained_is_a_failure(monkeypatch, capsys):
     world = Disturbed("d1", None)
-    world.unsaid.append("frame 3, 4.0 s: ('region-1',)")
+    world.unsaid.append("frame 3, 4.0 s: ('ants-1',)")
     assert exit_code(monkeypatch, world) == 1
     assert "without saying for whom, or what follows: frame 3" in capsys.readouterr().out
 
