@@ -16,7 +16,7 @@ from pathlib import Path
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.schema import Mark
-from minerva_bus.wire.codec import FOR_ALL, FROM_MEMBER, FROM_REGION, PARTS, TO_MEMBER
+from minerva_bus.wire.codec import FOR_ALL, FROM_MEMBER, TO_MEMBER
 from minerva_bus.wire.declared import MessageCodec, message_codec
 from minerva_bus.wire.field_codec import DeclaredField
 from minerva_bus.wire.fields import field_codec
@@ -131,8 +131,6 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "keys of a hello": hello,
     "messages of the coordinator": lambda: messages(TO_MEMBER, "on"),
     "messages for everyone": lambda: messages(FOR_ALL, "on"),
-    "messages between regions": lambda: messages(FROM_REGION, "on"),
-    "report of a region": lambda: messages(PARTS, "on"),
     "limits": limits,
     "vectors": vectors,
 }
