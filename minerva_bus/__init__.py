@@ -4,7 +4,6 @@ The names that users need; see README.md. Each is imported at its first use, so 
 line answers without importing numpy.
 """
 
-from minerva_bus.moved import install as _install
 from minerva_bus.uncaught import install as _report_uncaught_errors
 
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
@@ -107,11 +106,6 @@ _HOMES = {
     "world.views": "visualize",
 }
 
-
-_FORMER = {"Moment": "Context", "Moments": "BatchContext", "Received": "EventBatch"}
-"""Former public names; worlds written for them keep working."""
-
-_install()
 _report_uncaught_errors()
 
 
@@ -119,10 +113,9 @@ def __getattr__(name: str) -> "Any":
     """Import a public name from its module."""
     from importlib import import_module
 
-    current = _FORMER.get(name, name)
     for module, names in _HOMES.items():
-        if current in names.split():
-            value = getattr(import_module(f"minerva_bus.{module}"), current)
+        if name in names.split():
+            value = getattr(import_module(f"minerva_bus.{module}"), name)
             # Python calls this function only for names that are missing, so each is imported once.
             globals()[name] = value
             return value

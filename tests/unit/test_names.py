@@ -19,11 +19,6 @@ def test_all_names_that_can_be_imported_are_public():
     assert sorted(listed) == sorted(minerva_bus.__all__)
 
 
-@pytest.mark.parametrize(("former", "current"), minerva_bus._FORMER.items())
-def test_a_former_name_is_the_current_class(former, current):
-    assert getattr(minerva_bus, former) is getattr(minerva_bus, current)
-
-
 def test_another_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="has no attribute 'Fox'"):
         _ = minerva_bus.Fox
