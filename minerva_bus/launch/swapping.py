@@ -138,8 +138,6 @@ def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member],
     old = _replaced(file, swap.member)
     others = [process for process in file.processes if process not in old]
     types = frozenset(event for process in old for event in _generated(process))
-    if not record.has_inputs:
-        _check_alone(types, others, swap.member)
     # The member that publishes recorded readings needs a name that no process has.
     names = {process.name for process in file.processes}
     reader = Member(next(name for name in READERS if name not in names), RecordedReadings(record))
@@ -188,19 +186,6 @@ def _generated(process: Process) -> tuple[str, ...]:
 
 def _drawn(process: Process) -> tuple[str, ...]:
     return () if process.command else process.participant().hello().draws
-
-
-def _check_alone(types: frozenset[str], others: list[Process], member: str) -> None:
-    """Raises MisuseError if another member generates the same events.
-
-    Records of format 1 do not name the sender of an event.
-    """
-    for process in others:
-        for event in sorted(types.intersection(_generated(process))):
-            raise MisuseError(
-                f"swap {member}: {process.name} emits {event}, too, and the record"
-                " does not contain which process emitted which event"
-            )
 
 
 def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:

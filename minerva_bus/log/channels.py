@@ -44,11 +44,8 @@ TRANSFORMS: Final = "transforms"
 
 # New channels are appended: if all lists of channels in a file are damaged, a
 # reader takes the ids from this order.
-OWN: Final = (WORLD, KEYFRAME, FRAME, CHECKPOINT, SENSED, TIMING, LOG, MAP, INPUTS)
-"""Channels of every record, with the ids 1, 2, ... (format 1 has no `INPUTS`)."""
-
-FORMER: Final = {"minerva/string": KEYFRAME}
-"""Channels whose name was different in format 1."""
+OWN: Final = (WORLD, KEYFRAME, FRAME, CHECKPOINT, SENSED, TIMING, LOG, MAP, INPUTS, OPERATION)
+"""Channels of every record, with the ids 1, 2, ..."""
 
 NANO: Final = 1_000_000_000
 _LATEST: Final = (1 << 64) - 1

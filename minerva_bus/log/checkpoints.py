@@ -100,11 +100,11 @@ def decode_checkpoint(data: bytes, reader: Reader) -> Step:
     return Step(as_bool(complete, "whole"), new)
 
 
-def entry_items(data: bytes, count: int, *names: str) -> list[Any]:
-    """The items of an entry after its name, which is one of these. Raises ProtocolError."""
+def entry_items(data: bytes, count: int, name: str) -> list[Any]:
+    """The items of an entry after its name. Raises ProtocolError."""
     items = as_list(unpack(data, ON_DISK), "an entry")
-    if len(items) != count or items[0] not in names:
-        raise ProtocolError(f"{names[0]}: expected {count} items that begin with this name")
+    if len(items) != count or items[0] != name:
+        raise ProtocolError(f"{name}: expected {count} items that begin with this name")
     return items[1:]
 
 

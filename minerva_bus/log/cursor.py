@@ -60,7 +60,7 @@ class Cursor:
         self._topics = {c.FRAME}
         if state:
             self._topics |= {c.CHECKPOINT, c.KEYFRAME}
-        if inputs and record.has_inputs:
+        if inputs:
             self._topics.add(c.INPUTS)
         # A list, because None is a value that has been read: the end of the record.
         self._ahead: list[_Ahead | None] = []

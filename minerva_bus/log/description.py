@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
@@ -35,9 +35,6 @@ from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
 from minerva_bus.world.policy import Policy
 
-FORMATS: Final = (1, FORMAT)
-"""Formats that a reader of this version reads."""
-
 _LEAST: Final = -(1 << 63)
 
 
@@ -67,8 +64,8 @@ class Description:
     """A world, the text and path of its file, its options, and the versions it ran on.
 
     `rate`: frames per second; 0 means as fast as possible. `began`: nanoseconds since 1970.
-    `format`: version of the record's entries. `frame`: the frame that begins with the world's
-    string; not 0 in a record that lacks the frames before it.
+    `frame`: the frame that begins with the world's string; not 0 in a record that lacks the frames
+    before it.
     """
 
     world: World
@@ -78,7 +75,6 @@ class Description:
     versions: Mapping[str, str] = field(default_factory=versions)
     began: int = 0
     path: str = ""
-    format: int = FORMAT
     frame: int = 0
 
 
@@ -118,13 +114,13 @@ def decode_description(data: bytes) -> tuple[Description, bool]:
         items = as_list(unpack(data, ON_DISK), "a description")
         if len(items) != 3 or items[0] != "world":
             raise ProtocolError('a description is ["world", format, {...}]')
-        if items[1] not in FORMATS:
+        if items[1] != FORMAT:
             raise RecordError(
-                f"its format is {items[1]!r}; this version of Minerva Bus reads"
-                f" {' and '.join(map(str, FORMATS))}: read it with the version that wrote it"
+                f"its format is {items[1]!r}; this version of Minerva Bus reads {FORMAT}:"
+                " read it with the version that wrote it"
             )
         plain = as_map(items[2], "a description")
-        return replace(_description(plain), format=items[1]), plain["string"] is not None
+        return _description(plain), plain["string"] is not None
     except KeyError as missing:
         raise RecordError(f"its description lacks {missing}") from None
     except RecordError:
@@ -146,14 +142,13 @@ def _description(plain: Mapping[str, Any]) -> Description:
         policy=Policy(as_text(plain["policy"], "the policy")),
         frames=as_int(plain["frames"], "frames"),
         until=as_text(plain["until"], "until"),
-        # Records of earlier versions lack the items that have a default here.
-        give_up=as_text(plain.get("give_up", ""), "give_up"),
+        give_up=as_text(plain["give_up"], "give_up"),
         expected=frozenset(as_texts(plain["expected"], "expected")),
-        norms=read_norms(plain.get("norms", []), reader),
-        lag=read_lag(plain.get("lag")),
+        norms=read_norms(plain["norms"], reader),
+        lag=read_lag(plain["lag"]),
         speaks_for={
             name: as_texts(kinds, "speaks_for")
-            for name, kinds in as_map(plain.get("speaks_for", {}), "speaks_for").items()
+            for name, kinds in as_map(plain["speaks_for"], "speaks_for").items()
         },
     )
     return Description(
@@ -163,8 +158,8 @@ def _description(plain: Mapping[str, Any]) -> Description:
         _pairs(plain["options"], "an option"),
         _pairs(plain["versions"], "a version"),
         as_int(plain["began"], "the beginning"),
-        as_text(plain.get("path", ""), "the path"),
-        frame=as_int(plain.get("frame", 0), "the frame"),
+        as_text(plain["path"], "the path"),
+        frame=as_int(plain["frame"], "the frame"),
     )
 
 

@@ -19,7 +19,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.fragments import Layout
@@ -55,7 +54,7 @@ EventsBySource = Mapping[str, Sequence[AnyEvent]]
 class Keyframe:
     """Complete state before the frame `number`.
 
-    `checkpoint` is None in a record without checkpoints, and in a record of format 1.
+    `checkpoint` is None in a record without checkpoints.
     """
 
     number: int
@@ -115,18 +114,15 @@ class EntryDecoder:
         self._decoder = Decoder(vocabulary, ON_DISK)
 
     def keyframe(self, data: bytes) -> Keyframe:
-        """A keyframe, also one of a record of format 1 or a journal of format 2."""
-        items = _as_keyframe(unpacked(data))
-        if items[:1] != ["keyframe"] or len(items) != 5:
-            raise ProtocolError("a keyframe has 5 items and begins with its name")
-        _, number, scene, saved, views = items
+        """A keyframe from bytes."""
+        number, scene, saved, views = entry_items(data, 5, "keyframe")
         # A keyframe contains a whole checkpoint, so nothing before it is needed.
         checkpoint = None
         if saved:
             checkpoint = decode_checkpoint(as_bytes(saved, "a checkpoint"), self.reader).new
         decoded = [self._decoder.to_member(view) for view in as_list(views, "views")]
         return Keyframe(
-            _number(number) if checkpoint is None else checkpoint.frame,
+            _number(number),
             self.reader.scene(scene),
             checkpoint,
             [view for view in decoded if isinstance(view, m.ViewShown)],
@@ -142,8 +138,8 @@ class EntryDecoder:
         return RecordedFrame(_number(number), read, step, as_bytes(digest, "a digest"), seconds)
 
     def inputs(self, data: bytes) -> FrameInputs:
-        """The inputs of a frame; a journal of format 2 calls the entry `frame`."""
-        items = entry_items(data, 11, "inputs", "frame")
+        """The inputs of a frame."""
+        items = entry_items(data, 11, "inputs")
         number, due, ticked, taken, layout, replies, waiting, people, answers, left_out = items
         results = self._received(replies, "replies")
         return FrameInputs(
@@ -193,14 +189,6 @@ def entry_number(data: bytes) -> int:
 def unpacked(data: bytes) -> list[Any]:
     """The items of an entry. Raises ProtocolError."""
     return as_list(unpack(data, ON_DISK), "an entry")
-
-
-def _as_keyframe(items: list[Any]) -> list[Any]:
-    """Convert entries of earlier formats: a record's lacks a checkpoint, a journal's a number."""
-    if items[:1] != ["string"]:
-        return items
-    number = [] if len(items) == 3 else [None]
-    return ["keyframe", *number, *items[1:], *([b"", []] if len(items) == 3 else [])]
 
 
 def _layout(plain: Any) -> Layout:

@@ -42,9 +42,6 @@ from minerva_bus.outputs import replacing
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.vocabulary import plain_vocabulary
 
-FORMATS: Final = (2, FORMAT)
-"""Formats that a reader of this version reads."""
-
 REWRITE_RATIO: Final = 8
 """The journal is rewritten when its inputs are this many times as long as its keyframe."""
 

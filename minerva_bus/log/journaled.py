@@ -16,9 +16,16 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.input_files import read_bytes
 from minerva_bus.log.description import Description, decode_description
-from minerva_bus.log.entries import EntryDecoder, EventsBySource, Keyframe, entry_number, unpacked
+from minerva_bus.log.entries import (
+    FORMAT,
+    EntryDecoder,
+    EventsBySource,
+    Keyframe,
+    entry_number,
+    unpacked,
+)
 from minerva_bus.log.errors import RecordError
-from minerva_bus.log.journal import FORMATS, HEAD, key_of
+from minerva_bus.log.journal import HEAD, key_of
 from minerva_bus.outputs import is_stream
 from minerva_bus.wire.plain import as_int, as_map, as_number, as_text, as_texts, pack
 
@@ -161,7 +168,7 @@ def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled 
     if first is None or state is None:
         return None
     name, version, key, epoch = [*unpacked(first), None, None, None, None][:4]
-    if name != "begin" or version not in FORMATS:
+    if name != "begin" or version != FORMAT:
         raise RecordError(f"{path}: this version of Minerva Bus cannot read this journal")
     if key != key_of(world):
         raise RecordError(
@@ -183,7 +190,7 @@ def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled 
 def _take(entry: bytes, journaled: Journaled, decoder: EntryDecoder) -> None:
     items = unpacked(entry)
     kind = as_text(items[0], "an entry's name")
-    if kind in ("inputs", "frame"):
+    if kind == "inputs":
         journaled.inputs.append(decoder.inputs(entry))
         journaled.left = journaled.left and journaled.left - 1
         journaled.waiting = None

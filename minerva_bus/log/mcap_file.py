@@ -48,8 +48,6 @@ class McapFile:
         # Readers of damaged files rely on these ids, so they are registered first and in order.
         for topic in c.OWN:
             self.register(topic, c.SCHEMA_OF.get(topic, ""))
-        # After these, because a file of an earlier version has another channel in its place.
-        self.register(c.OPERATION, c.SCHEMA_OF[c.OPERATION])
 
     def __contains__(self, topic: str) -> bool:
         return topic in self._channels

@@ -98,11 +98,6 @@ class Record:
             return replace(description, world=replace(description.world, scene=scene))
         raise RecordError("its initial string is damaged")
 
-    @property
-    def has_inputs(self) -> bool:
-        """Whether it may contain the inputs of frames: earlier formats have a different channel."""
-        return self.description.format >= 3
-
     def losses(self) -> Losses:
         """Unusable parts. Reads all chunks, but decodes strings only after damage."""
         intact = self.intact(0, 0)
@@ -233,8 +228,7 @@ class Record:
         """
         # A checkpoint has the number of the frame after it, other messages that of their own frame.
         late = {c.CHECKPOINT: number, c.SENSED: number - 1, c.INPUTS: number - 1}
-        topics = {topic for topic in self._chunks.topics.values() if topic != c.INPUTS}
-        topics |= {c.INPUTS} if self.has_inputs else set()
+        topics = {*self._chunks.topics.values()}
         last = 0
         for topic, message, base in self.intact(0, 0).messages(topics):
             if message.sequence > late.get(topic, message.sequence):

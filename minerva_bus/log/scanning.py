@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from typing import IO, Final
 
-from minerva_bus.log.channels import FORMER
 from minerva_bus.log.errors import RecordError
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -280,7 +279,7 @@ def channels_in(data: bytes) -> Iterator[tuple[int, str]]:
             return  # Channels precede all messages.
         if opcode == CHANNEL:
             channel = Channel.read(ReadDataStream(BytesIO(data[begin:end])))
-            yield channel.id, FORMER.get(channel.topic, channel.topic)
+            yield channel.id, channel.topic
 
 
 def split(data: bytes) -> Iterator[tuple[int, int, int]]:
