@@ -1,4 +1,4 @@
-"""Access to a world from other machines: certificates, routers, audit and limits."""
+"""Access to a world from other machines: certificates, routers and limits."""
 
 from __future__ import annotations
 
@@ -34,13 +34,12 @@ class Access:
     """Admission of remote members, and limits for messages of all members.
 
     `keys` is the folder of certificates (None: remote members cannot join), `routers` are Zenoh
-    routers that the coordinator joins. `audit`: messages that Zenoh drops are logged and counted.
+    routers that the coordinator joins.
     """
 
     keys: Path | None = None
     routers: tuple[str, ...] = ()
     limits: Limits = DEFAULT
-    audit: bool = False
 
 
 def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
@@ -70,12 +69,7 @@ def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
             f"keys are for secured links, and {bus.listen} is not one;"
             " listen at tls/0.0.0.0:7447 (--listen)"
         )
-    if bus.audit and keys is None:
-        raise BusError(
-            "an audit is about members with keys: name their folder (--keys), and listen at"
-            " tls/0.0.0.0:7447 (--listen)"
-        )
-    return Access(keys, bus.connect, _limits(top.table("limits")), bus.audit)
+    return Access(keys, bus.connect, _limits(top.table("limits")))
 
 
 def _limits(table: Table) -> Limits:
@@ -101,7 +95,7 @@ def security(access: Access, world: str, started: Iterable[str] = ()) -> Securit
     _check_families(keys.rights(), started)
     # `rights` and `stamp` are functions, because certificates are issued and revoked while the
     # world runs.
-    return Security(own, local_endpoint(world), keys.rights, keys.stamp, access.audit)
+    return Security(own, local_endpoint(world), keys.rights, keys.stamp)
 
 
 def security_of_region(own: Credentials, world: str, region: str) -> Security:

@@ -13,13 +13,10 @@ from typing import Any, Final
 import zenoh
 
 from minerva_bus.errors import KeysError
-from minerva_bus.runtime import audit
 from minerva_bus.runtime.admission_rules import STRANGERS, AdmissionRules
 from minerva_bus.runtime.links import Linked, Links, cut, watched
-from minerva_bus.runtime.rejected_connections import LEVELS, RejectedConnection, rejections_in
 from minerva_bus.runtime.session import LOOPBACK, Secured, listening_at
 from minerva_bus.runtime.system import REAL, System
-from minerva_bus.runtime.zenoh_log import begin_logging, log_read
 from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import HUB, Credentials, Rights, rights_of
 from minerva_bus.wire.keys import COORDINATOR, Keys, is_name
@@ -34,16 +31,14 @@ NO_NAME: Final = "a member's name has up to 64 letters, digits and _ . ~ -"
 class Security:
     """Security of a world: its credentials, the known certificates and the local endpoint.
 
-    `stamp` changes when `rights` have to be read again; both may raise KeysError. With `audit`,
-    messages that Zenoh itself drops are counted, too. `unknown` says of a certificate why it has no
-    rights.
+    `stamp` changes when `rights` have to be read again; both may raise KeysError. `unknown` says of
+    a certificate why it has no rights.
     """
 
     own: Credentials
     local: str
     rights: Callable[[], Mapping[str, Rights]]
     stamp: Callable[[], object]
-    audit: bool = False
     unknown: str = "that was issued after the world began; it is valid from the next start on"
 
 
@@ -112,32 +107,15 @@ class Admission:
                 yield session, endpoint
             return
         secured = Secured(security.own, security.local, self._access(), self._filters())
-        # The log is redirected before the session opens, because threads of Zenoh write to it.
-        with self._log_read(security, put):
-            session, endpoint = self._open_hub(
-                COORDINATOR, where.listen, shared=shared, secured=secured, routers=routers
-            )
-            with session, watched(session, put) as self._links:
-                # `endpoint` is the Unix socket for this machine; other
-                # machines need the one they connect to.
-                self.listens_at = listening_at(session, where.listen)
-                self._log_admitted()
-                yield session, endpoint
-
-    @contextmanager
-    def _log_read(self, security: Security, put: Callable[[Any], None]) -> Generator[None]:
-        """Read rejected connections from Zenoh's log and, for an audit, dropped messages."""
-        rejections = rejections_in(put)
-        if not security.audit:
-            begin_logging(LEVELS)
-            with log_read(rejections):
-                yield
-            return
-        # Only an audit needs the level `trace`, which costs a line for each message.
-        begin_logging(LEVELS, audit.LEVELS)
-        audited = audit.Audit(put, self._keys.kind)
-        with log_read(lambda lines: rejections(audited.read(lines)), audit.POLL_SECONDS):
-            yield
+        session, endpoint = self._open_hub(
+            COORDINATOR, where.listen, shared=shared, secured=secured, routers=routers
+        )
+        with session, watched(session, put) as self._links:
+            # `endpoint` is the Unix socket for this machine; other
+            # machines need the one they connect to.
+            self.listens_at = listening_at(session, where.listen)
+            self._log_admitted()
+            yield session, endpoint
 
     def _access(self) -> Mapping[str, Any]:
         return access_control(self._keys, self._rights.values(), [LOCAL_KIND])
@@ -165,36 +143,18 @@ class Admission:
 
     # --- links and rejections ---
 
-    def notice(self, item: Linked | RejectedConnection | audit.Denials) -> None:
-        """Process a new link, a rejected connection, or messages that Zenoh dropped."""
-        if isinstance(item, audit.Denials):
-            for denied, times in item.times:
-                self.rules.count(denied.sender, times)
-                self._say_denied(denied)
-            return
-        if isinstance(item, RejectedConnection):
-            self.rules.count(STRANGERS)
-            self._say_once(STRANGERS, f"a connection was rejected: the other side {item.reason}")
-            return
-        name = item.name
+    def notice(self, linked: Linked) -> None:
+        """Process a new link."""
+        name = linked.name
         # TLS accepts every certificate of the authority, but Zenoh's rules do not mention this one.
         # The member would be connected and receive nothing, without knowing why.
         if name not in self._known:
             security = self._where.security
             unknown = "" if security is None else security.unknown
             self.rules.count(name)
-            self._say_once(name, f"connected from {item.address} with a certificate {unknown}")
+            self._say_once(name, f"connected from {linked.address} with a certificate {unknown}")
         elif self._rights[name].revoked:
-            self._cut(item)
-
-    def _say_denied(self, denied: audit.Denied) -> None:
-        """Log the first drop of each operation and kind of key; the number of keys is unlimited."""
-        if denied.operation == audit.TOO_LARGE:
-            why = f"more than {self._limits.message_bytes} bytes, which is too large ([limits])"
-        else:
-            why = "which its certificate does not allow: Zenoh drops it"
-        text = f"{denied.operation} {denied.key}, {why}"
-        self._say_once(denied.sender, text, f"{denied.operation} {self._keys.kind(denied.key)}")
+            self._cut(linked)
 
     def keeps_out(self, member: str) -> bool:
         """Whether all messages of a member are ignored; each is counted."""
@@ -287,14 +247,14 @@ class Admission:
     def _linked(self, name: str) -> Sequence[Linked]:
         return self._links.of(name) if self._links is not None else ()
 
-    def _say_once(self, who: str, text: str, same: str = "") -> None:
-        """Log a text once per member or family; `same` identifies it, by default the text itself.
+    def _say_once(self, who: str, text: str) -> None:
+        """Log a text once per member or family.
 
         Addresses and the names of a family's members do not count as differences.
         """
         rights = rights_of(who, self._rights)
         known = who if rights is None else rights.name
-        what = (known, same or re.sub(r"from \S+", "", text).replace(who, known))
+        what = (known, re.sub(r"from \S+", "", text).replace(who, known))
         if what not in self._logged:
             self._logged.add(what)
             self._say(who, text)

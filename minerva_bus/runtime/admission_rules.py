@@ -102,10 +102,10 @@ class AdmissionRules:
         of_strangers = min(limits.messages, limits.stranger_messages)
         self._full_of_strangers = {**self._full, _MESSAGES: of_strangers}
 
-    def count(self, who: str, times: int = 1) -> None:
-        """Count rejections of a sender."""
+    def count(self, who: str) -> None:
+        """Count a rejection of a sender."""
         known = who in self.refused or len(self.refused) < MAX_NAMES
-        self.refused[who if known else STRANGERS] += times
+        self.refused[who if known else STRANGERS] += 1
 
     def counts(self) -> dict[str, int]:
         """The number of rejections by name."""

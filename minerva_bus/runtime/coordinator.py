@@ -19,7 +19,6 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
-from minerva_bus.runtime.audit import Denials
 from minerva_bus.runtime.control import COMMANDS
 from minerva_bus.runtime.direct import DirectTransport, JointTransport
 from minerva_bus.runtime.inbox import HubInbox, Question, TimerTick
@@ -30,7 +29,6 @@ from minerva_bus.runtime.monitor import STATUS_EVERY, Monitor
 from minerva_bus.runtime.operated import Command, Operated
 from minerva_bus.runtime.presence import Successor, presence, successor
 from minerva_bus.runtime.receiver import Receiver
-from minerva_bus.runtime.rejected_connections import RejectedConnection
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter
@@ -158,8 +156,6 @@ class Coordinator(Sink):
             LocalQuestion: self._answers.answer_local,
             Successor: self._compare_epochs,
             Linked: self.admission.notice,
-            RejectedConnection: self.admission.notice,
-            Denials: self.admission.notice,
             type(None): lambda _: None,
         }
 

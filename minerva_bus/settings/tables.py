@@ -213,12 +213,6 @@ class BusSettings:
         " folder.",
         form="folder",
     )
-    audit: bool = _bus(
-        False,
-        "With --keys: log and count the messages that Zenoh drops.",
-        option="audit",
-        more="See [security.md](security.md#audit).",
-    )
     connect: tuple[str, ...] = _bus(
         (),
         "Join a Zenoh router, tls/HOST:PORT; may be repeated.",

@@ -34,10 +34,6 @@ ROOT = "minerva"
 COORDINATOR = "coordinator"
 ANY_WORLD = "*"
 LINK = "link"
-_KINDS = frozenset(
-    {"to", "all", "tick", "evolve", "from", "view", "topic", "alive", "claim", "epoch", "record",
-     "control", "ask", "parcel", LINK}
-)  # fmt: skip
 
 
 @lru_cache(4096)  # The name in the key of each message is checked, and the names recur.
@@ -73,8 +69,7 @@ class Keys:
     def kind(self, key: str) -> str:
         """The part of a key after the world, such as `from`; empty for keys of other worlds."""
         root, world, kind, *_ = [*key.split("/", 3), "", ""]
-        # Keys of rejected messages may contain anything; only known kinds are counted separately.
-        return kind if (root, world) == (ROOT, self.world) and kind in _KINDS else ""
+        return kind if (root, world) == (ROOT, self.world) else ""
 
     @property
     def all(self) -> str:

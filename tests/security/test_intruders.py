@@ -1,6 +1,7 @@
 """Attacks on a real world by real sessions that request more than they are allowed.
 
-All attempts are rejected, reported with a name and a reason, and counted; no frame is affected.
+All attempts are rejected, and no frame is affected. What the coordinator itself rejects is reported
+with a name and a reason, and counted.
 """
 
 import socket
@@ -105,27 +106,24 @@ def knock(door, folder=None, name="", trust=None):
 
 
 @pytest.mark.parametrize(
-    ("folder", "name", "alert", "said"),
+    ("folder", "name", "alert"),
     [
-        (None, "", "CERTIFICATE_REQUIRED", "had no certificate"),
-        ("keys", "expired", "CERTIFICATE_EXPIRED", "has expired"),
-        ("foreign", "sensor", "DECRYPT_ERROR|UNKNOWN_CA", "of another authority"),
+        (None, "", "CERTIFICATE_REQUIRED"),
+        ("keys", "expired", "CERTIFICATE_EXPIRED"),
+        ("foreign", "sensor", "DECRYPT_ERROR|UNKNOWN_CA"),
     ],
 )
-def test_no_link_without_a_valid_certificate(world, door, folder, name, alert, said):
-    before = refused(world, "strangers")
+def test_no_link_without_a_valid_certificate(world, door, folder, name, alert):
     with pytest.raises(ssl.SSLError) as error:
         knock(door, folder and world.folder / folder, name)
     assert error.value.reason.split("ALERT_")[1] in alert.split("|")
-    world.says("strangers │ a connection was rejected", said)
-    eventually(lambda: refused(world, "strangers") > before, "it is counted")
     goes_on(world)
 
 
 def test_plain_tcp_at_the_secured_door_is_no_way_in(world, door):
     with pytest.raises(BusError, match="speaks TLS: connect to tls/"):
         open_client("plain", door.replace("tls/", "tcp/"), 1.0)
-    world.says("strangers │ a connection was rejected", "did not speak TLS")
+    goes_on(world)
 
 
 def test_a_revoked_member_is_cut_off_and_receives_nothing(world, door, keys):

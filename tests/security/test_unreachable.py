@@ -12,7 +12,6 @@ from running import here
 from secured import stolen
 
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.rejected_connections import NOTHING, reason_in
 from minerva_bus.runtime.session import Secured, listening_at, open_client, open_hub
 from minerva_bus.security.access import access_control
 from minerva_bus.security.certificates import Wanted, now
@@ -113,23 +112,6 @@ def test_a_port_in_use(hub, keys):
 def test_an_address_of_another_machine_cannot_be_listened_at(host):
     with pytest.raises(BusError, match=r"cannot listen at \S+: .*; choose an address of this mach"):
         open_hub("hub", f"tcp/{host}:7447")
-
-
-@pytest.mark.parametrize(
-    ("log", "reason"),
-    [
-        (b"2026 WARN acc-0 zenoh_link_tls::unicast: peer sent no certificates. Hint: x.\n",
-         "had no certificate"),
-        (b"\x1b[2m2026\x1b[0m \x1b[33m WARN\x1b[0m rx-1 \x1b[2mzenoh_link_tls::unicast\x1b[0m"
-         b"\x1b[2m:\x1b[0m received fatal alert: DecryptError. Hint: x.\n",
-         "knew another authority than this world's"),
-        (b"2026 WARN a zenoh_link_tls::unicast: tls handshake eof. Hint: x.\n", NOTHING),
-        (b"2026 WARN a zenoh_link_tls::unicast: something new. Hint: x.\n", "something new"),
-        (b"frame 3: a line of somebody else's\n", ""),
-    ],
-)  # fmt: skip
-def test_zenoh_s_log_lines_about_it(log, reason):
-    assert reason_in(log) == reason
 
 
 @pytest.mark.parametrize(

@@ -73,9 +73,7 @@ def recover(
 @grouped
 def replay(
     context: typer.Context,
-    overrides: Annotated[
-        Overrides, Takes("view", "name", "listen", "connect", "keys", "insecure", "audit")
-    ],
+    overrides: Annotated[Overrides, Takes("view", "name", "listen", "connect", "keys", "insecure")],
     file: Record,
     world: MovedWorld = "",
     begin: Annotated[int, typer.Option("--from", help="Start at this frame.")] = 0,

@@ -36,7 +36,7 @@ def run(
         Takes(
             *("seed", "rate", "frames", "view", "set_", "name", "until", "compiled"),
             *("record", "record_topics", "flush", "durable", "journal", "collect", "into"),
-            *("listen", "connect", "keys", "insecure", "audit", "coordinator_only"),
+            *("listen", "connect", "keys", "insecure", "coordinator_only"),
             *("metrics", "log_format", "processes", "regions"),
         ),
     ],
