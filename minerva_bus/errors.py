@@ -233,6 +233,10 @@ def _locate(text: str, offset: int) -> tuple[int, int, str]:
     return text.count("\n", 0, offset) + 1, at + 1, f"\n  {left}{shown}{right}\n  {caret}"
 
 
+class DamagedRecordWarning(UserWarning):
+    """Data of a record are lost, and its reader went on with the rest."""
+
+
 _COMPARED = 100
 """Words that `nearest` compares; of more, those that follow or precede the word in sorted order."""
 _COMPARED_CHARS = 64

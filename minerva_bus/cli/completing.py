@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -49,7 +50,9 @@ def completer(find: Callable[[typer.Context, str], Choices]) -> Completer:
         # Ends the process, whatever it waits for; nothing has been printed by then.
         signal.alarm(ANSWER_SECONDS)
         try:
-            choices = list(find(ctx, incomplete))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                choices = list(find(ctx, incomplete))
         except Exception:
             # A message would appear in the middle of the command line.
             return []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from minerva_bus.acl.exchanges import Exchange, check_drawable, exchange_of
-from minerva_bus.cli.output import print_damage, print_json, print_result
+from minerva_bus.cli.output import print_json, print_result
 from minerva_bus.errors import MinervaError
 from minerva_bus.log.reader import Record
 from minerva_bus.outputs import check_output, write_output
@@ -21,7 +21,6 @@ def show_conversation(file: Path, conversation: str, output: Path | None, as_jso
     if output is not None:
         check_output(output, "conversation")
     with Record(file) as record:
-        print_damage(record)
         exchange = exchange_of(record, conversation)
         if output is not None or not as_json:
             check_drawable(record, exchange)

@@ -74,6 +74,8 @@ class Verdict:
             return [*self.error.split("\n"), *omitted]
         if self.difference.same:
             return [f"the same in both runs: {counted(self.difference.frames, 'frame')}", *omitted]
+        if self.difference.frame is None and not self.difference.frames:
+            return [*self.difference.lines(), *omitted]
         sides = [f"  {side}: {layout.name}" for side, layout in zip("AB", LAYOUTS, strict=True)]
         return ["two runs differ", *sides, *self.difference.lines(), *omitted, *ADVICE]
 

@@ -31,7 +31,13 @@ from minerva_bus.cli.commands import (
 )
 from minerva_bus.cli.options import examples_of
 from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
-from minerva_bus.cli.output import INTERRUPTED, WRONG, print_error, print_result
+from minerva_bus.cli.output import (
+    INTERRUPTED,
+    WRONG,
+    print_error,
+    print_result,
+    printing_damage,
+)
 from minerva_bus.cli.promised import promised
 from minerva_bus.cli.shells import Group, adapted
 from minerva_bus.cli.world_first import WorldFirstCommand
@@ -203,7 +209,7 @@ def _run() -> None:
         # next.
         forget_inputs()
         report_threads()
-        with adapted(), promised(sys.argv[1:]):
+        with adapted(), promised(sys.argv[1:]), printing_damage():
             _refuse_null_characters(sys.argv[1:])
             app()
     except MinervaError as error:

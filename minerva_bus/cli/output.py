@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from pathlib import Path
+from typing import Any, Final, Protocol
 
-if TYPE_CHECKING:
-    from minerva_bus.log.reader import Record
+import typer
+
+from minerva_bus.errors import DamagedRecordWarning
 
 FAILED: Final = 1
 """A check or a world failed."""
@@ -106,10 +110,37 @@ def print_message(text: str) -> None:
     print(text, file=sys.stderr, flush=True)  # noqa: T201
 
 
-def print_damage(record: Record) -> None:
-    """Print what is lost of a damaged record, whose intact frames a command uses."""
-    if message := record.losses().message(record.path):
-        print_message(message)
+@contextmanager
+def printing_damage() -> Generator[None]:
+    """Print the warnings about damaged records as messages, each once."""
+    printed: set[str] = set()
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def show_damage(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+            if not issubclass(category, DamagedRecordWarning):
+                show(message, category, *rest)
+            elif str(message) not in printed:
+                printed.add(str(message))
+                print_message(str(message))
+
+        warnings.simplefilter("always", DamagedRecordWarning)
+        warnings.showwarning = show_damage
+        yield
+
+
+@contextmanager
+def checking(file: Path) -> Generator[None]:
+    """Let a check of a record fail, not its command, if the file cannot be read to its end."""
+    from minerva_bus.log.errors import RecordError
+
+    try:
+        yield
+    except RecordError as error:
+        if not file.exists():  # Wrong input: nothing was checked.
+            raise
+        print_error(str(error))
+        raise typer.Exit(FAILED) from error
 
 
 def print_error(text: str) -> None:

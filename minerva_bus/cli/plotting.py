@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.api.exporting import export, read_plans
-from minerva_bus.cli.output import Done, print_answer, print_damage
+from minerva_bus.cli.output import Done, print_answer
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.collect.reading import read_table
@@ -47,7 +47,6 @@ def plot_file(
         raise MisuseError("--series, --x and --bars need a table, or a record with --collect")
     else:
         with Record(file) as record:
-            print_damage(record)
             plot(record, into)
     print_answer(Done(str(into), {"picture": str(into)}), as_json)
 
@@ -55,7 +54,6 @@ def plot_file(
 def _plot_collected(file: Path, into: Path, collect: tuple[str, ...], options: PlotOptions) -> None:
     entries = parse_entries(collect)
     with Record(file) as record:
-        print_damage(record)
         vocabulary = record.description.world.vocabulary
     plans = read_plans(entries, vocabulary, option="--collect")
     if len(plans) > 1:

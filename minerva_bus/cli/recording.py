@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 from minerva_bus.api.records import diff
-from minerva_bus.cli.output import Done, print_answer, print_damage, print_result
+from minerva_bus.cli.output import FAILED, Done, checking, print_answer, print_message, print_result
 from minerva_bus.collect.parts import read_parts
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.info import info_of
 from minerva_bus.log.looking import frames_after, moment_of, written
 from minerva_bus.log.reader import Record
 from minerva_bus.log.recovering import recover, recovered_name
+from minerva_bus.wording import counted
 
 
-def show_info(file: Path, check: bool, as_json: bool) -> None:
-    """Print the contents of a record. Raises RecordError."""
-    with Record(file) as record:
+def show_info(file: Path, check: bool, as_json: bool) -> int:
+    """Print the contents of a record; returns the exit code. Raises RecordError."""
+    with checking(file) if check else nullcontext(), Record(file) as record:
         info = info_of(record, check)
     print_answer(info, as_json)
+    if not check or info.checked:
+        return 0
+    right = f"the digests of {counted(info.frames, 'frame')} are right, but the file is damaged"
+    print_message(f"minerva: {file}: {right if info.frames else 'there is no frame to check'}")
+    return FAILED
 
 
 def show_moment(file: Path, frame: int | None, string: bool, as_json: bool) -> None:
@@ -45,7 +52,6 @@ def show_difference(a: Path, b: Path, as_json: bool) -> int:
 def show_frames(file: Path, begin: int, as_json: bool) -> None:
     """Print each frame of a record from one on; no code is run. Raises RecordError."""
     with Record(file) as record:
-        print_damage(record)
         for done in frames_after(record, begin):
             print_result(json.dumps(done.plain()) if as_json else "\n".join(done.lines()))
 

@@ -8,7 +8,14 @@ from pathlib import Path
 import typer
 
 from minerva_bus.api.records import replay, replay_swapped
-from minerva_bus.cli.output import FAILED, INTERRUPTED, print_answer, print_message, print_result
+from minerva_bus.cli.output import (
+    FAILED,
+    INTERRUPTED,
+    checking,
+    print_answer,
+    print_message,
+    print_result,
+)
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
@@ -48,7 +55,7 @@ def recompute_record(path: Path, world: str, as_json: bool) -> int:
 
     Raises RecordError and WorldFileError, and ActivityError if user code raises.
     """
-    with progress_bar("recompute") as report:
+    with checking(path), progress_bar("recompute") as report:
         result = replay(path, world, report)
     if result.same and not as_json:
         print_result(f"the same: all {result.frames:,} recomputed frames match the record")

@@ -58,6 +58,10 @@ class RunRecord:
                     raise RecordError(f"{origin}: it is the record of another world: {what}")
                 self._next = past.end()[0].frame
                 description = _continued(past.description, file)
+                # A resumed run has reported it when it was read.
+                past.reported = True
+                if again and (damage := past.damage()):
+                    log(damage)
                 # The new record contains everything of the killed coordinator's, so that is not
                 # kept; a copy could overwrite the one that the user has of an earlier run.
                 self._record(file, description, past, keep_old=not again)

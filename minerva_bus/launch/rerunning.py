@@ -106,6 +106,12 @@ class Rerun:
             raise MinervaError(f"it waits for {awaited}")
         return True
 
+    def result(self) -> Difference:
+        """The first difference; if there is none, what of the record could not be compared."""
+        damage = self._record.damage()
+        frames = self.algorithm.frame
+        return self.difference or Difference(None, frames, damage=(damage,) if damage else ())
+
     def compare(self, notice: Notice) -> None:
         """Compare digest, events, and the events that agents sent for the next frame."""
         frame, cursor = self._cursor.ahead, self._cursor
@@ -147,7 +153,7 @@ def recompute(record: Record, kinds: Kinds, progress: Callable[[int], None]) -> 
     runner.start()
     while rerun.difference is None and rerun.step(runner):
         progress(algorithm.frame)
-    return rerun.difference or Difference(None, algorithm.frame)
+    return rerun.result()
 
 
 def _deliver_without_views(

@@ -102,7 +102,8 @@ def toward(checkpoint: Checkpoint, world: World, recorded: World) -> Checkpoint:
 
 
 def damage_of(record: Record) -> Iterator[str]:
-    """Messages about the damage of a record and the frames lost."""
+    """Messages about the damage of a record and the frames lost, which the caller reports."""
+    record.reported = True
     if message := record.losses().message(record.path):
         yield message
 

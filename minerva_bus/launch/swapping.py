@@ -240,7 +240,7 @@ def _run(
         raise MinervaError(problems[0])
     ended = runner.ended
     return Swapped(
-        rerun.difference or Difference(None, algorithm.frame),
+        rerun.result(),
         algorithm.frame,
         algorithm.scene.digest.hex(),
         ended.reason if ended is not None else "",

@@ -147,6 +147,8 @@ class Chunks:
         # With the index, only chunks that are listed and were not found are lost.
         lay = self._summary.channels.keys() - {*begins} if self.indexed else self._damage.keys()
         self._torn = {bisect(begins, at) for at in lay}
+        if scanned.complete and not self.indexed:
+            self._note(Damage(scanned.end, self.size, "its summary is wrong"))
         self.topics = self._topics()
 
     def _check_beginning(self) -> None:

@@ -55,7 +55,7 @@ class Difference:
 
     `before`: differences before the first frame. `ended`: the record that continues after the
     end of the other. `only_a`, `only_b`: events of the frame that only one record has. `sides`:
-    names of the two records.
+    names of the two records. `damage`: what of them could not be compared.
     """
 
     frame: int | None
@@ -67,11 +67,12 @@ class Difference:
     changes: tuple[AttributeDifference, ...] = ()
     more: int = 0
     sides: tuple[str, str] = ("A", "B")
+    damage: tuple[str, ...] = ()
 
     @property
     def same(self) -> bool:
-        """Whether all frames are the same."""
-        return self.frame is None and not self.ended
+        """Whether there are frames, all could be compared, and all are the same."""
+        return self.frame is None and not self.ended and not self.damage and self.frames > 0
 
     def plain(self) -> dict[str, Any]:
         """As a JSON object."""
@@ -84,13 +85,14 @@ class Difference:
             "events": {"a": list(self.only_a), "b": list(self.only_b)},
             "changes": [change.plain() for change in self.changes],
             "more": self.more,
+            "damage": list(self.damage),
         }
 
     def lines(self) -> list[str]:
         """As lines of text."""
         shown = [f"before the first frame: {text}" for text in self.before]
         if self.frame is None:
-            return [*shown, self.ended or f"the same: {counted(self.frames, 'frame')}"]
+            return [*shown, self._ending()]
         shown.append(f"frame {self.frame} is the first that differs")
         for side, events in zip(self.sides, (self.only_a, self.only_b), strict=True):
             shown += _listed(f"events of {side} alone", events)
@@ -99,6 +101,14 @@ class Difference:
         if self.more:
             shown.append(f"  and {self.more:,} more differences")
         return shown
+
+    def _ending(self) -> str:
+        """The result if no frame differs."""
+        if not self.frames:
+            return self.ended or "nothing was compared: there is no frame"
+        if self.damage:
+            return f"the same for {counted(self.frames, 'frame')}, as far as the records are intact"
+        return self.ended or f"the same: {counted(self.frames, 'frame')}"
 
 
 def _listed(title: str, texts: Sequence[str]) -> list[str]:
@@ -123,14 +133,19 @@ def compare(a: Record, b: Record) -> Difference:
     count = 0
     for in_a, in_b in zip_longest(a.frames(), b.frames()):
         if in_a is None or in_b is None:
-            return Difference(None, count, before, _ended(in_a, count))
+            ended = _ended(in_a, count)
+            return Difference(None, count, before, ended, damage=_damage(a, b))
         same = in_a.number == in_b.number and in_a.digest == in_b.digest
         # Digests are first, because they are compared without decoding strings. Events are
         # compared as well: different events may lead to the same string.
         if not same or not same_events(in_a.events, in_b.events):
             return _apart(a, b, in_a, in_b, count, before)
         count += 1
-    return Difference(None, count, before)
+    return Difference(None, count, before, damage=_damage(a, b))
+
+
+def _damage(*records: Record) -> tuple[str, ...]:
+    return tuple([message for record in records if (message := record.damage())])
 
 
 def _before(a: Record, b: Record) -> Iterator[str]:

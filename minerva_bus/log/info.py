@@ -25,8 +25,8 @@ class Info:
 
     `seconds`: world time. `wall_seconds`: time by the clock. `missing`: frames that were not
     recorded. `topics`: readings by topic. `dropped`: messages on topics that were not recorded.
-    `first_agents`, `last_agents`: agents by kind. `broken`: violations by norm. `checked`: all
-    digests were compared. `losses`: damage.
+    `first_agents`, `last_agents`: agents by kind. `broken`: violations by norm. `checked`: there
+    are frames, none is damaged, and all digests are right. `losses`: damage.
     """
 
     world: str
@@ -109,6 +109,7 @@ def info_of(record: Record, check: bool = False) -> Info:
         count, last = count + 1, frame
         events.update(_counted(frame))
     topics, dropped = _sensed(record)
+    losses = record.losses()
     reached = last.number + 1 if last is not None else 0
     return Info(
         world=world.name,
@@ -132,8 +133,8 @@ def info_of(record: Record, check: bool = False) -> Info:
         timings=_means(record.timings()),
         options=record.description.options,
         versions=record.description.versions,
-        checked=check,
-        losses=record.losses(),
+        checked=check and count > 0 and not losses.damage,
+        losses=losses,
     )
 
 

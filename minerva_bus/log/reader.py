@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Collection, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Self, cast
 
-from minerva_bus.errors import MinervaError, ProtocolError
+from minerva_bus.errors import DamagedRecordWarning, MinervaError, ProtocolError
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.frame.messages import Readings
@@ -49,8 +50,10 @@ class Record:
                 ...
 
     `description`: the world, its file and options. `complete`: the run ended normally; otherwise
-    the record has everything up to the last flush. Damaged parts are skipped, and `losses` lists
-    them. Raises RecordError here and in all methods.
+    the record has everything up to the last flush. Damaged parts are skipped: `losses` lists all
+    of them, and at the end the context manager warns of those that it met, with a
+    DamagedRecordWarning. A reader that reports `damage` itself sets `reported`. Raises RecordError
+    here and in all methods.
     """
 
     def __init__(self, path: Path) -> None:
@@ -58,6 +61,7 @@ class Record:
         self._chunks = Chunks(path)
         self.complete = self._chunks.complete
         self.size = self._chunks.size
+        self.reported: bool = False
         self._count = len(self._chunks.places)
         try:
             self.description = self._description()
@@ -72,7 +76,11 @@ class Record:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        try:
+            if not self.reported and (message := self.damage()):
+                warnings.warn(message, DamagedRecordWarning, stacklevel=2)
+        finally:
+            self.close()
 
     def close(self) -> None:
         """Close the file."""
@@ -106,6 +114,11 @@ class Record:
         open_from = intact.reached if intact.open else None
         damage, cut = tuple(self._chunks.damage), self._chunks.cut
         return Losses(damage, cut, tuple(intact.lost), open_from)
+
+    def damage(self) -> str:
+        """What is damaged and lost, in one line; empty if nothing read so far is damaged."""
+        # Reads the other chunks only after damage, so that intact records cost nothing.
+        return self.losses().message(self.path) if self._chunks.damage else ""
 
     # --- frames and strings ---
 

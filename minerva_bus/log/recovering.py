@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.log.errors import RecordError
 from minerva_bus.log.losses import Losses
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
@@ -30,11 +31,10 @@ class Recovered:
         """The result as lines of text."""
         losses = self.losses
         shown = [f"{self.path}: {counted(self.frames, 'frame')}"]
-        if losses.damage:
-            shown += [f"damaged: {losses.damaged}", f"lost: {losses.frames}"]
-        elif losses.cut:
+        # The reader warns of damage.
+        if losses.cut and not losses.damage:
             shown.append(f"cut off: its last {losses.cut:,} bytes belong to no complete chunk")
-        else:
+        elif not losses.damage:
             shown.append("nothing was damaged")
         return shown
 
@@ -47,12 +47,14 @@ def recovered_name(path: Path) -> Path:
 def recover(path: Path, into: Path) -> Recovered:
     """Copy the intact parts of a record to a new, complete record.
 
-    Raises RecordError if nothing is usable, and MisuseError if the file exists or cannot be
+    Raises RecordError if no frame is intact, and MisuseError if the file exists or cannot be
     written.
     """
     with Record(path) as record:
         check_new(into, "record")
         losses = record.losses()
+        if losses.damage and next(record.frames(), None) is None:
+            raise RecordError(f"{path}: no frame in it is intact")
         try:
             # A recovery that fails leaves no half-written record.
             with replacing(into) as stream:

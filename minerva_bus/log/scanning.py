@@ -85,13 +85,15 @@ class Damage:
 class ScannedFile:
     """Result of a scan: chunks in order, and the damage between them.
 
-    `complete`: the end of the data was scanned. Otherwise `cut` bytes at the end are not part of
-    a complete record. `header`: body of the first record.
+    `complete`: the end of the data was scanned, after which there is only a summary, at byte
+    `end`. Otherwise `cut` bytes at the end are not part of a complete record. `header`: body of
+    the first record.
     """
 
     places: list[ChunkLocation] = field(default_factory=list[ChunkLocation])
     damage: list[Damage] = field(default_factory=list[Damage])
     complete: bool = False
+    end: int = 0
     cut: int = 0
     header: bytes = b""
 
@@ -120,6 +122,7 @@ def scan(file: IO[bytes], size: int) -> ScannedFile:
             scanned.header = head.body
         scanned.complete = head.opcode == _DATA_END
         at = head.end
+    scanned.end = at
     return scanned
 
 

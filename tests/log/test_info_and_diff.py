@@ -6,12 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+import typer
 
 from minerva_bus.cli.recording import show_difference, show_info
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.log.entries import encode_frame
-from minerva_bus.log.errors import RecordError
 from minerva_bus.log.writer import RecordWriter
 from minerva_bus.world.operator import PersonOperation
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
@@ -88,7 +88,7 @@ def test_info_lists_what_people_did(tmp_path, capsys):
     assert "operated    step by anna ×2, pause by people" in capsys.readouterr().out
 
 
-def test_info_checks(tmp_path, monkeypatch):
+def test_info_checks(tmp_path, monkeypatch, capsys):
     file, frames = happened("meadow")
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))
@@ -97,8 +97,10 @@ def test_info_checks(tmp_path, monkeypatch):
     writer.frame(*frames[0], 0.0, {})
     writer.finish()
     path, _ = files(tmp_path, stream.getvalue())
-    with pytest.raises(RecordError, match="the digest of the string after frame 0 is"):
+    with pytest.raises(typer.Exit) as ended:
         show_info(path, check=True, as_json=False)
+    assert ended.value.exit_code == 1
+    assert "the digest of the string after frame 0 is" in capsys.readouterr().err
 
 
 def test_two_records_of_one_run_are_the_same(tmp_path, capsys):

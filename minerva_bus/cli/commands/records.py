@@ -34,13 +34,16 @@ def info(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Show the contents of a record, or one of its frames."""
+    """Show the contents of a record, or one of its frames.
+
+    The exit code of --check is 1 if a digest is wrong, or not all frames could be checked.
+    """
     from minerva_bus.cli.recording import show_info, show_moment
 
     if string or frame is not None:
         show_moment(file, frame, string, json)
     else:
-        show_info(file, check, json)
+        raise typer.Exit(show_info(file, check, json))
 
 
 @examples(
