@@ -51,12 +51,13 @@ class Compensator:
     def add(self, recorded: Recorded) -> list[Recorded]:
         """Add a reading; returns the readings that are complete, in order of arrival."""
         reading = recorded.reading
+        ready: list[Recorded] = []
         if isinstance(reading, Scan) and self._offset:
             recorded = replace(recorded, reading=replace(reading, time=reading.time + self._offset))
         elif isinstance(reading, Odometry) and recorded.topic not in (POSE, CORRECTION):
-            self._moved(recorded.topic, reading)
+            ready = self._moved(recorded.topic, reading)
         self._held.append(recorded)
-        return self._ready(recorded.stamp)
+        return [*ready, *self._ready(recorded.stamp)]
 
     def rest(self) -> list[Recorded]:
         """The readings that are still delayed."""
@@ -64,17 +65,21 @@ class Compensator:
         self._held.clear()
         return rest
 
-    def _moved(self, topic: str, odometry: Odometry) -> None:
+    def _moved(self, topic: str, odometry: Odometry) -> list[Recorded]:
+        """Add odometry; returns the readings that nothing later can complete."""
+        ready: list[Recorded] = []
         self._topic = self._topic or topic
         # Two sources of odometry have different origins; a path must not switch between them.
         if topic != self._topic:
-            return
+            return ready
         # The sensor's clock was set back: older readings are of another time scale.
         if self._odometry and odometry.time < self._odometry[-1].time:
+            ready = self.rest()
             self._odometry.clear()
         # Interpolation divides by the difference of neighbouring times.
         if not self._odometry or odometry.time > self._odometry[-1].time:
             self._odometry.append(odometry)
+        return ready
 
     def _ready(self, now: float) -> list[Recorded]:
         ready: list[Recorded] = []

@@ -241,7 +241,11 @@ def test_the_intel_log_is_read_as_it_is_written(intel):
         "pose": 910,
         "odometry": 13700,
     }
-    assert Counter(what for what, _ in passed) == {"lines without a time": 841}
+    # 69 lines of odometry have damaged times, such as 1.08e-42.
+    assert Counter(what for what, _ in passed) == {
+        "lines without a time": 841,
+        "clock steps back": 69,
+    }
     assert len(scans) == 910
     assert len(wheels) == 13700
     read = [message.reading for message in said if isinstance(message.reading, Scan)]

@@ -109,6 +109,37 @@ def test_midnight_does_not_turn_time_back_and_a_clock_that_jumps_is_followed(cab
     assert [fix.time for fix in fixes] == [86399.0, 86401.0, 86400.5, 90000.0]
 
 
+def fix_times(*times):
+    receiver = Nmea("/dev/null")
+    return [receiver._position(read_fix(gga(time)))[1].time for time in times]
+
+
+def test_a_late_sentence_after_midnight_is_of_the_day_before():
+    times = fix_times("235959.80", "000000.00", "235959.90", "000000.20")
+    assert times == pytest.approx([86399.8, 86400.0, 86399.9, 86400.2])
+    assert fix_times("000000.10", "235959.90", "000000.30") == pytest.approx([0.1, -0.1, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("times", "seconds"),
+    [
+        (("200000.00", "100000.00"), [72000.0, 122400.0]),
+        (("100000.00", "230000.00", "103000.00"), [36000.0, 82800.0, 124200.0]),
+        (("120000.00", "111500.00", "120000.00"), [43200.0, 40500.0, 43200.0]),
+    ],
+)
+def test_after_a_gap_of_hours_time_does_not_go_back(times, seconds):
+    assert fix_times(*times) == seconds
+
+
+def test_a_clock_that_is_set_back_is_reported_with_its_size_and_place(cable, capsys):
+    report, fixes = positions(cable, gga("120000.00"), gga("115950.00"), gga("115951.00"))
+    assert [fix.time for fix in fixes] == [43200.0, 43190.0, 43191.0]
+    assert report["clock steps back"] == 1
+    line = f"the receiver at {cable.path}: the clock steps back by 10.0 s, to 43190.0 s"
+    assert line in capsys.readouterr().out
+
+
 def test_a_sentence_may_arrive_in_parts_and_inside_another(cable):
     with RunningBridge(Nmea(port=str(cable.path))) as runs:
         runs.wait_for(lambda: runs.state == "open", "it is open")

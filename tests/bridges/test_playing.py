@@ -85,7 +85,9 @@ def played(tape, pace, most=100):
         ([1.0, 2.0, 1.5, 2.25], 1.0, [0.0, 1.0, 1.0, 1.25]),
         ([1.0, 2.0, 1000.0, 1001.0], 1.0, [0.0, 1.0, 1.0 + MAX_GAP_SECONDS, 2.0 + MAX_GAP_SECONDS]),
         ([100.0, 101.0, 1.0, 2.0], 1.0, [0.0, 1.0, 1.0, 2.0]),
-        ([1.0, math.nan, 2.0, math.inf, 3.0], 1.0, [0.0, 0.0, 1.0, 6.0, 7.0]),
+        ([10.0, 12.0, 10.5, 11.0], 1.0, [0.0, 2.0, 2.0, 2.5]),
+        ([10.0, 12.0, 0.0, 12.5, 13.0], 1.0, [0.0, 2.0, 2.0, 2.5, 3.0]),
+        ([1.0, math.nan, 2.0, math.inf, 3.0], 1.0, [0.0, 0.0, 1.0, 1.0, 2.0]),
         ([], 1.0, []),
     ],
 )
@@ -113,6 +115,7 @@ def test_as_fast_as_it_goes_all_are_played_in_their_order():
 
 def test_from_an_offset_on():
     assert played(Tape(5.0, 6.0, 7.0, 4.0), PlaybackPace(0.0, offset=1.5)) == [7.0, 4.0]
+    assert played(Tape(105.0, 106.0, 5.0, 6.0), PlaybackPace(0.0, offset=1.5)) == [6.0]
 
 
 def test_again_from_its_beginning():

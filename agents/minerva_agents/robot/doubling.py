@@ -21,6 +21,7 @@ from minerva_agents.robot.keyframes import (
     seen_through,
 )
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.world.clock_steps import seconds_of
 from minerva_bus.world.readings import Scan
 
 _SAME_PLACE_METRES: Final = 1.5
@@ -47,6 +48,7 @@ def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[D
     """Places whose walls a later visit contradicts, and the number of revisited places."""
     keys = keyframes_of(scans, places)
     poses = poses_of([places[key.number] for key in keys])
+    seconds = seconds_of([scan.time for scan in scans])
     doubled, visits = [], 0
     way = np.array([key.way for key in keys])
     for later in range(0, len(keys), 2):
@@ -66,7 +68,7 @@ def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[D
         )
         if through > _MAX_SEEN_THROUGH:
             x, y, _ = poses[later].tolist()
-            times = [scans[keys[k].number].time - scans[0].time for k in (first, later)]
+            times = [seconds[keys[k].number] for k in (first, later)]
             doubled.append(Doubled(x, y, *times))
     return doubled, visits
 

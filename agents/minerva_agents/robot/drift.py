@@ -23,6 +23,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.plotting import write_figure
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import install
+from minerva_bus.world.clock_steps import seconds_of
 
 Reals: TypeAlias = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class Drift:
         published = [point.published for point in points]
         chained = [point.chained for point in points if point.chained is not None]
         return Drift(
-            np.array([point.time - points[0].time for point in points]),
+            np.array(seconds_of([point.time for point in points])),
             errors_of([point.taken for point in points], published),
             errors_of(chained, published) if len(chained) == len(points) else None,
         )

@@ -8,7 +8,7 @@ Without odometry between two scans, the robot may have moved anywhere nearby.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import tee
 from typing import Final
@@ -21,6 +21,7 @@ from minerva_agents.robot.matching import Uncertainty, match
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import portable
 from minerva_bus.semantics.poses import HasPose, Pose, moved
+from minerva_bus.world.clock_steps import RecordingClock
 from minerva_bus.world.compensation import needs_path, path_of
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Recorded
@@ -31,23 +32,36 @@ _ANYWHERE: Final = Uncertainty(0.15, 5.0)
 
 @dataclass(frozen=True, slots=True)
 class ScanMotion:
-    """Poses at ascending times in seconds, to correct scans for the robot's own motion."""
+    """The robot's poses by times in seconds, to correct scans for its own motion.
 
-    times: tuple[float, ...] = ()
-    places: tuple[Pose, ...] = ()
+    A mapping for each segment, because times are ambiguous if the clock has stepped back; and the
+    number of steps before each scan.
+    """
+
+    segments: tuple[Mapping[float, Pose], ...] = ()
+    steps: tuple[int, ...] = ()
 
     @staticmethod
     def of(located: Iterable[Located]) -> ScanMotion:
         """The trajectory through matched scans."""
-        known = {scan.scan.time: scan.taken for scan in located if scan.taken is not None}
-        times = tuple(sorted(known))
-        return ScanMotion(times, tuple([known[time] for time in times]))
+        clock, steps = RecordingClock(), list[int]()
+        segments: list[dict[float, Pose]] = [{}]
+        for item in located:
+            clock.advance(item.scan.time)
+            steps.append(clock.steps)
+            if clock.steps == len(segments):
+                segments.append({})
+            if item.taken is not None:
+                segments[-1][item.scan.time] = item.taken
+        ascending = [dict(sorted(known.items())) for known in segments]
+        return ScanMotion(tuple(ascending), tuple(steps))
 
-    def corrected(self, scan: Scan) -> Scan:
-        """The scan with its path, if odometry has none and this trajectory covers it."""
-        if not needs_path(scan):
+    def corrected(self, scan: Scan, number: int) -> Scan:
+        """The scan of this number with its path, if only this trajectory covers it."""
+        if not (needs_path(scan) and self.segments):
             return scan
-        return replace(scan, path=path_of(scan, self.times, self.places))
+        known = self.segments[self.steps[number]]
+        return replace(scan, path=path_of(scan, [*known], [*known.values()]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,10 +140,12 @@ class _Matcher:
         self._here = Pose(0.0, 0.0, 0.0)
         self._wheels: Posed | None = None
         self._motion = motion
+        self._taken = 0
 
     def take(self, scan: Scan, published: Posed | Unposed, wheels: Posed | Unposed) -> Posed:
         """Match a scan and draw it; the result is its pose."""
-        scan = self._motion.corrected(scan)
+        scan = self._motion.corrected(scan, self._taken)
+        self._taken += 1
         # There is no map yet to match the first scan with, so its given pose counts.
         if self._canvas is None:
             known = [posed for posed in (published, wheels) if isinstance(posed, Posed)]

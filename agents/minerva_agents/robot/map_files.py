@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from minerva_agents.robot.drift import save_plot
 from minerva_agents.robot.mapping import Drawn, draw_map
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
+from minerva_agents.robot.posing import NEAR
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.wording import install
@@ -133,7 +134,7 @@ def draw(
     yaml = save_map(drawn.map, into)
     notes = [_summary(drawn, yaml)]
     if drawn.left_out:
-        notes.append(f"{drawn.left_out} scans skipped: no pose known")
+        notes.append(f"{drawn.left_out} scans skipped: no odometry within {NEAR:g} s")
     if drawn.uncorrected:
         notes.append(
             f"{drawn.uncorrected} scans not corrected for the robot's motion: no odometry covers"

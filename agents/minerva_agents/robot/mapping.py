@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
-from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,7 @@ from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import install
+from minerva_bus.world.clock_steps import RecordingClock
 from minerva_bus.world.compensation import Compensator, needs_path
 from minerva_bus.world.readings import Displacement
 from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording
@@ -193,14 +193,11 @@ def _published(
 
 def _between(recording: Recording, choice: MapChoice, progress: Progress) -> Iterator[Recorded]:
     """The readings between the chosen start and end times."""
-    readings = Compensator(choice.time_offset).all(recording.readings())
-    first = next(readings, None)
-    if first is None:
-        return
-    begin, end = first.stamp + choice.begin, first.stamp + choice.end
-    if begin <= first.stamp:
-        yield first
-    for recorded in takewhile(lambda recorded: recorded.stamp <= end, readings):
+    clock = RecordingClock()
+    for recorded in Compensator(choice.time_offset).all(recording.readings()):
         progress(recording.part)
-        if recorded.stamp >= begin:
+        clock.advance(recorded.stamp)
+        if clock.seconds > choice.end:
+            return
+        if clock.seconds >= choice.begin:
             yield recorded

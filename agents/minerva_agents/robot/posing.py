@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import Final
 
 from minerva_bus.semantics.poses import interpolated, moved
+from minerva_bus.world.clock_steps import STEP_SECONDS
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 
@@ -65,11 +67,13 @@ def posed_scans(
 
 
 class _PoseAssigner:
-    """The latest known pose, and the scans that wait for the next one."""
+    """The latest odometry, and the scans that wait for the next one."""
 
     def __init__(self) -> None:
         self.published: Odometry | None = None
-        self._before: Odometry | None = None
+        self._track: deque[Odometry] = deque()
+        # The odometry before a step back of the clock, until a scan from after the step.
+        self._ended: deque[Odometry] = deque()
         self._waiting: deque[Scan] = deque()
 
     def measured(self, scan: Scan) -> Iterator[Posed | Unposed]:
@@ -79,24 +83,48 @@ class _PoseAssigner:
             yield from self.rest()
             yield Posed(scan, published.x, published.y, published.angle, is_published=True)
             return
-        if self._before is not None and self._before.time == scan.time:
+        if self._precedes_step(scan):
             yield from self.rest()
-            yield _between(scan, self._before, None)
+            yield _placed(scan, self._ended)
             return
+        self._ended.clear()
+        # The clock of the scans has been set back: no odometry will come for those from before.
+        if self._waiting and self._waiting[-1].time - scan.time > STEP_SECONDS:
+            yield from self.rest()
         self._waiting.append(scan)
+        yield from self._ready()
         if len(self._waiting) > _MAX_QUEUED:
             yield Unposed(self._waiting.popleft())
 
-    def moved(self, after: Odometry) -> Iterator[Posed | Unposed]:
-        # `not >`, so that a scan whose time is nan does not hold up the queue.
-        while self._waiting and not self._waiting[0].time > after.time:
-            yield _between(self._waiting.popleft(), self._before, after)
-        self._before = after
+    def moved(self, reading: Odometry) -> Iterator[Posed | Unposed]:
+        track = self._track
+        if track and reading.time < track[-1].time:
+            # The clock has been set back: odometry from after the step says nothing about scans
+            # from before it.
+            while self._waiting and _is_nearer(track[-1], self._waiting[0], reading):
+                yield _placed(self._waiting.popleft(), track)
+            self._ended, self._track = track, deque()
+        self._track.append(reading)
+        while self._track[0].time < reading.time - NEAR:
+            self._track.popleft()
+        yield from self._ready()
 
     def rest(self) -> Iterator[Posed | Unposed]:
         """Flush scans whose odometry did not arrive."""
         while self._waiting:
-            yield _between(self._waiting.popleft(), self._before, None)
+            yield _placed(self._waiting.popleft(), self._track)
+
+    def _ready(self) -> Iterator[Posed | Unposed]:
+        # `not >`, so that a scan whose time is nan does not hold up the queue.
+        while self._waiting and self._track and not self._waiting[0].time > self._track[-1].time:
+            yield _placed(self._waiting.popleft(), self._track)
+
+    def _precedes_step(self, scan: Scan) -> bool:
+        """Whether a scan was measured before the clock was set back, and arrived after that."""
+        if not self._ended:
+            return False
+        ended, after = self._ended[-1], self._track[-1]
+        return abs(ended.time - scan.time) <= NEAR and _is_nearer(ended, scan, after)
 
 
 class _RawOdometry:
@@ -121,12 +149,16 @@ class _RawOdometry:
         return reading
 
 
-_Known: TypeAlias = "Odometry | None"
+def _is_nearer(first: Odometry, scan: Scan, second: Odometry) -> bool:
+    """Whether the time of a scan is nearer to the first of two readings."""
+    return abs(first.time - scan.time) < abs(second.time - scan.time)
 
 
-def _between(scan: Scan, before: _Known, after: _Known) -> Posed | Unposed:
+def _placed(scan: Scan, track: Sequence[Odometry]) -> Posed | Unposed:
     """The scan at its interpolated pose, or at the nearest pose within `NEAR` seconds."""
-    near = [known for known in (before, after) if known and abs(known.time - scan.time) <= NEAR]
+    after = bisect_left(track, scan.time, key=lambda reading: reading.time)
+    around = [track[k] for k in (after - 1, after) if 0 <= k < len(track)]
+    near = [known for known in around if abs(known.time - scan.time) <= NEAR]
     if not near:
         return Unposed(scan)
     first, last = near[0], near[-1]

@@ -14,6 +14,7 @@ from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import is_stream
+from minerva_bus.world.clock_steps import RecordingClock
 from minerva_bus.world.compensation import Compensator
 from minerva_bus.world.readings import Mount
 from minerva_bus.world.recordings import Recorded, Recording, RecordingError
@@ -37,19 +38,15 @@ WHY_NOT_CORRECTED: Final = (
 def due_times(stamps: Iterable[float], speed: float) -> Iterator[float]:
     """When each reading is due, in seconds after the first, given all stamps in order.
 
-    Never decreasing: a reading with an older stamp is due together with its predecessor. A jump of
-    the clock by more than MAX_GAP_SECONDS, forwards or backwards, takes that long or no time, and
-    playback continues from there. With speed 0 everything is due immediately.
+    Never decreasing: a late reading is due together with its predecessor. A gap of more than
+    MAX_GAP_SECONDS takes that long, and a step back of the clock no time; playback continues from
+    there. With speed 0 everything is due immediately.
     """
-    due, latest = 0.0, math.nan
+    due, clock = 0.0, RecordingClock()
     for stamp in stamps:
-        passed = stamp - latest
-        if passed > 0 and speed:
+        passed = clock.advance(stamp)
+        if speed:
             due += min(passed, MAX_GAP_SECONDS) / speed
-        # A slightly older stamp is out of order and does not set the clock back; a large jump does.
-        # The comparison with the initial nan is false, so the first stamp always counts.
-        if not -MAX_GAP_SECONDS <= passed <= 0 and math.isfinite(stamp):
-            latest = stamp
         yield due
 
 
@@ -168,13 +165,13 @@ class Player:
 
 def _from(offset: float, readings: Iterator[Recorded]) -> Iterator[Recorded]:
     """The readings from `offset` seconds after the first."""
-    first = next(readings, None)
-    if first is None:
-        return
-    if not offset:
-        yield first
-    begin = first.stamp + offset
-    yield from dropwhile(lambda item: item.stamp < begin, readings) if offset else readings
+    clock = RecordingClock()
+
+    def is_early(item: Recorded) -> bool:
+        clock.advance(item.stamp)
+        return clock.seconds < offset
+
+    return dropwhile(is_early, readings)
 
 
 class Playing(Bridge):

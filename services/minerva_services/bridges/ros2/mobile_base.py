@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.world.clock_steps import ClockWatch
 from minerva_bus.world.readings import Mount
 from minerva_bus.world.service_inputs import Tick
 from minerva_services.bridges.ros2.buffers import ReadingPublisher, SensorBuffers
@@ -98,6 +99,7 @@ class MobileBase:
             topics.cmd_vel, topics.clock, options.map_frame, options.base, stamped=options.stamped
         )
         self._sent = STILL, time.monotonic()
+        self._clock = ClockWatch()
         self._link: NetworkLink | None = None
 
     def connect(self) -> None:
@@ -202,6 +204,8 @@ class MobileBase:
         self._sent = velocity or STILL, now
 
     def _moved(self, stamp: float, pose: Pose) -> None:
+        if step := self._clock.step("odometry", stamp):
+            log(f"{self._router}: {step}")
         jumps = self.driver.jumps
         self.driver.update(stamp, pose, time.monotonic() if self._stepper is None else stamp)
         if self.driver.jumps > jumps:

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Cells, Degrees, Metres
+from minerva_bus.world.clock_steps import STEPS_BACK, ClockWatch
 from minerva_bus.world.compensation import Compensator
 from minerva_bus.world.readings import Mount, Reading
 from minerva_bus.world.recordings import Recorded
@@ -220,7 +221,7 @@ class _Listening:
 
     def read(self, stop: threading.Event) -> Iterator[SourceItem | None]:
         """Readings and maps. Raises SourceError if the link is lost."""
-        compensator = self._bridge.compensator()
+        compensator, clocks = self._bridge.compensator(), ClockWatch()
         while not stop.is_set():
             with self._news:
                 if not self._waiting:
@@ -241,6 +242,8 @@ class _Listening:
                     yield reading
                     continue
                 topic, measured = reading
+                if step := clocks.step(topic, measured.time):
+                    self._bridge.pass_over(STEPS_BACK, f"{self._bridge.source}: {step}")
                 yield from _items(compensator.add(Recorded(time.monotonic(), topic, measured)))
 
     def close(self) -> None:

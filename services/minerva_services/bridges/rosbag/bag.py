@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.wording import install
+from minerva_bus.world.clock_steps import watched
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.bridges.ros_messages import Frames, GarbageError
 from minerva_services.sensors.playback import MountOverride
@@ -88,6 +89,14 @@ class Bag:
 
     def readings(self) -> Iterator[Recorded]:
         """The readings in recorded order. Raises RecordingError."""
+        return watched(self._readings(), self.path, self.pass_over)
+
+    def close(self) -> None:
+        if self._is_open:
+            self._is_open = False
+            self._reader.close()
+
+    def _readings(self) -> Iterator[Recorded]:
         is_empty = True
         for connection, stamp, data in self._messages():
             message = self._decoded(data, connection)
@@ -106,11 +115,6 @@ class Bag:
         if is_empty:
             there = ", ".join(self._names())
             raise RecordingError(f"{self.path}: no playable message on {there}")
-
-    def close(self) -> None:
-        if self._is_open:
-            self._is_open = False
-            self._reader.close()
 
     def _names(self) -> list[str]:
         return sorted({topic.connection.topic for topic in self._played.values()})

@@ -15,6 +15,7 @@ from typing import Final
 from minerva_bus import portable
 from minerva_bus.input_files import check_input
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.world.clock_steps import watched
 from minerva_bus.world.readings import Mount, Odometry, Scan
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.sensors.carmen.lines import (
@@ -71,6 +72,14 @@ class CarmenLog:
 
     def readings(self) -> Iterator[Recorded]:
         """The readings in the order of the lines. Raises RecordingError."""
+        return watched(self._readings(), self.path, self.pass_over)
+
+    def close(self) -> None:
+        if self._raw is not None:
+            self._raw.close()
+            self._raw = None
+
+    def _readings(self) -> Iterator[Recorded]:
         self._offset, self._has_odometry, is_empty = 0.0, False, True
         for number, text in self._lines():
             try:
@@ -85,11 +94,6 @@ class CarmenLog:
             raise RecordingError(
                 f"{self.path}: no readings; expected a CARMEN log with lines such as FLASER"
             )
-
-    def close(self) -> None:
-        if self._raw is not None:
-            self._raw.close()
-            self._raw = None
 
     def _lines(self) -> Iterator[tuple[int, str]]:
         """The lines with their numbers from 1, as far as the file is readable."""

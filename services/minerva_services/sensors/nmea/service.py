@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterator
 from functools import partial
 from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.world.clock_steps import STEP_SECONDS, STEPS_BACK
 from minerva_bus.world.readings import Position
 from minerva_services.bridging import Bridge, OpenSource, Source
 from minerva_services.options import require
@@ -15,6 +17,10 @@ from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_f
 from minerva_services.sensors.serial_line import LineSplitter, SerialLine, open_line
 
 DAY_SECONDS: Final = 86_400.0
+LATE_SECONDS: Final = 3_600.0
+"""Maximum seconds by which a sentence is late, or a receiver corrects its clock; an older time of
+day is that of the next day."""
+
 MAX_LINE_BYTES: Final = 256
 """Maximum length of a line in bytes; the standard allows 82."""
 
@@ -54,7 +60,7 @@ class Nmea(Bridge):
         self.publishes = (topic,)
         self._port, self._baud, self._topic = port, baud, topic
         self._error, self._robot = error, robot
-        self._days, self._second = 0.0, 0.0
+        self._time: float | None = None
 
     def open(self) -> Source:
         """Raises SourceError if the line cannot be opened."""
@@ -82,16 +88,23 @@ class Nmea(Bridge):
 
     def _position(self, fix: Fix) -> tuple[str, Position]:
         """A fix as a reading, with its topic."""
-        # Only a large step back is midnight; a small one is a receiver that corrects its clock or
-        # repeats an older sentence.
-        if fix.second < self._second - DAY_SECONDS / 2:
-            self._days += DAY_SECONDS
-        self._second = fix.second
         return self._topic, Position(
             self._robot,
             fix.latitude,
             fix.longitude,
             fix.altitude,
             None if fix.dilution is None else self._error * fix.dilution,
-            self._days + fix.second,
+            self._timed(fix.second),
         )
+
+    def _timed(self, second: float) -> float:
+        """The time of a fix, given its second of the day."""
+        before = second if self._time is None else self._time
+        # Sentences lack the date, and midnight may pass between two of them: it is the first such
+        # time of day that is not too far back.
+        days = math.ceil((before - LATE_SECONDS - second) / DAY_SECONDS)
+        self._time = days * DAY_SECONDS + second
+        if before - self._time > STEP_SECONDS:
+            step = f"the clock steps back by {before - self._time:.1f} s, to {self._time:.1f} s"
+            self.pass_over(STEPS_BACK, f"{self.source}: {step}")
+        return self._time
