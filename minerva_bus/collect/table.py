@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.arguments import path_of, text, text_list
-from minerva_bus.collect import arrow
 from minerva_bus.collect.rows import DTYPES, Data
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.ids import Ids
@@ -45,8 +44,8 @@ class DataTable:
         types: float64, int64, bool or text, by column.
         columns: arrays of shape (rows,), by column.
 
-    It has `__arrow_c_stream__`, so `pyarrow.table(table)`, `polars.DataFrame(table)` and DuckDB
-    read it without a copy of its numbers.
+    With pyarrow installed, it has Arrow's stream interface, so `pyarrow.table(table)`,
+    `polars.DataFrame(table)` and DuckDB read it without a copy of its numbers.
 
     """
 
@@ -125,11 +124,8 @@ class DataTable:
 
     # --- other libraries ---
 
-    def __arrow_c_schema__(self) -> object:
-        return arrow.schema_capsule(self.types)
-
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
-        return arrow.stream_capsule(self.types, self._columns)
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
 
     def to_dict(self) -> dict[str, NDArray[Any]]:
         """The columns as numpy arrays, by name."""
@@ -137,7 +133,12 @@ class DataTable:
 
     def to_arrow(self) -> Any:
         """A `pyarrow.Table`. Raises MisuseError if pyarrow is not installed."""
-        return needed("pyarrow", "parquet").table(self)
+        arrow = needed("pyarrow", "parquet")
+        # 64-bit offsets, as the texts of one column may have more than 2 GiB.
+        kinds = {"float64": arrow.float64(), "int64": arrow.int64(), "bool": arrow.bool_(),
+                 "text": arrow.large_string()}  # fmt: skip
+        schema = arrow.schema([(name, kinds[kind]) for name, kind in self.types.items()])
+        return arrow.table(self._columns, schema=schema)
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`. Raises MisuseError if pandas is not installed."""
@@ -145,7 +146,16 @@ class DataTable:
 
     def to_polars(self) -> Any:
         """A `polars.DataFrame`. Raises MisuseError if polars is not installed."""
-        return needed("polars", "polars").DataFrame(self)
+        polars = needed("polars", "polars")
+        # A list, as polars would keep an array of texts as Python objects.
+        return polars.DataFrame(
+            {
+                name: polars.Series(name, column.tolist(), polars.String)
+                if self.types[name] == "text"
+                else column
+                for name, column in self._columns.items()
+            }
+        )
 
     def to_csv(self, path: str | Path) -> None:
         """Write a .csv file. Raises MisuseError if it cannot be written."""

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -262,7 +263,7 @@ def test_columns_files_keep_every_character(tmp_path):
     assert read_columns(path, "t", {"name": "text"})["name"].tolist() == names
 
 
-def test_arrow_reads_a_table_through_its_c_interface():
+def test_arrow_reads_a_table():
     pa = pytest.importorskip("pyarrow")
     arrow = pa.table(table())
     assert arrow.schema.names == list(TYPES)
@@ -270,26 +271,19 @@ def test_arrow_reads_a_table_through_its_c_interface():
     assert arrow.column("on").to_pylist() == [True, False, True]
     assert arrow.column("name").to_pylist() == ["é", "", "long text"]
     assert arrow.column("x").to_pylist()[::2] == [0.5, 3.0]
-    assert pa.schema(table()).names == list(TYPES)
+    assert arrow.schema.types == [pa.int64(), pa.float64(), pa.bool_(), pa.large_string()]
+    assert table().to_arrow().schema == arrow.schema
     empty = DataTable("e", TYPES, {name: table()[name][:0] for name in TYPES})
     assert pa.table(empty).num_rows == 0
     arrow.validate(full=True)
 
 
-def test_arrow_memory_is_released():
-    import gc
-
-    from minerva_bus.collect import arrow
-
-    pa = pytest.importorskip("pyarrow")
-    gc.collect()
-    before = len(arrow._exported), len(arrow._structures)
-    for _ in range(5):
-        pa.table(table())
-        table().__arrow_c_stream__()  # A capsule that no consumer reads.
-        table().__arrow_c_schema__()
-    gc.collect()
-    assert (len(arrow._exported), len(arrow._structures)) == before
+def test_a_table_names_the_extra_that_gives_arrow(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MisuseError, match=r"this needs pyarrow: .*\[parquet\]"):
+        table().__arrow_c_stream__()
+    with pytest.raises(MisuseError, match=r"this needs pyarrow: .*\[parquet\]"):
+        table().to_arrow()
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
