@@ -203,7 +203,6 @@ def sweep_of(
     `read` reads the world of a run; `given` are settings of all runs.
     """
     path, tables = world.path or Path(f"{world.name}.toml"), world.tables()
-    code = named_objects(tables, path.parent)
     return Sweep(
         path,
         grid,
@@ -211,8 +210,7 @@ def sweep_of(
         in_process=True,
         read=read,
         collect=collect,
-        identity=identity(tables, read(given), code),
-        code=code,
+        identity=identity(tables, read(given), named_objects(tables, path.parent)),
     )
 
 

@@ -125,9 +125,8 @@ class LineReader:
             self._on_line(rest)
 
 
-def reap(pid: int, commands: int, readers: Iterable[LineReader]) -> int:
-    """Close the pipe of its commands, and wait until a worker has ended; returns its status."""
-    os.close(commands)
+def reap(pid: int, readers: Iterable[LineReader]) -> int:
+    """Wait until a worker has ended; returns its status."""
     status = os.waitpid(pid, 0)[1]
     for reader in readers:
         reader.finish()

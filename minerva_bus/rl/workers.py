@@ -135,7 +135,8 @@ class WorldWorkers:
     def _reap(self, worker: _EnvironmentWorker) -> int:
         """Remove a worker whose pipe has ended; returns its wait status."""
         self._workers.remove(worker)
-        return reap(worker.child.pid, worker.commands, worker.readers)
+        os.close(worker.commands)
+        return reap(worker.child.pid, worker.readers)
 
     def close(self) -> None:
         """End the worlds and the processes."""

@@ -7,7 +7,6 @@ their version, other installed packages not at all.
 
 from __future__ import annotations
 
-import random
 import re
 import sys
 import sysconfig
@@ -17,7 +16,7 @@ from functools import cache, partial
 from hashlib import blake2b
 from importlib import import_module
 from pathlib import Path
-from types import BuiltinFunctionType, BuiltinMethodType, CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any, Final, cast
 
 import numpy as np
@@ -44,7 +43,6 @@ SPEC: Final = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 MAX_DEPTH: Final = 12
 OWN: Final = ("minerva_bus", "minerva_services", "minerva_agents", "minerva_worlds")
 _PLAIN: Final = (type(None), type(...), bool, int, float, complex, str, bytes, np.generic)
-_FIXED: Final = (BuiltinFunctionType, BuiltinMethodType, ModuleType, np.ufunc, re.Pattern)
 _SKIPPED: Final = re.compile(
     r"__(module|dict|weakref|doc|qualname|firstlineno|static_attributes)__|_abc_impl"
 )
@@ -90,26 +88,11 @@ def code_digests(roots: Iterable[object]) -> dict[str, str]:
     `roots` are classes, functions and modules; what their code refers to by name is included, as
     far as it belongs to their packages or to no installed one.
     """
-    return dict(sorted(_walked(roots).digests.items()))
-
-
-def state_digest(roots: Iterable[object]) -> str:
-    """A digest of what runs of this code could leave behind in the process; "" if unknown.
-
-    It has the variables of modules, classes and closures that the code uses, and the global random
-    generators. It is unknown if the code uses objects that are not plain data.
-    """
-    walk = _walked(roots)
-    generators = random.getstate(), cast("Any", np.random).get_state()
-    return "" if walk.opaque else _digest((sorted(walk.digests.items()), walk.value(generators)))
-
-
-def _walked(roots: Iterable[object]) -> _Walk:
     walk, known = _Walk(), list(roots)
     walk.packages.update(map(_package, known))
     for root in known:
         walk.add(root)
-    return walk
+    return dict(sorted(walk.digests.items()))
 
 
 def digest_of(value: object) -> str:
@@ -128,13 +111,6 @@ def named_objects(tables: object, folder: Path) -> list[object]:
                 continue  # It is a text of another kind, or reading the world reports it.
             objects.append(value.func if isinstance(value, partial) else value)
     return objects
-
-
-def classes_of(file: WorldFile) -> list[type]:
-    """The classes of a world's agents and services."""
-    classes = [cls for process in file.processes for cls in process.agents]
-    makers = [process.make_service for process in file.processes]
-    return [*classes, *(type(make()) for make in makers if make is not None)]
 
 
 def changed(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
@@ -161,7 +137,6 @@ class _Walk:
     def __init__(self) -> None:
         self.digests: dict[str, str] = {}
         self.packages: set[str] = set()
-        self.opaque = False
 
     def add(self, value: object) -> None:
         """Add a class or function, with what its code refers to."""
@@ -232,7 +207,6 @@ class _Walk:
         if isinstance(value, Primitive | Transformation | EventType):
             return type(value).__qualname__, value.name, self.value(value.fields, depth + 1)
         if depth > MAX_DEPTH:
-            self.opaque = True
             return type(value).__qualname__
         if isinstance(value, np.ndarray):
             array = cast("np.ndarray[Any, Any]", value)
@@ -250,7 +224,6 @@ class _Walk:
             values = [getattr(value, field.name, None) for field in fields(value)]
             return type(value).__qualname__, [self.value(each, depth + 1) for each in values]
         # Other objects, such as random generators, change while they are used.
-        self.opaque |= type(value) not in _FIXED and _package(type(value)) not in OWN
         return type(value).__module__, type(value).__qualname__
 
 

@@ -15,7 +15,6 @@ from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.source import place_of
-from minerva_bus.study.code_digests import classes_of
 from minerva_bus.study.outcome import Outcome
 from minerva_bus.study.sent_world import spec_of
 from minerva_bus.study.trial import prepared, run_trial
@@ -71,20 +70,18 @@ class Evaluator:
                 on_score(n, _score([results[k] for k in range(self.trials)]))
 
         # `on_result` relies on this order: the trials of a string are neighbours.
-        local = self.read is None and self.in_process
-        code = [self.fitness, *classes_of(self.file)] if local else None
-        tasks = [self._trial(scene, k, code) for scene in strings for k in range(self.trials)]
+        tasks = [self._trial(scene, k) for scene in strings for k in range(self.trials)]
         self.pool.run(tasks, on_result)
 
     def _prepared(self, _: Overrides) -> WorldFile:
         return self.file
 
-    def _trial(self, string: Scene, trial: int, code: Sequence[object] | None) -> StringTrial:
+    def _trial(self, string: Scene, trial: int) -> StringTrial:
         read = self.read or self._prepared
         seed = self.file.world.seed + trial
         # By its name, because the scheduler of Dask unpickles tasks, too, and has no user code.
         fitness = self.fitness if self.read is None else spec_of(self.fitness) or self.fitness
-        return StringTrial(read, string, seed, fitness, self.in_process, code)
+        return StringTrial(read, string, seed, fitness, self.in_process)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +96,6 @@ class StringTrial:
     seed: int
     fitness: Fitness | str
     in_process: bool
-    code: Sequence[object] | None = None
 
     @property
     def label(self) -> str:

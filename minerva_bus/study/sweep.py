@@ -41,7 +41,6 @@ class SweepTrial:
     overrides: Overrides
     collect: Collecting
     in_process: bool
-    code: Sequence[object] | None = None
     label: str = ""
 
     def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]:
@@ -65,8 +64,8 @@ class Sweep:
     """Runs of the world in a file, or of one that `read` makes under the name of `path`.
 
     `rows` are those that are done. `collect` is collected of each run, into a file `part` in the
-    folder `collect.into`. `identity` and `code` are those of the world (code_digests.py). With
-    `sent`, runs read that world instead, in the workers of an executor.
+    folder `collect.into`. `identity` is that of the world (code_digests.py). With `sent`, runs read
+    that world instead, in the workers of an executor.
     """
 
     path: Path
@@ -76,7 +75,6 @@ class Sweep:
     read: Callable[[Overrides], WorldFile] | None = None
     collect: Collecting = field(default_factory=Collecting)
     identity: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    code: Sequence[object] = ()
     sent: SentWorld | SentBranch | None = None
     rows: dict[Combination, Row] = field(default_factory=dict[Combination, Row])
 
@@ -178,8 +176,7 @@ class Sweep:
             name = self._name(combination)
             return SweepTrial(self.sent, overrides, collect, in_process=True, label=name)
         read = self.read or partial(read_world_file, self.path)
-        code = self.code if self.in_process else None
-        return SweepTrial(read, overrides, collect, self.in_process, code)
+        return SweepTrial(read, overrides, collect, self.in_process)
 
     def _keep(self, combination: Combination, name: str, content: bytes) -> None:
         """Write what a worker has collected, under the name that a local run gives it."""

@@ -1,8 +1,7 @@
-"""A pool of worker processes, forked from this one.
+"""A pool of worker processes, forked from this one, with a process for each task.
 
-A task cannot affect other tasks or this process by its memory, a crash or a time-out: a process
-runs a further task only if the last one has left the variables of the world's code unchanged, which
-saves the cost of a fork. Processes that a task started end with its worker.
+So a task cannot affect other tasks or this process by its memory, a crash or a time-out. Processes
+that a task started end with its worker.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Final, Protocol, Self
@@ -27,7 +26,6 @@ from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.study.code_digests import state_digest
 
 MAX_LINES: Final = 9
 """Lines of an error; a further one names the run."""
@@ -45,11 +43,6 @@ class Task(Protocol):
     @property
     def read(self) -> Callable[[Overrides], WorldFile]:
         """Reads the world."""
-        ...
-
-    @property
-    def code(self) -> Sequence[object] | None:
-        """The code of the world, whose variables a run could change; None: do not reuse it."""
         ...
 
     @property
@@ -83,10 +76,9 @@ OnResult = Callable[[int, Result], None]
 
 @dataclass(slots=True)
 class _Worker:
-    """A process and its current task; `commands` is the pipe in which it receives numbers."""
+    """A process and its task."""
 
     child: ChildProcess
-    commands: int
     number: int
     began: float
     readers: list[LineReader] = field(default_factory=list[LineReader])
@@ -102,22 +94,10 @@ class _Worker:
             self.last_line = line.strip()[-MAX_OUTPUT:]
 
     @property
-    def idle(self) -> bool:
-        """Whether it has finished its task, and can run another one."""
-        return self.report is not None and self.report["again"] and self.open
-
-    @property
     def open(self) -> bool:
         """Whether the process may still report."""
         # Not its exit but the end of its pipes: a report may still be unread.
         return any(reader.open for reader in self.readers)
-
-    def start(self, number: int) -> None:
-        """Give an idle worker its next task."""
-        self.number, self.report, self.last_line = number, None, ""
-        self.began = time.monotonic()
-        with suppress(BrokenPipeError):  # It has died; the end of its pipes reports that.
-            os.write(self.commands, f"{number}\n".encode())
 
 
 class WorkerPool:
@@ -166,39 +146,29 @@ class WorkerPool:
             if self._interrupted:
                 raise KeyboardInterrupt
             while waiting and len(self._workers) < self._count and not self._interrupted:
-                self._start(tasks, waiting.popleft())
+                number = waiting.popleft()
+                self._start(tasks[number], number)
             self._pipes.wait(self._patience())
             for worker in list(self._workers):
-                self._look(worker, waiting, on_result)
+                self._look(worker, on_result)
 
-    def _start(self, tasks: Sequence[Task], number: int) -> None:
-        folder, (read, write), (commands, give) = self._folder, os.pipe(), os.pipe()
-        child = fork(
-            lambda: _serve(tasks, number, commands, ReportPipe(write), folder),
-            (write, commands),
-            self._lifeline[0],
-        )
+    def _start(self, task: Task, number: int) -> None:
+        folder, (read, write) = self._folder, os.pipe()
+        child = fork(lambda: _run(task, ReportPipe(write), folder), (write,), self._lifeline[0])
         os.close(write)
-        os.close(commands)
         os.set_blocking(read, False)
-        worker = _Worker(child, give, number, time.monotonic())
+        worker = _Worker(child, number, time.monotonic())
         worker.readers = [
             LineReader(self._pipes, read, worker.on_report),
             LineReader(self._pipes, child.output, worker.on_output),
         ]
         self._workers.append(worker)
 
-    def _look(self, worker: _Worker, waiting: deque[int], on_result: OnResult) -> None:
-        """Take the result of a worker's task, and give it another one."""
+    def _look(self, worker: _Worker, on_result: OnResult) -> None:
+        """Take the result of a worker that has reported or ended, and kill one that is late."""
         now = time.monotonic()
-        if worker.idle and not worker.late:
-            number, result = worker.number, self._result(worker, now, 0)
-            if waiting and not self._interrupted:
-                worker.start(waiting.popleft())
-            else:
-                self._reap(worker)
-            on_result(number, result)
-        elif not worker.open:
+        if worker.report is not None or not worker.open:
+            kill(worker.child.pid)
             status = self._reap(worker)
             on_result(worker.number, self._result(worker, now, status))
         # The pipes of a killed process end soon, and the worker with them.
@@ -207,9 +177,9 @@ class WorkerPool:
             kill(worker.child.pid)
 
     def _reap(self, worker: _Worker) -> int:
-        """End a worker; returns its wait status."""
+        """Wait until a worker has ended; returns its wait status."""
         self._workers.remove(worker)
-        return reap(worker.child.pid, worker.commands, worker.readers)
+        return reap(worker.child.pid, worker.readers)
 
     def _patience(self) -> float | None:
         if not self._limit:
@@ -228,32 +198,16 @@ class WorkerPool:
         return Result(report.get("values", {}), str(report.get("error", "")), seconds)
 
 
-def _serve(
-    tasks: Sequence[Task], number: int, commands: int, reports: ReportPipe, folder: str
-) -> int:
-    """Run tasks in a worker, with temporary files in a folder, and report the results."""
+def _run(task: Task, reports: ReportPipe, folder: str) -> int:
+    """Run a task in a worker, with temporary files in a folder, and report the result."""
     # A task that is killed cannot remove its files; they go with the folder.
     tempfile.tempdir = os.environ["TMPDIR"] = folder
-    with os.fdopen(commands, encoding="ascii") as lines:
-        # One pool runs tasks of one world.
-        code, again = tasks[number].code, True
-        before = "" if code is None else state_digest(code)
-        while again:
-            done = _run(tasks[number])
-            again = bool(before) and code is not None and state_digest(code) == before
-            reports.send("done", **done, again=again)
-            line = lines.readline() if again else ""
-            if not line:
-                break
-            number = int(line)
-    return 0
-
-
-def _run(task: Task) -> dict[str, Any]:
     try:
-        return {"values": dict(task())}
+        done = {"values": dict(task())}
     except Exception as error:
-        return {"error": failure(error)}
+        done = {"error": failure(error)}
+    reports.send("done", **done)
+    return 0
 
 
 def failure(error: Exception) -> str:

@@ -152,8 +152,7 @@ def sweep(
     runs = Sweep(path, grid, given, study.in_process)
     file = read_world_file(path, given)
     tables = read_toml(file.text)
-    runs.code = named_objects(tables, path.parent)
-    runs.identity = identity(tables, file, runs.code)
+    runs.identity = identity(tables, file, named_objects(tables, path.parent))
     if study.dask:
         runs.sent = SentWorld.of(file.text, path, AS_WRITTEN)
     table = output or Path(f"{path.stem}.csv")
