@@ -4,7 +4,6 @@ set -euo pipefail
 export MINERVA_FORCE=1
 minerva run robot --view svg:path=docs/robot.svg --record docs/robot.mcap
 minerva plot docs/robot.mcap -o docs/record.png
-minerva graph meadow --view svg -o docs/graph.svg
 minerva run robot --robots 2 --seed 3 --frames 301 \
     --view sprites:path=docs/sprites.png,every=150 --view opengl:path=docs/opengl.png,every=150
 (cd worlds/minerva_worlds/meadow && minerva run meadow.toml --rate 0 --frames 640 --view svg:path=../../../docs/meadow.svg)

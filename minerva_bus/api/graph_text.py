@@ -32,13 +32,13 @@ def _tags(event: EventEntry) -> str:
 
 
 def _process(graph: Graph, process: ProcessEntry) -> Iterator[str]:
-    node, label = _id("p", process.name), _text(process_label(process))
+    node, label = _id("p", process.name), _text(_process_label(process))
     if not process.hosts:
-        yield f'    {node}["{label}<br>{_text(", ".join(process_notes(process)))}"]'
+        yield f'    {node}["{label}<br>{_text(", ".join(_process_notes(process)))}"]'
     else:
         yield f'    subgraph {node}["{label}"]'
         for kinds in graph.alike(process):
-            yield f'        {_kind(process, kinds)}["{_text(kinds_label(kinds))}"]'
+            yield f'        {_kind(process, kinds)}["{_text(_kinds_label(kinds))}"]'
         yield "    end"
     for event in process.publishes:
         yield f"    {node} --> {_id('e', event)}"
@@ -64,12 +64,12 @@ def _agents(graph: Graph, node: str, kind: KindEntry) -> Iterator[str]:
                 yield f'    {node} == "{_text(event)}" ==> {_id("p", device.name)}'
 
 
-def process_label(process: ProcessEntry) -> str:
+def _process_label(process: ProcessEntry) -> str:
     """The name of a process and the number of its copies."""
     return f"{process.name} ×{process.count}" if process.count > 1 else process.name
 
 
-def process_notes(process: ProcessEntry) -> list[str]:
+def _process_notes(process: ProcessEntry) -> list[str]:
     """What a process is and does, in a few words."""
     notes = [process.what]
     if process.role == "generator" and not process.lockstep:
@@ -85,7 +85,7 @@ def process_notes(process: ProcessEntry) -> list[str]:
     return notes
 
 
-def kinds_label(kinds: list[KindEntry]) -> str:
+def _kinds_label(kinds: list[KindEntry]) -> str:
     """Kinds with the number of their agents in the initial string."""
     return ", ".join(f"{kind.symbol} ×{kind.initial}" for kind in kinds)
 

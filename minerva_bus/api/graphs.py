@@ -18,7 +18,7 @@ from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.world.agent import Agent
 
-FORMATS: Final = (".svg", ".mmd")
+ENDING: Final = ".mmd"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +80,8 @@ class ProcessEntry:
 class Graph:
     """Processes, agents and events of a world; `events` are in the order of a frame's events.
 
-    `until`, `give_up`: the event types with which agents end the world. A notebook shows the
-    drawing.
+    `until`, `give_up`: the event types with which agents end the world. Notebooks that draw Mermaid
+    show the graph.
 
     Example:
         >>> graph("robot").mermaid().splitlines()[0]
@@ -135,27 +135,24 @@ class Graph:
 
         return mermaid(self)
 
-    def svg(self) -> str:
-        """The graph as the text of an SVG file."""
-        from minerva_bus.api.graph_drawing import draw
-
-        return draw(self)
-
     def save(self, path: str | Path) -> None:
-        """Write an .svg or a .mmd file. Raises MisuseError for another name, or if it cannot."""
+        """Write a .mmd file of Mermaid. Raises MisuseError for another name, or if it cannot."""
         target = path_of("path", path)
-        check_drawable(target)
-        text = self.svg() if target.suffix.lower() == ".svg" else self.mermaid()
-        write_output(target, text.encode(), "graph")
+        check_writable(target)
+        write_output(target, self.mermaid().encode(), "graph")
 
-    def _repr_svg_(self) -> str:
-        return self.svg()
+    def _repr_markdown_(self) -> str:
+        return f"```mermaid\n{self.mermaid()}```"
 
 
-def check_drawable(path: Path) -> None:
+def check_writable(path: Path) -> None:
     """Raise MisuseError if a graph cannot be written to a file of this name."""
-    if path.suffix.lower() not in FORMATS:
-        raise MisuseError(f"{path}: a graph is drawn into a {' or a '.join(FORMATS)}")
+    if path.suffix.lower() != ENDING:
+        mermaid = path.with_suffix(ENDING)
+        raise MisuseError(
+            f"{path}: a graph is written as Mermaid text, into a {ENDING}; to draw it:"
+            f" pip install mermaidx; mermaidx -i {mermaid} -o {mermaid.with_suffix('.svg')}"
+        )
     check_output(path, "graph")
 
 

@@ -136,7 +136,7 @@ def check(
 
 
 @examples(
-    "minerva graph robot --output robot.svg",
+    "minerva graph robot --output robot.mmd",
     "minerva graph garden.toml --view web --json",
 )
 @grouped
@@ -145,22 +145,21 @@ def graph(
     overrides: Annotated[Overrides, Takes("view", "set_")],
     world: WorldArgument,
     output: Annotated[
-        list[Path] | None,
-        typer.Option("--output", "-o", help="A .svg, or a .mmd for Mermaid; may be repeated."),
+        Path | None, typer.Option("--output", "-o", help="A .mmd file; default: standard output.")
     ] = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
-    """Draw how events flow between processes and agents.
+    """Show how events flow between processes and agents, as Mermaid text.
 
-    Event types are in the order of a frame. Without --output it prints the graph as Mermaid text.
+    Event types are in the order of a frame. GitHub and many editors draw Mermaid.
     The world is read, not run: this runs the Python code that the world file names, but no frame.
     Its own options are options here too.
     """
     from minerva_bus.cli.graphing import show_graph
 
     given = Overrides(options_of(context.args), overrides.settings, overrides.views)
-    show_graph(world, given, output or [], json)
+    show_graph(world, given, output, json)
 
 
 @examples(
