@@ -139,7 +139,7 @@ SAVED = {"=": None, "bytes": b"\0\xff", "list": [1, [2.5, {"deep": True}]], "é"
 NAMES = tuple(f"name{n}" for n in range(40))
 FULL_HELLO = m.Hello(
     "hosts", 6, "a service, é", kinds=(FOX, FISH, STONE), generates=NAMES, lockstep=True,
-    ahead=True, kept=9, orders=("eNear",), draws=("eShow",), coupled=True, every=12, rate=0.1,
+    orders=("eNear",), draws=("eShow",), coupled=True, every=12, rate=0.1,
     topics=("scan",), publishes=("scan", "image"), pid=1 << 31, host="machine", people=True,
     plain=True,
 )  # fmt: skip
@@ -177,15 +177,6 @@ MESSAGES: Mapping[str, m.Message] = {
         "h", 1, 0, {"~AFish.1": Scene((fishes(0, 2000),))}, {"~AFish.1": (batch(2000),)},
         {"eShow": {"~AFish.1": Scene((stars(2000),))}},
     ),
-    "evolved_ahead.empty": m.EvolveReply("h", 0, ahead=m.EvolveReply("h", 1)),
-    "evolved_ahead.full": m.EvolveReply(
-        "h", 70_000, 0, POPULATION, {"a": EVENTS}, {"eShow": VIEWS}, {"~AFish.2": PATCH},
-        {"eShow": {"~AFish.2": WHOLE_PATCH}},
-        ahead=m.EvolveReply(
-            "h", 70_001, views={"eShow": VIEWS, "eOther": {}},
-            view_patches={"eShow": {"~AFish.2": WHOLE_PATCH}},
-        ),
-    ),
     "emitted.empty": m.Emitted("g", ()),
     "emitted.full": m.Emitted("g", (*EVENTS, MIXED, batch())),
     "emitted.extreme": m.Emitted("g", (batch(20_000),)),
@@ -217,8 +208,6 @@ MESSAGES: Mapping[str, m.Message] = {
     "evolve.empty": m.EvolveRequest(0, ()),
     "evolve.full": m.EvolveRequest(7, ("h", "i"), (*EVENTS, batch()), (SHOW(),), 2, ("a",)),
     "evolve.extreme": m.EvolveRequest(LAST_FRAME, NAMES, (MIXED,), (), LAST_FRAME, NAMES),
-    "early_views.no": m.EarlyViews(wanted=False),
-    "early_views.yes": m.EarlyViews(wanted=True),
     "view.empty": m.ViewShown(frame=0, event_type="", sequence=0, parts={}),
     "view.full": m.ViewShown(
         frame=7, event_type="eShow", sequence=9, parts=VIEWS, skeleton=SLOTS, halted=("a", "b")

@@ -18,8 +18,8 @@ from minerva_bus.world.order import Order
 eStep = EventType("eStep")
 
 
-class Clock(Generator, events=("eStep",), ahead=True):
-    """Starts a step in every frame; it needs none of the frames before."""
+class Clock(Generator, events=("eStep",)):
+    """Starts a step in every frame."""
 
     def generate(self, tick: Tick) -> Iterator[Event]:
         yield eStep()

@@ -96,9 +96,7 @@ class Steps(Generator, events=("eStep",)):
 
 
 class Weather(Generator, events=("eRain",)):
-    """Occasional rain, generated one frame ahead."""
-
-    ahead = True
+    """Occasional rain."""
 
     def __init__(self) -> None:
         self.wet = 0.0

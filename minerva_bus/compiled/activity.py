@@ -53,12 +53,6 @@ class CompiledMethods:
             self._kernels = {}
         return self._checked[event_type].program
 
-    def emits(self, event_type: str) -> bool:
-        """Whether the method for an event type may emit events. Raises NotCompilable."""
-        from minerva_bus.compiled.form import Emission
-
-        return any(isinstance(each, Emission) for each in self.program(event_type).outputs)
-
     def kernel(self, event_type: str) -> tuple[Program, Kernel]:
         """The program and the machine code of the method for an event type.
 

@@ -225,7 +225,7 @@ class FrameAlgorithm:
             return
         # Before the new frame is made, so that newcomers answer its tick and host its agents.
         self.joining.admit_joining()
-        self.in_flight = FrameInFlight(begin.due, begin.inputs, at_once=begin.at_once)
+        self.in_flight = FrameInFlight(begin.due, begin.inputs)
         self._enter(Awaited.BEGIN)
         self.source.begin()
 
@@ -310,8 +310,7 @@ class FrameAlgorithm:
 
     def awaits(self, member: str) -> bool:
         """Whether this frame or the next one waits for an answer of a member."""
-        # An answer to an early request is awaited in any phase, because it is for the next frame.
-        if self.inbox.early.awaits(member) or self.source.early_replies(member):
+        if self.source.early_replies(member):
             return True
         if self.phase in (Phase.TICK, Phase.STOPPING):
             return self.awaits_answer(member)

@@ -18,7 +18,6 @@ from minerva_bus.frame.event_sources import (
     name_of,
     people_of,
 )
-from minerva_bus.frame.generating import MAX_AHEAD
 from minerva_bus.frame.inbox import Orders, counting
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
@@ -36,10 +35,6 @@ if TYPE_CHECKING:
 ORDERS: Final = "orders"
 """Name under which orders are logged."""
 
-FEW_EVENTS: Final = 4
-"""Most events of a generator that is asked for more than one frame before they begin."""
-
-
 _TYPE: Final = attrgetter("type")
 
 
@@ -56,7 +51,6 @@ class CollectionStep:
         """Request the events of a frame's generators, and send them people's orders."""
         algorithm, index = self._algorithm, self._algorithm.members.index
         in_flight = algorithm.in_flight
-        in_flight.ticked = algorithm.inbox.early.take(algorithm.frame)
         # Orders precede the tick, because a generator derives events of this frame from them.
         if in_flight.logged is None:
             self._hand_over(algorithm.inbox.take_orders(self._has_taker))
@@ -67,8 +61,6 @@ class CollectionStep:
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
             algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
-        for member in index.ahead:
-            self._ask_ahead(member, algorithm.frame, 1)
         for entry in index.on_orders:
             if entry.active and entry.name in in_flight.pending:
                 algorithm.out.send(entry.name, m.TickRequest(algorithm.frame))
@@ -116,10 +108,7 @@ class CollectionStep:
         algorithm = self._algorithm
         orders = self._orders_for(member)
         if orders:
-            # A generator with an early request may have answered for this frame already. The orders
-            # then count in the first frame without a request to it.
-            frame = max(algorithm.frame, algorithm.inbox.early.last_asked(member.name) + 1)
-            algorithm.out.send(member.name, m.Orders(frame, orders))
+            algorithm.out.send(member.name, m.Orders(algorithm.frame, orders))
 
     def _orders_for(self, member: MemberEntry) -> tuple[AnyEvent, ...]:
         """The orders of this frame that a member takes."""
@@ -127,57 +116,22 @@ class CollectionStep:
         permitted = self._algorithm.in_flight.events.permitted
         return tuple([event for event in permitted if event.type in taken])
 
-    def _ask_ahead(self, member: str, frame: int, frames: int) -> None:
-        """Ask a generator that does not depend on the world for these frames, once each."""
-        # By name: a generator that is ahead does not subscribe to the tick of all.
-        for number in self._algorithm.inbox.early.ask(member, frame, frames):
-            self._algorithm.out.send(member, m.TickRequest(number))
-
-    def ask_for_next(self) -> None:
-        """Ask generators that are ahead for the next frames, while the hosts evolve this one."""
-        algorithm = self._algorithm
-        frame, last = algorithm.frame + 1, algorithm.world.frames
-        left = last - frame if last else MAX_AHEAD
-        for member in algorithm.members.index.ahead:
-            frames = min(self._frames_ahead(member), left)
-            if frames > 0:
-                self._ask_ahead(member, frame, frames)
-
-    def _frames_ahead(self, name: str) -> int:
-        """The number of frames for which a generator may have been asked before they begin."""
-        # A world that pauses or keeps to a clock has no use for them, and events that are many
-        # take memory and more time than a wake-up.
-        in_flight, hello = self._algorithm.in_flight, self._algorithm.members.get(name).hello
-        reply = in_flight.ticked.get(name)
-        if not in_flight.at_once or hello is None or reply is None:
-            return 1
-        few = sum(map(len, reply.events)) <= FEW_EVENTS
-        return min(hello.kept - 1, MAX_AHEAD) if few else 1
-
     # --- replies ---
 
     def tick_reply(self, reply: m.TickReply) -> None:
-        """Accept C^d(t) of a lockstep member, for this frame or early for the next one."""
-        algorithm, early = self._algorithm, self._algorithm.inbox.early
+        """Accept C^d(t) of a lockstep member."""
+        algorithm = self._algorithm
         member = algorithm.members.get(reply.member)
         in_time = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
-        ahead = algorithm.frame <= reply.frame <= early.last_asked(reply.member)
-        # An answer to an early request that arrives after its frame has begun is one of that frame.
-        is_early = ahead and not (algorithm.in_frame and reply.frame == algorithm.frame)
         # A reply of a skipped or replaced process, or a second one, must not count. It is no
         # violation: the reply may have been sent before the member was skipped.
-        if not member.active or not (in_time or is_early) or reply.member in early.of(reply.frame):
+        if not (member.active and in_time):
             member.late += 1
             return
         # Most replies have no events and need no check.
         if reply.events and not self._may_generate(member, reply.events):
             return
         note_answer(algorithm, member)
-        early.note(reply)
-        if is_early:
-            early.add(reply)
-            algorithm.source.evolve_ahead()
-            return
         # One that had answered this frame to a previous coordinator takes further orders for it in
         # the next one.
         member.rests = member.rests or not self._orders_for(member)
@@ -266,12 +220,7 @@ class CollectionStep:
         if due_now:  # Norms have judged them before they were postponed; older events first.
             allowed = {**allowed, AGENTS: [*due_now, *allowed.get(AGENTS, ())]}
         if allowed:
-            early = algorithm.inbox.early.evolution
-            # The same objects as in the early request, which is then known to be for these events.
-            if early is not None and early.has_sources(allowed):
-                ordered = early.events
-            else:
-                ordered = collect(algorithm.world.order, allowed)
+            ordered = collect(algorithm.world.order, allowed)
             events.split(ordered, algorithm.world.vocabulary.events)
 
     def _add_ticked(self, sources: dict[str, Sequence[AnyEvent]]) -> None:

@@ -54,7 +54,6 @@ def _asked_in_vain(hello: Hello) -> str:
     if not hello.on_orders:
         return ""
     needs = {
-        "is asked ahead of the frame, before its orders are known": hello.ahead,
         "draws views": bool(hello.draws) or hello.coupled,
         "subscribes to topics": bool(hello.topics),
         "publishes on topics": bool(hello.publishes),

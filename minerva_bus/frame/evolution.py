@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.errors import VocabularyError
@@ -11,8 +10,6 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import HALTED
 from minerva_bus.frame.collection import note_answer
-from minerva_bus.frame.evolution_ahead import EvolutionAhead
-from minerva_bus.frame.inbox import EarlyEvolution
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.lag import note_homes, note_sent
 from minerva_bus.frame.phases import Phase
@@ -34,7 +31,6 @@ class EvolutionStep:
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm
-        self.ahead = EvolutionAhead(algorithm)
 
     # --- requests ---
 
@@ -50,21 +46,7 @@ class EvolutionStep:
             return
         self._arrange_if_needed()
         requests.layout = algorithm.composition.layout
-        hosts = self._hosts_to_ask()
-        early = self.ahead.take()
-        counts = early is not None and self.ahead.counts(early, hosts)
-        if early is None or not early.begun:
-            self._ask(hosts)
-        elif counts:
-            self._ask(tuple([host for host in hosts if host != early.host]))
-            self._take_up(early)
-        else:
-            self._ask(self._ask_anew(early, hosts))
-
-    def _ask(self, hosts: tuple[str, ...]) -> None:
-        """Request this frame of hosts."""
-        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
-        requests, events = in_flight.requests, in_flight.events
+        hosts, events = self._hosts_to_ask(), in_flight.events
         for host in hosts:
             requests.outstanding[host, 0] = algorithm.placement.fragments_of(host)
             # Fragments are sent before the request that needs them;
@@ -83,31 +65,6 @@ class EvolutionStep:
                 algorithm.frame, (host,), events.evolving, events.visual, only=only
             )
             algorithm.out.send(host, request)
-
-    def _take_up(self, early: EarlyEvolution) -> None:
-        """Wait for the early reply, unless it is here."""
-        requests = self._algorithm.in_flight.requests
-        requests.outstanding[early.host, 0] = early.fragments
-        requests.timed = False
-        if early.reply is not None:
-            # Before the reply is checked, so that the host works meanwhile.
-            self.ahead.ask()
-            self.reply(early.reply)
-
-    def _ask_anew(self, early: EarlyEvolution, hosts: tuple[str, ...]) -> tuple[str, ...]:
-        """Give a host its fragments again, since it has evolved them by other events.
-
-        Returns the hosts that have not been asked yet.
-        """
-        fragments = self._algorithm.placement.fragments_of(early.host)
-        for fragment in fragments:
-            self._algorithm.placement.resend(fragment)
-        # If it was not asked for its early views, it is asked for this frame as usual.
-        if early.host not in hosts or not early.asked:
-            return hosts
-        # A further part, because a host evolves each part once.
-        self._repeat_request(fragments)
-        return tuple([host for host in hosts if host != early.host])
 
     def _arrange_if_needed(self) -> None:
         algorithm, placement = self._algorithm, self._algorithm.placement
@@ -187,8 +144,6 @@ class EvolutionStep:
     def reply(self, reply: m.EvolveReply) -> None:
         """Accept a host's results for its fragments, unless the host may not report them."""
         algorithm, requests = self._algorithm, self._algorithm.in_flight.requests
-        if self.ahead.keep(reply):
-            return
         member = algorithm.members.get(reply.member)
         key = (reply.member, reply.part)
         if reply.frame != algorithm.frame or key not in requests.outstanding or not member.active:
@@ -206,22 +161,19 @@ class EvolutionStep:
         if wrong:
             algorithm.joining.violation(s.Violation(reply.member, wrong))
             return
-        fragments = requests.outstanding.pop(key)
+        del requests.outstanding[key]
         note_answer(algorithm, member)
-        self.ahead.note(reply, fragments)
         # A repeated request concerns a few fragments only; its
         # duration is not the speed of the host.
-        if reply.elapsed and not reply.part and requests.timed:
+        if reply.elapsed and not reply.part:
             algorithm.placement.note_elapsed(reply.member, reply.elapsed)
-        if reply.ahead is not None:
-            reply = replace(reply, ahead=None)  # It belongs to the next frame.
         algorithm.in_flight.result.merge(reply, changed)
         algorithm.in_flight.result.changed_by.update(dict.fromkeys(changed, reply.member))
 
     def _objection(self, reply: m.EvolveReply, asked: frozenset[str]) -> str:
         """Reason for rejecting a reply, or an empty string."""
         composition = self._algorithm.composition
-        reason = self.ahead.views.objection(reply) or foreign_fragment(reply, asked)
+        reason = foreign_fragment(reply, asked)
         for name, events in sorted(reply.emitted.items()):
             reason = reason or foreign_sender(
                 name, events, self._sender_names(name), asked, composition

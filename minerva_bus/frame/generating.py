@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
 from minerva_bus.blame import blamed
 from minerva_bus.errors import MisuseError
@@ -22,21 +22,12 @@ from minerva_bus.world.services import Device, Generator, Service
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 
-KEPT: Final = 2
-"""Answers that a generator keeps: a coordinator asks for frame t + 1 while frame t ends."""
-
-MAX_AHEAD: Final = 8
-"""Most frames for which a generator that is ahead is asked before they begin."""
-
-KEPT_AHEAD: Final = MAX_AHEAD + 1
-"""Answers that such a generator keeps."""
-
 
 class GeneratorSide:
     """Answers the ticks of one member.
 
     A tick is answered once the readings of all lockstep publishers for its frame have arrived.
-    As many answers are `kept` as a coordinator or its successor may request again.
+    The latest answer is kept, because a successor of the coordinator requests it again.
     `asked` is the frame whose tick is not answered yet, or None.
     """
 
@@ -45,12 +36,12 @@ class GeneratorSide:
         self._service = service
         self._generates: frozenset[str] = frozenset()
         self._initial: Mapping[str, Any] | None = None
-        self._answers: dict[int, tuple[Outgoing, ...]] = {}
+        self._answered = -1
+        self._answer: tuple[Outgoing, ...] = ()
         self._sources: dict[str, tuple[str, ...]] = {}
         self._published: dict[str, m.Readings] = {}
         self._orders: dict[int, tuple[AnyEvent, ...]] = {}
         self._obeyed: dict[int, int] = {}
-        self.kept = KEPT_AHEAD if is_ahead(service) else KEPT
         self.asked: int | None = None
         self.buffer = (
             ReadingBuffer() if service is None else ReadingBuffer(service.takes, service.nth)
@@ -75,9 +66,9 @@ class GeneratorSide:
     def rejoin(self, service: Service, welcome: m.Welcome) -> None:
         """Return to the state before a frame; answers given in that frame can be repeated."""
         # A member that has answered the tick of this frame keeps its state and repeats that answer.
-        if welcome.frame not in self._answers:
-            # Marks the frames before as answered, so that `repeated` does not accept an older tick.
-            self._answers = {welcome.frame - 1: ()}
+        if welcome.frame != self._answered:
+            # Marks the frame before as answered, so that `repeated` does not accept an older tick.
+            self._answered, self._answer = welcome.frame - 1, ()
             # Nothing is saved of a first frame that never ended: return to before it.
             saved = self._initial if welcome.saved is None else welcome.saved
             if saved is not None:
@@ -97,11 +88,12 @@ class GeneratorSide:
 
         A new tick becomes the unanswered one, unless it is older than those that were answered.
         """
-        answer = self._answers.get(frame)
+        if frame == self._answered:
+            return self._answer
         # A tick older than the latest answer cannot be answered: the state of its frame is gone.
-        if answer is None and frame >= max(self._answers, default=0):
+        if frame > self._answered:
             self.asked = frame
-        return answer
+        return None
 
     @property
     def complete(self) -> bool:
@@ -115,13 +107,11 @@ class GeneratorSide:
     def answer(self, frame: Frame, vocabulary: Vocabulary) -> tuple[Outgoing, ...]:
         """C^d(t): the events of a frame, and the readings that are published."""
         self.asked = None
-        answer = tuple(self._answer(frame, vocabulary))
-        first = frame.number - self.kept + 1
-        kept = {n: out for n, out in self._answers.items() if n >= first}
-        self._answers = {**kept, frame.number: answer}
-        return answer
+        self._answer = tuple(self._made(frame, vocabulary))
+        self._answered = frame.number
+        return self._answer
 
-    def _answer(self, frame: Frame, vocabulary: Vocabulary) -> Iterator[Outgoing]:
+    def _made(self, frame: Frame, vocabulary: Vocabulary) -> Iterator[Outgoing]:
         service = self._service
         # A coupled device without events answers as well: the frame
         # waits until it has acted on its view.
@@ -217,11 +207,6 @@ class GeneratorSide:
         assert self._service is not None
         self._check_reading(self._service, topic, reading)
         return m.Readings(self._name, topic, -1, (reading,))
-
-
-def is_ahead(service: Service | None) -> bool:
-    """Whether a service is a generator that is asked ahead of the frame."""
-    return isinstance(service, Generator) and service.lockstep and service.ahead
 
 
 def is_on_orders(service: Service | None) -> bool:

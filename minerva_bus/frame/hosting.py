@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Final
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.early_views import views_after
 from minerva_bus.frame.fragments import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
@@ -120,25 +119,6 @@ class Host:
             results.patched,
             view_patches,
         )
-
-    def with_views_ahead(
-        self, answer: EvolveReply, frame: Frame, vocabulary: Vocabulary
-    ) -> EvolveReply:
-        """An answer with the views of `frame`, the next one, if they follow from it alone."""
-        events = views_after(answer, vocabulary.events)
-        # Fragments that have become another number of agents are placed again.
-        held = all(fragment_in(scene, name) is not None for name, scene in answer.changed.items())
-        if not (events and held):
-            return answer
-        shown = dict(self._shown)
-        request = EvolveRequest(frame.number, (self.name,), (), events)
-        try:
-            ahead = self.answer(request, frame, Policy.SEQUENTIAL, vocabulary)
-        except Exception:
-            # Perhaps no frame needs these views; the one that does gets the error.
-            self._shown = shown
-            return answer
-        return replace(answer, ahead=ahead)
 
     def _changed(self, fragment: str, was: Scene, scene: Scene, results: _Different) -> None:
         """Store a fragment's result; one with newborns returns from the coordinator when placed."""

@@ -65,7 +65,6 @@ class Requests:
     `left_out`: fragments that keep their state in this frame because no host answered for them.
     `reduced`: events and visual events of repeated requests after a norm rejected an outcome.
     `layout`: the division of populations at the time of the request.
-    `timed`: whether the time until the first reply is that of its host for this frame alone.
     """
 
     outstanding: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=_DICT)
@@ -74,7 +73,6 @@ class Requests:
     left_out: set[str] = field(default_factory=_SET)
     reduced: tuple[Events, Events] | None = None
     layout: Layout = ()
-    timed: bool = True
 
     @property
     def complete(self) -> bool:
@@ -138,7 +136,6 @@ class FrameInFlight:
     `trial`: the outcome before norms that judge agents; `stages`: the reduced events by which
     agents with a rejected outcome may still continue.
     `logged`: inputs from a log, which replace those of absent members.
-    `at_once`: the next frame begins as soon as this one is over.
     """
 
     clock_views: tuple[str, ...] = ()
@@ -150,7 +147,6 @@ class FrameInFlight:
     result: FrameResult = field(default_factory=FrameResult)
     trial: Trial | None = None
     stages: Iterator[Events] = _NO_STAGES
-    at_once: bool = False
 
     def inputs(self, number: int, waiting: Mapping[str, Sequence[AnyEvent]]) -> FrameInputs:
         """The inputs that determine the frame, for the log; `waiting` are for the next frame."""

@@ -1,15 +1,12 @@
-"""Input for later frames: events by source, and early answers of generators."""
+"""Input for later frames: events by source."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
-from operator import is_
 from typing import Final, TypeAlias
 
-from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.event_sources import AGENTS, is_people, person_of, postponed_to, source_of
 from minerva_bus.frame.lag import Homes, saved_strays
@@ -40,109 +37,6 @@ def _receivers(event: AnyEvent) -> list[str]:
     return list(event.receivers or ())
 
 
-@dataclass(slots=True)
-class EarlyEvolution:
-    """The evolution of a host's fragments for a frame that has not begun, and its reply, if any.
-
-    `sources`: the events of the frame by source, as far as they are known; `events`: in order.
-    `fragments`: those of the host, in its order. `asked`: whether the host was asked for it; it
-    also sends views without (`early_views.py`).
-    """
-
-    frame: int
-    host: str
-    fragments: tuple[str, ...]
-    sources: Mapping[str, Sequence[AnyEvent]]
-    events: tuple[AnyEvent, ...]
-    reply: m.EvolveReply | None = None
-    asked: bool = True
-
-    @property
-    def begun(self) -> bool:
-        """Whether the host has evolved its fragments for this frame, or will."""
-        return self.asked or self.reply is not None
-
-    def has_sources(self, sources: Mapping[str, Sequence[AnyEvent]]) -> bool:
-        """Whether these are its sources, with the same events."""
-        return self.sources.keys() == sources.keys() and all(
-            are_same(events, sources[source]) for source, events in self.sources.items()
-        )
-
-
-def are_same(events: Sequence[AnyEvent], others: Sequence[AnyEvent]) -> bool:
-    """Whether these are the same objects: equal events may differ in the sign of a zero."""
-    return len(events) == len(others) and all(map(is_, events, others))
-
-
-class EarlyAnswers:
-    """Requests to members before a frame begins: to generators that do not depend on the world.
-
-    `replies`: those of generators, by frame and member. `evolution`: the early evolution of a
-    host, if there is one.
-    """
-
-    def __init__(self) -> None:
-        self._asked: dict[str, int] = {}
-        self._answered: dict[str, int] = {}
-        self.replies: dict[int, dict[str, m.TickReply]] = {}
-        self.evolution: EarlyEvolution | None = None
-
-    def ask(self, member: str, frame: int, frames: int = 1) -> range:
-        """The frames for which a member is to be asked now; from now on they count as requested.
-
-        They end with this frame, or with as many `frames` from it on if half of them are missing:
-        a member that is asked for several frames at once wakes up once for all of them.
-        """
-        first = max(frame, self.last_asked(member) + 1)
-        if first > frame + frames // 2:
-            return range(0)
-        self._asked[member] = frame + frames - 1
-        self._answered.setdefault(member, first - 1)
-        return range(first, frame + frames)
-
-    def last_asked(self, member: str) -> int:
-        """The latest frame of an early request to a member, or -1."""
-        return self._asked.get(member, -1)
-
-    def note(self, reply: m.TickReply) -> None:
-        """Note the reply of a member, which answers in the order of the frames."""
-        if reply.member in self._asked:
-            self._answered[reply.member] = reply.frame
-
-    def outstanding(self, member: str) -> int:
-        """The early replies of a generator that are outstanding."""
-        asked = self._asked.get(member)
-        return 0 if asked is None else asked - self._answered[member]
-
-    def awaits(self, member: str) -> bool:
-        """Whether an early reply of a member is outstanding."""
-        early = self.evolution
-        if early is not None and early.asked and early.host == member and early.reply is None:
-            return True
-        return self.outstanding(member) > 0
-
-    def of(self, frame: int) -> Mapping[str, m.TickReply]:
-        """The replies for a frame, by member."""
-        return self.replies.get(frame, {})
-
-    def add(self, reply: m.TickReply) -> None:
-        """Keep a reply until its frame begins."""
-        self.replies.setdefault(reply.frame, {})[reply.member] = reply
-
-    def take(self, frame: int) -> dict[str, m.TickReply]:
-        """Remove and return the replies for the frame that begins."""
-        return self.replies.pop(frame, {})
-
-    def forget(self, member: str) -> None:
-        """Forget the requests to a member, because its process has been replaced."""
-        for replies in self.replies.values():
-            replies.pop(member, None)
-        self._asked.pop(member, None)
-        self._answered.pop(member, None)
-        if self.evolution is not None and self.evolution.host == member:
-            self.evolution = None
-
-
 class FrameInbox:
     """Events that wait for the next frame, by source.
 
@@ -164,7 +58,6 @@ class FrameInbox:
             if source.startswith(AGENTS) and source.removeprefix(AGENTS).isdecimal()
         }
         self.emitted: list[AnyEvent] = list(past.emitted)
-        self.early = EarlyAnswers()
         self.max_single_events: int = MAX_SINGLE_EVENTS
         self.max_waiting: int = MAX_WAITING
         self.homes = Homes(scene, saved_strays(past.saved))

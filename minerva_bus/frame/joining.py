@@ -243,7 +243,6 @@ class MemberLifecycle:
         neighbour = member.name in algorithm.world.placement.neighbours
         algorithm.placement.outdated |= neighbour
         self._send_publishers(member)
-        algorithm.inbox.early.forget(member.name)
         if algorithm.phase is Phase.TICK and member.name in algorithm.in_flight.pending:
             algorithm.in_flight.pending.discard(member.name)
         else:
@@ -255,7 +254,6 @@ class MemberLifecycle:
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         algorithm.placement.forget(member.name)
         algorithm.placement.outdated = True
-        algorithm.inbox.early.forget(member.name)
         result, requests = in_flight.result, in_flight.requests
         # Its replies still count, but it no longer holds what it reported, so the
         # next host must receive the result.

@@ -104,9 +104,6 @@ class FrameSource:
         """Reason why a member cannot take part in these frames, or an empty string."""
         return ""
 
-    def evolve_ahead(self) -> None:
-        """Request the evolution of the next frame, if all that it depends on is known."""
-
     def emitted(self, emitted: m.Emitted) -> None:
         """Accept events of a free-running generator."""
 
@@ -170,17 +167,7 @@ class LiveSource(FrameSource):
         self.order, self.ask = collection.order, collection.ask
         self.settle, self.commit = evolution.settle, evolution.commit
         self.evolve_reply, self.ask_again = evolution.reply, evolution.ask_again
-        self.evolve_ahead = evolution.ahead.ask
-        self.early_replies = algorithm.inbox.early.outstanding
-
-    def evolve(self) -> None:
-        """Steps 5 and 6: request the next string and the views, then early events."""
-        self.evolution.request()
-        self.evolve_ahead()
-        # After the hosts: a generator that wakes up first may take the processor that the frame's
-        # slowest members need. None is asked when the world closes or repeats a logged frame.
-        if self._algorithm.phase is Phase.EVOLVE:
-            self.collection.ask_for_next()
+        self.evolve = evolution.request
 
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""

@@ -20,7 +20,6 @@ from minerva_bus.frame.drawing import DeviceSide
 from minerva_bus.frame.generating import (
     GeneratorSide,
     generated_types,
-    is_ahead,
     is_on_orders,
     ordered_types,
 )
@@ -72,12 +71,10 @@ class Member:
         self._drawing = DeviceSide(service)
         self._policy = Policy.SEQUENTIAL
         self._evolved: tuple[int, set[int]] = (-1, set())
-        self._sends_early_views = False
         self._out: list[Outgoing] = []
         self._handlers: dict[type, Callable[[Any], None]] = {
             m.TickRequest: self._on_tick,
             m.EvolveRequest: self._on_evolve,
-            m.EarlyViews: self._on_early_views,
             m.Readings: self._on_readings,
             m.ViewShown: self._on_view,
             m.Fragments: self.host.take,
@@ -122,11 +119,8 @@ class Member:
             PROTOCOL_VERSION,
             service=type(service).__name__ if service is not None else "",
             kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
-            early_views=bool(self.host.kinds),
             generates=generated_types(generator),
             lockstep=generator is not None and generator.lockstep,
-            ahead=is_ahead(service),
-            kept=self._generating.kept,
             on_orders=is_on_orders(service),
             orders=ordered_types(generator),
             draws=tuple(device.draws) if device is not None else (),
@@ -152,7 +146,7 @@ class Member:
         self.world = replace(welcome, vocabulary=vocabulary)
         # The coordinator that sent this may be a successor, which repeats the frame in progress.
         # All fragments are discarded, and the necessary ones arrive again.
-        self._evolved, self._sends_early_views = (-1, set()), False
+        self._evolved = (-1, set())
         self._generating.clear()
         self.host.clear()
         self._drawing.rejoin()
@@ -200,10 +194,9 @@ class Member:
         # A restarted world has the same name, so only the seed, the
         # step and the frame distinguish runs.
         same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
-        # From before the answers that are kept, a service can continue only with the data saved
-        # then, but a host receives its agents: those of a region that has returned repeat the
-        # frames after its checkpoint.
-        earlier = welcome.frame + self._generating.kept - 1 < self.frame and welcome.saved is None
+        # From before its latest answer, a service can continue only with the data saved then, but
+        # a host receives its agents.
+        earlier = welcome.frame < self.frame and welcome.saved is None
         earlier = earlier and self.service is not None
         if not same or earlier:
             raise WorldRestarted(
@@ -301,14 +294,7 @@ class Member:
             return
         self.frame, world = request.frame, self._welcome
         moment = Frame(request.frame, world.dt, world.seed)
-        answer = self.host.answer(request, moment, self._policy, world.vocabulary)
-        if self._sends_early_views:
-            after = Frame(request.frame + 1, world.dt, world.seed)
-            answer = self.host.with_views_ahead(answer, after, world.vocabulary)
-        self._out.append(answer)
-
-    def _on_early_views(self, message: m.EarlyViews) -> None:
-        self._sends_early_views = message.wanted
+        self._out.append(self.host.answer(request, moment, self._policy, world.vocabulary))
 
     def _has_evolved(self, request: m.EvolveRequest) -> bool:
         """Whether this request is a repetition: fragments may evolve only once in a frame."""

@@ -22,10 +22,10 @@ class MemberIndex:
     """Members by role, computed once per change of the table because each frame needs it.
 
     `tickers` answer ticks; `sources` are the devices that generate their own visual events.
-    Both include members that are away and awaited. `ahead` receive a tick before the frame begins,
-    and `on_orders` in frames with orders only; `joining` are to be admitted. `anyone_ticks`: the
-    tick for all has a recipient. `rates` maps the visual event types of devices that request views
-    by the clock to views per second. Any other device gets a view within `every` frames.
+    Both include members that are away and awaited. `on_orders` receive a tick in frames with orders
+    only; `joining` are to be admitted. `anyone_ticks`: the tick for all has a recipient. `rates`
+    maps the visual event types of devices that request views by the clock to views per second. Any
+    other device gets a view within `every` frames.
     """
 
     active: tuple[MemberEntry, ...]
@@ -33,7 +33,6 @@ class MemberIndex:
     joining: tuple[MemberEntry, ...]
     tickers: frozenset[str]
     anyone_ticks: bool
-    ahead: tuple[str, ...]
     on_orders: tuple[MemberEntry, ...]
     sources: tuple[Hello, ...]
     rates: Mapping[str, float]
@@ -146,7 +145,6 @@ class Members:
             joining=tuple(m for m in members if m.state is MemberState.JOINING and m.greeted),
             tickers=frozenset(m.name for m in tickers),
             anyone_ticks=any(m.active and m.hello.ticks_with_all for m in tickers if m.hello),
-            ahead=tuple(m.name for m in tickers if m.active and m.hello and m.hello.ahead),
             on_orders=tuple(m for m in tickers if m.hello and m.hello.on_orders),
             sources=tuple(hello for hello in hellos if hello.every > 0),
             rates=_rates(hellos),

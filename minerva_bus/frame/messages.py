@@ -59,31 +59,6 @@ class Hello:
         Names, Note("the event types that it may send; any other violates the protocol")
     ] = ()
     lockstep: Annotated[bool, Note("each frame waits for its events")] = False
-    ahead: Annotated[
-        bool,
-        Mark.OPTIONAL,
-        Note(
-            "it depends neither on the world nor on readings or orders: it is asked ahead of the"
-            " frame, and does not subscribe to `tick`"
-        ),
-    ] = False
-    early_views: Annotated[
-        bool,
-        Mark.OPTIONAL,
-        Note(
-            "a host that can send views of the next frame before it is asked, see"
-            " [section 9](#views-of-the-next-frame)"
-        ),
-    ] = False
-    kept: Annotated[
-        int,
-        AtLeast(2),
-        Mark.OPTIONAL,
-        Note(
-            "the latest answers to ticks that it can repeat: a generator that is `ahead` is asked"
-            " at most this many frames ahead, less one"
-        ),
-    ] = 2
     on_orders: Annotated[
         bool,
         Mark.OPTIONAL,
@@ -132,7 +107,7 @@ class Hello:
     @property
     def ticks_with_all(self) -> bool:
         """Whether one message asks this member and others in each frame."""
-        return self.ticks and not self.ahead and not self.on_orders
+        return self.ticks and not self.on_orders
 
     @property
     def watches_only(self) -> bool:
@@ -178,8 +153,7 @@ class EvolveReply:
     `changed`: the string that replaces each fragment; `patched`: the delta of each fragment in
     columns. `views`: changed views by visual event type and fragment. `emitted`: the events sent by
     each agent or fragment in columns. `elapsed`: seconds that the coordinator waited for the reply.
-    `received`: the message as received. `ahead`: the reply for the next frame, with views only, if
-    the host has sent it with this one.
+    `received`: the message as received.
     """
 
     WIRE: ClassVar = Wire(
@@ -207,54 +181,6 @@ class EvolveReply:
     )
     elapsed: Annotated[float, Mark.LOCAL] = 0.0
     received: Received = field(default=b"", compare=False, repr=False)
-    ahead: Annotated[EvolveReply | None, Mark.LOCAL] = None
-
-
-@passed
-class EvolveReplyAhead:
-    """An `EvolveReply` with its `ahead`, as sent; `next_views` are those of the next frame."""
-
-    WIRE: ClassVar = Wire(
-        "evolved_ahead",
-        ("from",),
-        "`evolved`, and what has changed in the views of the next frame, see"
-        " [section 9](#views-of-the-next-frame)",
-        "evolve",
-        max_bytes="answer_bytes",
-        max_values="answer_values",
-        max_rows="answer_rows",
-        awaited=True,
-    )
-
-    member: Sender
-    frame: int
-    part: int
-    changed: Parts
-    emitted: Annotated[SentBy, Mark.EMITTED]
-    views: Annotated[Mapping[str, Parts], Mark.VIEW]
-    next_views: Annotated[Mapping[str, Parts], Mark.VIEW]
-    patched: Annotated[Patches, Within("changed")]
-    view_patches: Annotated[Mapping[str, Patches], Within("views")]
-    next_patches: Annotated[Mapping[str, Patches], Within("next_views")]
-
-    @classmethod
-    def of(cls, reply: EvolveReply, ahead: EvolveReply) -> EvolveReplyAhead:
-        """A reply and the one for the next frame as one message."""
-        return cls(
-            reply.member, reply.frame, reply.part, reply.changed, reply.emitted, reply.views,
-            ahead.views, reply.patched, reply.view_patches, ahead.view_patches,
-        )  # fmt: skip
-
-    @property
-    def reply(self) -> EvolveReply:
-        """The reply, with the one for the next frame."""
-        ahead = EvolveReply(
-            self.member, self.frame + 1, views=self.next_views, view_patches=self.next_patches
-        )
-        return EvolveReply(
-            self.member, self.frame, self.part, self.changed, self.emitted, self.views,
-            self.patched, self.view_patches, ahead=ahead,
-        )  # fmt: skip
 
 
 @passed
@@ -423,20 +349,6 @@ class EvolveRequest:
 
 
 @passed
-class EarlyViews:
-    """Whether a host is to send views of the next frame with its replies."""
-
-    WIRE: ClassVar = Wire(
-        "early_views",
-        ("to",),
-        "whether it is to send views of the next frame with its answers, see"
-        " [section 9](#views-of-the-next-frame); only to a host whose hello has `early_views`",
-    )
-
-    wanted: bool
-
-
-@passed
 class ViewShown:
     """π(w, e^v) for one visual event type: the string's static part and its agents' views.
 
@@ -566,16 +478,7 @@ class FrameRecord:
 
 
 FromMember: TypeAlias = (
-    Hello
-    | TickReply
-    | EvolveReply
-    | EvolveReplyAhead
-    | Emitted
-    | Failed
-    | Resync
-    | Leaving
-    | MemberMetrics
-    | Report
+    Hello | TickReply | EvolveReply | Emitted | Failed | Resync | Leaving | MemberMetrics | Report
 )
 ToMember: TypeAlias = (
     Greet
@@ -585,7 +488,6 @@ ToMember: TypeAlias = (
     | TickRequest
     | Fragments
     | EvolveRequest
-    | EarlyViews
     | ViewShown
     | Orders
     | RegionRequest

@@ -30,7 +30,6 @@ class Placement:
     """Assignment of fragments to hosts; a host never receives what it already holds.
 
     `unassigned`: fragments without a host, and their kinds. They keep their state.
-    `silent`: hosts of agents that send no events, of kinds that are `ahead`.
     `outdated`: hosts or the string have changed, so fragments must be arranged before the next
     request.
     """
@@ -47,7 +46,6 @@ class Placement:
         self._stale: dict[str, set[str]] = {}
         self._types: dict[str, frozenset[str]] = {}
         self._unwanted: dict[str, tuple[str, ...]] = {}
-        self.silent: frozenset[str] = frozenset()
         self.unassigned: dict[str, frozenset[str]] = {}
         self.outdated = True
         self.log = UnassignedLog(limit)
@@ -96,12 +94,6 @@ class Placement:
         self._fragments = {host: tuple(names) for host, names in fragments.items()}
         self._types = {host: self._types_of(kinds) for host, kinds in kinds_on.items()}
         self._unwanted = {host: self._unwanted_on(host) for host in offers}
-        declared = self._vocabulary.kinds
-        self.silent = frozenset(
-            host
-            for host, kinds in kinds_on.items()
-            if all(kind in declared and declared[kind].ahead for kind in kinds)
-        )
 
     def _divide(self, offers: Offers) -> None:
         """Divide each population into one part per host, sized by the hosts' speed.
@@ -250,10 +242,6 @@ class Placement:
             return self._composition.homes(Ids.of(receivers))
         homes = (self._composition.home(receiver) for receiver in receivers)
         return (home for home in homes if home is not None)
-
-    def is_current(self, host: str) -> bool:
-        """Whether a host holds its fragments as they are, and no others."""
-        return not (self.outdated or self._stale.get(host, True) or self._unwanted[host])
 
     def lacking(self, host: str) -> Fragments | None:
         """Fragments that a host must receive or drop before it can evolve; None without any."""

@@ -83,13 +83,11 @@ class Begin:
     """The next frame may begin.
 
     `due` are the visual event types of devices with a rate that are due for a view now.
-    `inputs` are logged inputs, which replace those of members that are absent. `at_once`: the frame
-    after it begins as soon as it is over, unless a person pauses or ends the world.
+    `inputs` are logged inputs, which replace those of members that are absent.
     """
 
     due: tuple[str, ...] = ()
     inputs: FrameInputs | None = None
-    at_once: bool = False
 
 
 @passed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -156,8 +156,7 @@ class AgentKind:
     `subscribes` are the event types of its activities, `views` those of its views. `chances` are
     the h of a^{d,h} (section 5): the types that it responds to with a probability, by name, each
     with a number from 0 to 1 or the name of an attribute that has it. `rest` names the attributes
-    that are commands, which are neutral while the agent is at rest. `ahead`: its agents send no
-    events. This is no part of messages: it affects when hosts are asked, but not the string.
+    that are commands, which are neutral while the agent is at rest.
     """
 
     name: str
@@ -166,7 +165,6 @@ class AgentKind:
     views: frozenset[str] = frozenset()
     chances: tuple[tuple[str, float | str], ...] = ()
     rest: tuple[str, ...] = ()
-    ahead: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
         _checked(self.name, "an agent kind", "A")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.errors import WorldFileError
-from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
@@ -34,19 +32,6 @@ def apply_mode(processes: Sequence[Process], mode: Mode, path: Path) -> list[str
         views = counted(sum(len(cls.compiled_views or ()) for cls in classes), "view")
         notes.insert(0, f"compiled {methods} and {views} of agents")
     return notes
-
-
-def with_kinds_of(processes: Sequence[Process], vocabulary: Vocabulary) -> Vocabulary:
-    """The vocabulary, with the kinds that the classes of processes have since they are compiled.
-
-    These are equal except for whether they run `ahead`, which the coordinator learns from here.
-    """
-    made = {cls.kind.name: cls.kind for cls in _classes(processes)}
-    kinds = {
-        name: made[name] if made.get(name) == kind else kind
-        for name, kind in vocabulary.kinds.items()
-    }
-    return replace(vocabulary, kinds=kinds)
 
 
 def compile_agents(

@@ -10,7 +10,7 @@ from typing import Any, Final, cast
 from minerva_bus.errors import MisuseError, SceneError, WorldFileError
 from minerva_bus.launch.access import read_access
 from minerva_bus.launch.collecting import read_collecting
-from minerva_bus.launch.compiling import apply_mode, with_kinds_of
+from minerva_bus.launch.compiling import apply_mode
 from minerva_bus.launch.description import read_description
 from minerva_bus.launch.distribution import distributed
 from minerva_bus.launch.installed import file_text
@@ -110,7 +110,6 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     settings = top.read(WorldSettings)
     world = read_description(top, settings, path, options, processes)
     compiled = apply_mode(processes, settings.compiled, path)
-    world = replace(world, vocabulary=with_kinds_of(processes, world.vocabulary))
     names = [process.name for process in processes]
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     watch = top.read(WatchSettings)

@@ -180,9 +180,7 @@ class Receiver:
     def _pass_on(self, member: str, body: bytes, message: m.FromMember) -> None:
         if isinstance(message, m.EvolveReply):
             elapsed = self._clock() - self._transport.evolving_since
-            # A journal needs a reply without the views of the next frame.
-            received = body if message.ahead is None else b""
-            message = replace(message, elapsed=elapsed, received=received)
+            message = replace(message, elapsed=elapsed, received=body)
         elif isinstance(message, m.TickReply):
             message = replace(message, received=body)
         reason = ""

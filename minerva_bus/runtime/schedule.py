@@ -16,7 +16,6 @@ from minerva_bus.frame.pace import Pace, ViewClock
 from minerva_bus.runtime.runner import Sink
 
 _BEGIN: Final = s.Begin()
-_BEGIN_OF_SEVERAL: Final = s.Begin(at_once=True)
 
 LAST_VIEW_SECONDS: Final = 5.0
 """Time for the frame that shows the last string before a person's stop."""
@@ -90,11 +89,7 @@ class FrameSchedule(Sink):
         # No later frame would correct the views if this is the last one before a pause.
         due = self._views.due(now, rates, everything=self.pace.paused)
         self._omits_views = len(due) < len(rates)
-        if rates:
-            return s.Begin(due)
-        # Frames that begin at their own times wait for the clock, not for each other.
-        at_once = self.pace.rate <= 0 and not self.pace.paused
-        return _BEGIN_OF_SEVERAL if at_once else _BEGIN
+        return s.Begin(due) if rates else _BEGIN
 
     def pause(self) -> None:
         """Pause, after one more frame if the latest one left out views that were not due yet."""

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from minerva_bus.space.effects import has_no_effects
 from minerva_bus.space.named import rules_of
 from minerva_bus.space.opened_space import OpenedSpace
 from minerva_bus.space.rules import SpaceRule, loops_of
@@ -71,12 +70,6 @@ class Space(Agent):
                 return
             frame.reset()
             as_python[failed.rule] = failed.place
-
-    @classmethod
-    def _has_no_effects(cls, event_type: str) -> bool:
-        return super()._has_no_effects(event_type) or has_no_effects(
-            cls, cls.activities[event_type]
-        )
 
     @classmethod
     def machine_code(cls) -> Iterator[tuple[str, Callable[[], object]]]:

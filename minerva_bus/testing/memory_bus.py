@@ -123,7 +123,7 @@ class MemoryBus:
         """Deliver the first message of a link, or begin the next frame."""
         if link in (BEGIN, CLOCK):
             self._log.is_ready = False
-            self.handle(s.Begin(at_once=True) if link == BEGIN else s.Silent())
+            self.handle(s.Begin() if link == BEGIN else s.Silent())
             return
         message, (kind, name) = self._transport.queues[link].popleft(), link
         if kind == "down":

@@ -51,8 +51,6 @@ _UNKNOWN: Final = Wire("", ("from",), "an unknown message")
 
 def encode(message: m.Message | RegionMessage | PartMessage) -> bytes:
     """A message as bytes. Raises ProtocolError for values that MessagePack cannot represent."""
-    if isinstance(message, m.EvolveReply) and message.ahead is not None:
-        message = m.EvolveReplyAhead.of(message, message.ahead)
     try:
         return _ENCODERS[type(message)](message)
     except (TypeError, ValueError, OverflowError) as error:
@@ -85,8 +83,7 @@ class Decoder:
 
         An answer may have more for the member's `own` agents.
         """
-        message = self.decode(FROM_MEMBER, (member,), data, own, weighed=True)
-        return message.reply if isinstance(message, m.EvolveReplyAhead) else message
+        return self.decode(FROM_MEMBER, (member,), data, own, weighed=True)
 
     def to_member(self, data: bytes) -> m.ToMember:
         """A message from the coordinator."""

@@ -90,10 +90,7 @@ class Agent:
     Class arguments: `symbol` is the name of the kind, such as "AFox"; without it a subclass
     declares no kind of its own. `rest` names the attributes that are commands, such as a robot's
     action. If a norm rejects the result of λ, they are reset: to 0, false, "" or (), and a string
-    to its primitives without transformations. `ahead=True` declares that the agents send no events:
-    a host may then be asked for the next frame before the coordinator has its answer for this one,
-    if all else that the frame depends on is known, and again if it was not. The string is the same.
-    Compiled methods that emit nothing, and spaces without other effects, need no declaration.
+    to its primitives without transformations.
 
     Raises:
         MisuseError: an id, attribute or value that the kind does not allow; and, when the class is
@@ -122,7 +119,6 @@ class Agent:
     """Event types with a method for one agent that takes all events of a frame in one call."""
     compiled: ClassVar[CompiledMethods | None] = None
     """Methods for one agent that run as machine code on the rows of a population."""
-    _declares_ahead: ClassVar[bool | None] = None
     compiled_views: ClassVar[CompiledViews | None] = None
 
     id: str
@@ -133,7 +129,6 @@ class Agent:
         cls,
         symbol: str = "",
         rest: tuple[str, ...] | None = None,
-        ahead: bool | None = None,
         **kwargs: Any,
     ) -> None:
         super().__init_subclass__(**kwargs)
@@ -147,8 +142,6 @@ class Agent:
         name = symbol or (inherited.name if inherited is not None else "")
         if rest is None:
             rest = inherited.rest if inherited is not None else ()
-        if ahead is not None:
-            cls._declares_ahead = ahead
         if isinstance(rest, str):
             raise MisuseError(
                 f'{cls.__name__}: rest is a tuple of attributes: write rest=("{rest}",)'
@@ -164,27 +157,11 @@ class Agent:
                 frozenset(cls.views),
                 chances_of(cls, activities),
                 tuple(sorted(rest)),
-                cls._declares_ahead or False,
             )
             _check_columns(cls.kind, cls.population or cls.population_views)
             cls.compiled = marked_compiled(cls)
             cls.compiled_views = marked_views(cls)
             expose_attributes(cls, [each.name for each in state.all if each.type.kind in SCALARS])
-            cls.decide_ahead()
-
-    @classmethod
-    def decide_ahead(cls) -> None:
-        """Let the kind run ahead if all methods provably may, unless the class declares it."""
-        if cls._declares_ahead is None:
-            cls.kind = replace(cls.kind, ahead=all(map(cls._has_no_effects, cls.activities)))
-
-    @classmethod
-    def _has_no_effects(cls, event_type: str) -> bool:
-        """Whether the method for an event type provably sends no events and may run twice."""
-        if cls.compiled is None or event_type not in cls.compiled:
-            return False
-        # What can be compiled changes its own agent only.
-        return not cls.compiled.emits(event_type)
 
     @classmethod
     def machine_code(cls) -> Iterator[tuple[str, Callable[[], object]]]:

@@ -48,7 +48,6 @@ def compile_all(cls: Any, mode: Mode) -> list[str]:
     modes = _modes(cls, mode)
     if {event_type for event_type, each in modes.items() if each} != set(cls.compiled or ()):
         cls.compiled, reasons = _compiled(cls, modes)
-        cls.decide_ahead()
     modes = _modes_of_views(cls, mode)
     if {event_type for event_type, each in modes.items() if each} != set(cls.compiled_views or ()):
         cls.compiled_views, more = _compiled_views(cls, modes)

@@ -112,9 +112,7 @@ class _Eta:
         if len(self.copies) != 1:
             return None  # each row becomes several neighbouring agents, which arrays cannot hold
         scene, sent = evolve_population(part, self.copies[0], self.kinds, self.frame)
-        if sent:
-            self._check_sends(part.symbol, part.symbol, sent)
-            self.batches += sent
+        self.batches += sent
         return scene
 
     def node(self, node: Node, scope: Scene) -> Scene | Node:
@@ -153,18 +151,8 @@ class _Eta:
         context = Context(self.frame, f"#{node.id}")
         result = evolve_agent(node, original, events, self.kinds, context)
         if context.emitted:
-            self._check_sends(node.symbol, f"{node.symbol}#{node.id}", context.emitted)
             self.emitted[original] = (*self.emitted.get(original, ()), *context.emitted)
         return result
-
-    def _check_sends(self, symbol: str, sender: str, events: Sequence[AnyEvent]) -> None:
-        """Raise MisuseError for an event of a kind whose agents send none, as its class says."""
-        cls = self.kinds[symbol]
-        if cls.kind.ahead:
-            raise MisuseError(
-                f"{sender} sent {events[0].type} in frame {self.frame.number}, but {cls.__name__}"
-                " declares ahead=True, and agents that are ahead send no events; remove ahead=True"
-            )
 
 
 def _check_few(scene: Scene, number: int, frame: Frame, policy: Policy) -> None:

@@ -109,7 +109,7 @@ class Service:
 
 def _unknown_arguments(cls: type, names: list[str]) -> str:
     known = [
-        *(("events", "lockstep", "ahead", "on_orders") if issubclass(cls, Generator) else ()),
+        *(("events", "lockstep", "on_orders") if issubclass(cls, Generator) else ()),
         *(("draws", "coupled") if issubclass(cls, Device) else ()),
     ]
     hint = nearest(names[0], known, f"it may have {', '.join(known) or 'none'}")
@@ -134,11 +134,9 @@ class Generator(Service):
 
     Class arguments: `events` are the event types that it generates. Lockstep (the default):
     `generate` is called once per frame. With `lockstep=False` the member runs freely: `run` emits
-    at any time, and a frame has the events that arrived before it began. With `ahead=True`,
-    `generate` is called before its frame begins, up to eight frames ahead. This is for generators
-    that depend neither on the world nor on the time, nor on readings, views or orders. With
-    `on_orders=True`, `generate` is called in the first frame of its process, and then in frames in
-    which `tick.orders` has any. This is for generators whose other frames have no events.
+    at any time, and a frame has the events that arrived before it began. With `on_orders=True`,
+    `generate` is called in the first frame of its process, and then in frames in which
+    `tick.orders` has any. This is for generators whose other frames have no events.
 
     Example:
         >>> class Rain(Generator, events=("eRain",)):
@@ -152,7 +150,6 @@ class Generator(Service):
 
     events: ClassVar[tuple[str, ...]] = ()
     lockstep: bool = True
-    ahead: ClassVar[bool] = False
     on_orders: ClassVar[bool] = False
     people: bool = False
     """Whether its events are actions of people, for norms."""
@@ -161,14 +158,11 @@ class Generator(Service):
         cls,
         events: tuple[str, ...] = (),
         lockstep: bool = True,
-        ahead: bool = False,
         on_orders: bool = False,
         **kwargs: Any,
     ) -> None:
         super().__init_subclass__(**kwargs)
         # Only arguments that are given are set, so that subclasses inherit the others.
-        if ahead:
-            cls.ahead = True
         if on_orders:
             cls.on_orders = True
         if events:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 NAIVE = Path(__file__).parents[1] / "conformance" / "naive.py"
 MEMBER = (sys.executable, str(NAIVE))
-BROKEN = "import naive; naive.Ahead.on_tick = lambda *_: None; naive.sys.exit(naive.NaiveMember(naive.os.environ).run())"
+BROKEN = "import naive; naive.Generator.on_tick = lambda *_: None; naive.sys.exit(naive.NaiveMember(naive.os.environ).run())"
 
 
 def conformance(*words: str) -> subprocess.CompletedProcess[str]:
@@ -25,10 +25,10 @@ def conformance(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_cases_are_listed() -> None:
-    done = conformance("--list", "--role", "ahead", "--case", "tick", "--json")
+    done = conformance("--list", "--role", "generator", "--case", "tick", "--json")
     cases = json.loads(done.stdout)
-    assert "tick.ahead" in [case["id"] for case in cases]
-    assert all("ahead" in case["roles"] for case in cases)
+    assert "tick.first" in [case["id"] for case in cases]
+    assert all("generator" in case["roles"] for case in cases)
 
 
 def test_a_member_that_passes(tmp_path: Path) -> None:
@@ -55,15 +55,15 @@ def test_the_python_member_as_a_program() -> None:
 
 def test_a_member_that_fails(tmp_path: Path) -> None:
     file = tmp_path / "card.xml"
-    words = ("--role", "ahead", "--case", "tick.ahead", "--case", "join.hello")
+    words = ("--role", "generator", "--case", "tick.first", "--case", "join.hello")
     done = conformance(*words, "--json", "--junit", str(file), "--", sys.executable, "-c", BROKEN)
     assert done.returncode == 1
     card = json.loads(done.stdout)
     outcomes = {case["id"]: case for case in card["cases"]}
     assert outcomes["join.hello"]["outcome"] == "passed"
-    failed = outcomes["tick.ahead"]
+    failed = outcomes["tick.first"]
     assert failed["outcome"] == "failed"
-    assert failed["requirements"] == ["P7.8", "P8.3"]
+    assert failed["requirements"] == ["P7.3", "P8.3"]
     assert failed["expected"] == ["ticked 0: eAdd<amount=0.5>"]
     assert failed["received"] == []
     assert any("'tick', 0" in line for line in failed["sent"])

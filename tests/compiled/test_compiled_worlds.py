@@ -70,7 +70,7 @@ class Odd(Agent, symbol="AOdd"):
 vocabulary = Vocabulary.of(eDay, eCall, ePicture, TAt, PSpot, Sheep, Odd)
 
 
-class Days(Generator, events=("eDay",), ahead=True):
+class Days(Generator, events=("eDay",)):
     def generate(self, tick):
         yield eDay(grass=2.0)
 

@@ -6,7 +6,6 @@ from typing import Any
 
 from naive import (
     ROLES,
-    Ahead,
     Coupled,
     Ended,
     Event,
@@ -139,7 +138,7 @@ def answer_garbage(self: NaiveMember, message: list) -> None:
 
 
 def subscribe_to_all(self: NaiveMember) -> list[str]:
-    return [*NaiveMember.subscriptions(self), "tick"]
+    return [*NaiveMember.subscriptions(self), "evolve"]
 
 
 def all_fragments(self: Host, only: list) -> list:
@@ -286,7 +285,7 @@ MUTANTS = [
     Mutant("takes any name", Generator, "P6.2", {"take_name": do_nothing}),
     Mutant("answers before its welcome", Generator, "P6.7", {"is_ready": yes}),
     Mutant("answers garbage", Generator, "P14.4", {"check": answer_garbage}),
-    Mutant("subscribes to ticks", Ahead, "P2.4", {"subscriptions": subscribe_to_all}),
+    Mutant("subscribes to requests for hosts", Generator, "P2.4", {"subscriptions": subscribe_to_all}),
     Mutant("answers for others", Host, "P9.3", {"concerns": yes}),
     Mutant("evolves twice", Host, "P7.6", {"is_new": yes}),
     Mutant("evolves all fragments", Host, "P9.5", {"concerned": all_fragments}),

@@ -2,7 +2,7 @@
 
     MINERVA_ROLE=host python naive.py
 
-It takes part in the world of the conformance suite, as a generator, ahead, host, observer or
+It takes part in the world of the conformance suite, as a generator, host, observer or
 coupled. Each method follows one rule, so that a test can break it.
 """
 
@@ -342,16 +342,6 @@ class Generator(Role):
             self.member.publish("echo", self.answers[max(self.answers)][0])
 
 
-class Ahead(Role):
-    """A generator that is asked a frame ahead, on its own key."""
-
-    def hello(self) -> dict:
-        return {"generates": ["eAdd"], "lockstep": True, "ahead": True}
-
-    def on_tick(self, frame: int) -> None:
-        self.send("ticked", frame, [["eAdd", [frame + 0.5]]], None)
-
-
 class Observer(Role):
     """A device that draws the views of eShow."""
 
@@ -593,7 +583,6 @@ class Host(Role):
 
 ROLES = {
     "generator": Generator,
-    "ahead": Ahead,
     "host": Host,
     "observer": Observer,
     "coupled": Coupled,

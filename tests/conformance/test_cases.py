@@ -69,6 +69,6 @@ def test_a_name_selects_a_case_or_a_group() -> None:
 
 
 def test_parameters_are_the_cases_of_a_role() -> None:
-    pairs = list(parameters("host", "ahead"))
-    assert {role for _, role in pairs} == {MemberRole.HOST, MemberRole.AHEAD}
+    pairs = list(parameters("host", "observer"))
+    assert {role for _, role in pairs} == {MemberRole.HOST, MemberRole.OBSERVER}
     assert all(role in case.roles for case, role in pairs)

@@ -43,7 +43,7 @@ class Fish(Agent, symbol="AFish"):
         return TAt(self.x)(PDot())
 
 
-class Steps(yard.Steps, events=("eStep",), ahead=True):
+class Steps(yard.Steps, events=("eStep",)):
     """Has no inputs, but a state that a successor inherits."""
 
 

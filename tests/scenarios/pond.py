@@ -162,28 +162,6 @@ class Minnow(Agent, symbol="AMinnow"):
         return TAt(self.x)(PDot(0))
 
 
-class Snail(Agent, symbol="ASnail", ahead=True):
-    """Sends no events, so a host of snails can be asked for the next frame early."""
-
-    x: Metres = 0.0
-    births: int = 0
-
-    @on("eStep")
-    def crawl(self, step: Event, moment: Context) -> Scene | None:
-        self.x += moment.random.normal() + 0.001 * step.count
-        if moment.random.random() < 0.02:
-            return self.string + self.child(x=-self.x)
-        return EMPTY if moment.random.random() < 0.02 else None
-
-    @on("eSeen")
-    def hide(self, seen: Event, moment: Context) -> None:
-        self.x = 2 * self.x + seen.figures
-
-    @view("eShow")
-    def picture(self, event: Event) -> Scene:
-        return PDot(self.x)
-
-
 class Add(Generator, events=("eAdd",)):
     """Emits one event per frame, always the same."""
 
@@ -212,10 +190,6 @@ class Steps(Generator, events=("eStep",)):
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         self.count = saved["count"]
-
-
-class Forward(Steps, ahead=True):
-    """Has no inputs, so its events can be requested before its frame begins."""
 
 
 class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
@@ -285,7 +259,6 @@ VOCABULARY = Vocabulary.of(
         Fly,
         Lily,
         Minnow,
-        Snail,
     )
 )
 

@@ -19,12 +19,10 @@ from pond import (
     Counter,
     Eye,
     Fly,
-    Forward,
     Frog,
     Lily,
     Minnow,
     Screen,
-    Snail,
     Steps,
     Water,
     host,
@@ -44,8 +42,6 @@ POND = """
     · ALily#l1(AFrog#f4 · AFly#y3) · ALily#l2(TAt<x=3>(AFrog#f5)) · PDot<x=9>
 """
 SHOAL = Minnow.many("m", 150, x=np.arange(150.0)) + VOCABULARY.read("AFrog#f1 · PDot<x=9>")
-SNAILS = VOCABULARY.read("ASnail#s1 · TAt<x=1>(ASnail#s2 · PDot<x=0>) · PDot<x=9>")
-SNAILS += Snail.many("t", 70, x=np.arange(70.0))
 FRAMES = 8
 
 
@@ -100,15 +96,10 @@ SETTINGS = {
             "many": host("many", Minnow),
             "more": host("more", Minnow, Frog),
             "screen": service("screen", Screen),
-            "steps": service("steps", Forward),
+            "steps": service("steps", Steps),
             "water": service("water", Water),
         },
         {"guest": host("guest", Minnow), "look": LOOK, "noise": NOISE},
-    ),
-    "garden": Setting(
-        SNAILS,
-        {"snails": host("snails", Snail), "steps": service("steps", Forward)},
-        {"guest": host("guest", Snail), "look": LOOK, "noise": NOISE},
     ),
 }
 both = pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)

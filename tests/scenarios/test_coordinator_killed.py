@@ -1,9 +1,10 @@
 """The coordinator is killed at every step of a run: a successor produces the same strings."""
 
+from dataclasses import replace
 from functools import partial
 
 import pytest
-from pond import VOCABULARY, Steps
+from pond import VOCABULARY, Steps, service
 from test_any_schedule import FRAMES, SETTINGS, both
 
 from minerva_bus.frame import messages as m
@@ -50,6 +51,22 @@ def test_killed_again_and_again(setting, every):
     bus, _ = run(setting, set(range(every, 5000, every + 40)))
     assert bus.digests == undisturbed
     assert len(bus.digests) == FRAMES
+
+
+class Unsaved(Steps):
+    """Has a state that it does not save: a successor must get its latest answer again."""
+
+    def save(self):
+        return None
+
+
+def test_a_generator_repeats_its_latest_answer():
+    setting = SETTINGS["shoal"]
+    setting = replace(setting, members={**setting.members, "steps": service("steps", Unsaved)})
+    undisturbed, steps = run(setting, ())
+    for kill in range(1, steps, 5):
+        bus, _ = run(setting, {kill})
+        assert bus.digests == undisturbed.digests, f"killed after step {kill}"
 
 
 def test_a_trace_reports_a_killed_coordinator():

@@ -1,16 +1,12 @@
 """A world resumed from a checkpoint has the same future as one that never stopped."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
-from pond import VOCABULARY, Counter, Fly, Forward, Frog, Lily, Minnow, counters
+from pond import VOCABULARY, Counter, Fly, Frog, Lily, Minnow, counters
 from test_any_schedule import FRAMES, SETTINGS, both
 
-from minerva_bus.frame import messages as m
-from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.messages import ViewShown
-from minerva_bus.runtime.runner import Sink
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.views import visualize
@@ -86,39 +82,3 @@ def test_a_reached_end_counts_after_resuming():
     assert again.ended == bus.ended
     assert again.ended.reason == "every agent has sent eDone"
     assert again.digests == bus.digests[4:]
-
-
-def test_saved_state_is_that_of_the_last_complete_frame():
-    setting = SETTINGS["shoal"]
-    assert isinstance(setting.members["steps"]().service, Forward)
-    bus = MemoryBus(setting.world, setting.members)
-    bus.start()
-    bus.run(3)
-    early = bus.algorithm.inbox.early.of(bus.algorithm.frame)["steps"].saved
-    assert bus.algorithm.checkpoint.saved["steps"] != early
-
-
-class Requests(Sink):
-    """Notes the requests of each stimulus, in order."""
-
-    def __init__(self) -> None:
-        self.sent: list[list[m.ToMember]] = []
-
-    def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
-        sent = [order.message for order in instructions if isinstance(order, s.Send)]
-        self.sent.append(
-            [each for each in sent if isinstance(each, m.EvolveRequest | m.TickRequest)]
-        )
-
-
-def test_hosts_are_asked_before_the_generators_that_are_ahead():
-    setting, requests = SETTINGS["shoal"], Requests()
-    bus = MemoryBus(setting.world, setting.members, [requests])
-    bus.start()
-    bus.run(3)
-    both = [sent for sent in requests.sent if len({*map(type, sent)}) == 2]
-    assert both
-    for first, *others in both:
-        assert isinstance(first, m.EvolveRequest)
-        assert {*map(type, others)} == {m.TickRequest}
-        assert [each.frame for each in others] == [*range(others[0].frame, others[-1].frame + 1)]

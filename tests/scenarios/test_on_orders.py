@@ -180,10 +180,6 @@ class Drawing(OnOrders, Device, draws=("eShow",)):
         pass
 
 
-class Early(OnOrders, ahead=True):
-    pass
-
-
 class Hearing(OnOrders):
     topics = ("sight",)
 
@@ -199,7 +195,6 @@ class Speaking(OnOrders):
     ("service", "reason"),
     [
         (Drawing, "draws views"),
-        (Early, "is asked ahead of the frame, before its orders are known"),
         (Hearing, "subscribes to topics"),
         (Speaking, "publishes on topics"),
     ],

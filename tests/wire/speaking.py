@@ -1,6 +1,6 @@
 """Strategies for every message of the protocol, with any vocabulary."""
 
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 
 import hypothesis.strategies as st
 import numpy as np
@@ -67,10 +67,6 @@ def from_member(vocabulary):
     event_tuples = events.map(tuple)
     few = st.lists(names(), max_size=3).map(tuple)
     shown = st.dictionaries(names(), views, max_size=2)
-    evolved = st.builds(
-        m.EvolveReply, members, numbers, numbers, parts,
-        st.dictionaries(ids(), event_tuples, max_size=2), shown,
-    )  # fmt: skip
     return st.one_of(
         st.builds(
             m.Hello, member=members, version=numbers, service=texts(),
@@ -78,11 +74,13 @@ def from_member(vocabulary):
                 lambda symbols: tuple(vocabulary.kinds[symbol] for symbol in symbols)
             ),
             generates=few, lockstep=st.booleans(), orders=few, draws=few, coupled=st.booleans(),
-            every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(), people=st.booleans(), ahead=st.booleans(), plain=st.booleans(), early_views=st.booleans(),
+            every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(), people=st.booleans(), plain=st.booleans(),
         ),
         st.builds(m.TickReply, members, numbers, event_tuples, saved),
-        evolved,
-        st.builds(with_ahead, evolved, shown),
+        st.builds(
+            m.EvolveReply, members, numbers, numbers, parts,
+            st.dictionaries(ids(), event_tuples, max_size=2), shown,
+        ),
         st.builds(m.Emitted, members, event_tuples),
         st.builds(m.Failed, members, st.integers(-1, 1 << 40), texts(), texts()),
         st.builds(m.Resync, members, texts()),
@@ -90,11 +88,6 @@ def from_member(vocabulary):
         st.builds(m.MemberMetrics, members, figures),
         st.builds(m.Report, members, figures),
     )  # fmt: skip
-
-
-def with_ahead(reply, views):
-    """A reply with the views of the next frame."""
-    return replace(reply, ahead=m.EvolveReply(reply.member, reply.frame + 1, views=views))
 
 
 def to_member(vocabulary):

@@ -57,12 +57,6 @@ static int run_generator(void) {
     });
 }
 
-static void early_tick(mb_moment *moment, void *state) {
-    mb_value amount = mb_real((double)moment->frame + 0.5);
-    (void)state;
-    mb_emit(moment, add(&amount));
-}
-
 typedef struct bars {
     bool is_coupled;
     int64_t count, frame, views; /* no views: nothing was drawn */
@@ -103,10 +97,8 @@ static int run_device(bool is_coupled) {
 int main(void) {
     const char *role = getenv("MINERVA_ROLE");
     if (role == NULL || strcmp(role, "generator") == 0) return run_generator();
-    if (strcmp(role, "ahead") == 0)
-        return mb_run_generator(&(mb_generator){.generates = MB_TEXTS("eAdd"), .ahead = true, .tick = early_tick});
     if (strcmp(role, "observer") == 0) return run_device(false);
     if (strcmp(role, "coupled") == 0) return run_device(true);
-    fprintf(stderr, "MINERVA_ROLE must be generator, ahead, observer or coupled\n");
+    fprintf(stderr, "MINERVA_ROLE must be generator, observer or coupled\n");
     return 1;
 }

@@ -6,7 +6,7 @@
 #include "member.h"
 #include "random.h"
 
-enum { KEPT_ANSWERS = 2, MAX_PENDING = 1000 }; /* messages that wait for a tick */
+enum { MAX_PENDING = 1000 }; /* messages that wait for a tick */
 
 /* Readings on a topic: whole messages, in the order of the topics. */
 typedef struct published {
@@ -38,8 +38,8 @@ typedef struct generator {
     size_t topic_count; /* topics that it publishes */
     bool is_asked;
     int64_t asked;
-    answer answers[KEPT_ANSWERS]; /* the newest one is first */
-    size_t answer_count;
+    bool has_answered;
+    answer last;
     order orders[MAX_PENDING];
     size_t order_count;
     pending readings[MAX_PENDING];
@@ -96,33 +96,22 @@ double mb_random(mb_moment *moment) {
 
 /* --- answers --- */
 
-static void forget_answer(const generator *self, answer *old) {
-    mb_free(&old->ticked);
-    for (size_t n = 0; n < self->topic_count; n++) mb_free(&old->topics[n].message);
-    free(old->topics);
+static void forget_answer(generator *self) {
+    if (!self->has_answered) return;
+    self->has_answered = false;
+    mb_free(&self->last.ticked);
+    for (size_t n = 0; n < self->topic_count; n++) mb_free(&self->last.topics[n].message);
+    free(self->last.topics);
 }
 
-static void forget_answers(generator *self) {
-    while (self->answer_count > 0) forget_answer(self, &self->answers[--self->answer_count]);
+static bool has_answered(const generator *self, int64_t frame) {
+    return self->has_answered && self->last.frame == frame;
 }
 
-static const answer *answer_to(const generator *self, int64_t frame) {
-    for (size_t n = 0; n < self->answer_count; n++)
-        if (self->answers[n].frame == frame) return &self->answers[n];
-    return NULL;
-}
-
-static void give(const generator *self, mb_member *member, const answer *given) {
+static void give(const generator *self, mb_member *member) {
     for (size_t n = 0; n < self->topic_count; n++)
-        mb_member_publish(member, self->spec->publishes[n], &given->topics[n].message);
-    mb_member_send(member, &given->ticked);
-}
-
-static void keep_answer(generator *self, answer new) {
-    if (self->answer_count == KEPT_ANSWERS) forget_answer(self, &self->answers[--self->answer_count]);
-    memmove(self->answers + 1, self->answers, self->answer_count * sizeof new);
-    self->answers[0] = new;
-    self->answer_count++;
+        mb_member_publish(member, self->spec->publishes[n], &self->last.topics[n].message);
+    mb_member_send(member, &self->last.ticked);
 }
 
 /* --- orders and readings that wait for a tick --- */
@@ -295,15 +284,16 @@ static void try_to_answer(generator *self, mb_member *member) {
     for (size_t n = 0; n < self->topic_count; n++) write_readings(self, &tick.topics[n]);
     write_ticked(self, &tick, &new.ticked);
     mb_free(&tick.events);
-    keep_answer(self, new);
+    forget_answer(self);
+    self->last = new;
+    self->has_answered = true;
     if (tick.has_failed) mb_member_fail(member, tick.problem);
-    else give(self, member, &self->answers[0]);
+    else give(self, member);
 }
 
 static void receive_tick(generator *self, mb_member *member, int64_t frame) {
-    const answer *given = answer_to(self, frame);
-    if (given != NULL) {
-        give(self, member, given);
+    if (has_answered(self, frame)) {
+        give(self, member);
         return;
     }
     self->is_asked = true;
@@ -312,9 +302,9 @@ static void receive_tick(generator *self, mb_member *member, int64_t frame) {
 }
 
 static void repeat(const generator *self, mb_member *member, const mb_value *topic) {
-    for (size_t n = 0; n < self->topic_count && self->answer_count > 0; n++)
+    for (size_t n = 0; n < self->topic_count && self->has_answered; n++)
         if (mb_is(topic, self->spec->publishes[n]))
-            mb_member_publish(member, self->spec->publishes[n], &self->answers[0].topics[n].message);
+            mb_member_publish(member, self->spec->publishes[n], &self->last.topics[n].message);
 }
 
 /* --- the role --- */
@@ -324,8 +314,8 @@ static void on_welcome(void *role, mb_member *member, const mb_value *saved, boo
     self->is_asked = false;
     while (self->reading_count > 0) forget_reading(self, self->reading_count - 1);
     /* The predecessor's answer to this frame may already count, so it is given again. */
-    if (is_again && answer_to(self, member->frame) != NULL) return;
-    forget_answers(self);
+    if (is_again && has_answered(self, member->frame)) return;
+    forget_answer(self);
     if (saved->type == MB_MAP && self->spec->restore != NULL) self->spec->restore(self->spec->state, saved);
 }
 
@@ -362,10 +352,10 @@ int mb_run_generator(const mb_generator *spec) {
     while (spec->publishes != NULL && spec->publishes[self->topic_count] != NULL) self->topic_count++;
     const int code = mb_run((mb_role){
         .hello = {.service = spec->service, .generates = spec->generates, .orders = spec->orders,
-                  .topics = spec->topics, .publishes = spec->publishes, .lockstep = true, .ahead = spec->ahead},
+                  .topics = spec->topics, .publishes = spec->publishes, .lockstep = true},
         .self = self, .welcome = on_welcome, .receive = on_message, .readings = on_readings, .report = on_report,
     });
-    forget_answers(self);
+    forget_answer(self);
     while (self->order_count > 0) forget_order(self, self->order_count - 1);
     while (self->reading_count > 0) forget_reading(self, self->reading_count - 1);
     mb_release(&self->sources);

@@ -17,7 +17,7 @@ void mb_member_subscribe(const mb_member *member, void (*subscribe)(void *self, 
     subscribe(member->outside.self, "all");
     snprintf(key, sizeof key, "to/%s", member->name);
     subscribe(member->outside.self, key);
-    if ((hello->lockstep && !hello->ahead) || hello->coupled) subscribe(member->outside.self, "tick");
+    if (hello->lockstep || hello->coupled) subscribe(member->outside.self, "tick");
     for (const char *const *type = hello->draws; !hello->coupled && type != NULL && *type != NULL; type++) {
         snprintf(key, sizeof key, "view/%s", *type);
         subscribe(member->outside.self, key);
@@ -67,7 +67,6 @@ static void send_hello(mb_member *member) {
     mb_set(&map, "version", mb_int(VERSION));
     mb_set(&map, "service", mb_text(hello->service == NULL ? "" : hello->service));
     mb_set(&map, "lockstep", mb_bool(hello->lockstep));
-    mb_set(&map, "ahead", mb_bool(hello->ahead));
     mb_set(&map, "coupled", mb_bool(hello->coupled));
     mb_set(&map, "every", mb_int(hello->every));
     mb_set(&map, "rate", mb_real(hello->rate));

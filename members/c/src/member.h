@@ -13,7 +13,7 @@ typedef struct mb_hello {
     const char *const *draws;
     const char *const *topics;
     const char *const *publishes;
-    bool lockstep, ahead, coupled;
+    bool lockstep, coupled;
     int64_t every;
     double rate;
 } mb_hello;

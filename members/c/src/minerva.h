@@ -55,7 +55,6 @@ typedef struct mb_generator {
     const char *const *orders;
     const char *const *topics;
     const char *const *publishes;
-    bool ahead; /* it depends on the frame alone */
     void *state;
     void (*tick)(mb_moment *moment, void *state);
     void (*save)(const void *state, mb_map *saved); /* for a successor; NULL: nothing */

@@ -71,23 +71,6 @@ public final class Conformance {
         }
     }
 
-    private static final class Ahead extends Generator {
-        @Override
-        protected List<String> generates() {
-            return List.of("eAdd");
-        }
-
-        @Override
-        protected boolean isAhead() {
-            return true;
-        }
-
-        @Override
-        protected void tick(Moment moment) {
-            moment.emit(add(moment.frame() + 0.5));
-        }
-    }
-
     private static final class Bars extends Device {
         private final boolean isCoupled;
         private final Map<String, Object> drawn = new HashMap<>();
@@ -130,10 +113,9 @@ public final class Conformance {
     private static Role role(String name) {
         return switch (name) {
             case "generator" -> new Counter();
-            case "ahead" -> new Ahead();
             case "observer" -> new Bars(false);
             case "coupled" -> new Bars(true);
-            default -> throw new IllegalArgumentException("MINERVA_ROLE must be generator, ahead, observer or coupled");
+            default -> throw new IllegalArgumentException("MINERVA_ROLE must be generator, observer or coupled");
         };
     }
 

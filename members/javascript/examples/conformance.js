@@ -19,12 +19,6 @@ const counter = generator({
   report: ({ count }) => ({ ticks: count }),
 });
 
-const ahead = generator({
-  generates: ["eAdd"],
-  ahead: true,
-  tick: ({ frame }) => [event("eAdd", { amount: Number(frame) + 0.5 })],
-});
-
 const counters = host([
   agent("ACounter", {
     fields: { total: ["real m", 0], name: ["text", ""], births: ["int", 0n] },
@@ -72,6 +66,6 @@ function bars(options) {
   });
 }
 
-const roles = { generator: counter, ahead, host: counters, observer: bars({}), coupled: bars({ coupled: true }) };
+const roles = { generator: counter, host: counters, observer: bars({}), coupled: bars({ coupled: true }) };
 
 await run(roles[process.env.MINERVA_ROLE ?? "generator"]);

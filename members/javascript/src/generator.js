@@ -15,37 +15,37 @@ import { readEvents, writeEvents } from "./scene.js";
  * on the frame alone.
  */
 export function generator({
-  service = "generator", generates, tick, state = {}, ahead = false, orders = [], topics = [], publishes = [],
+  service = "generator", generates, tick, state = {}, orders = [], topics = [], publishes = [],
   report = () => ({}),
 }) {
-  return (member) => new Generator(member, { service, generates, tick, state, ahead, orders, topics, publishes, report });
+  return (member) => new Generator(member, { service, generates, tick, state, orders, topics, publishes, report });
 }
 
 class Generator {
   constructor(member, spec) {
     this.member = member;
     this.spec = spec;
-    this.subscriptions = [...(spec.ahead ? [] : ["tick"]), ...spec.topics.map((topic) => `topic/${topic}/*`)];
+    this.subscriptions = ["tick", ...spec.topics.map((topic) => `topic/${topic}/*`)];
     this.publishes = spec.publishes;
     this.state = structuredClone(spec.state);
     this.asked = null;
-    this.answers = new Map();
+    this.answer = null;
     this.orders = [];
     this.sources = [];
     this.readings = new Map();
   }
 
   hello() {
-    const { service, generates, ahead, orders, topics, publishes } = this.spec;
-    return { service, generates, lockstep: true, ahead, orders, topics, publishes };
+    const { service, generates, orders, topics, publishes } = this.spec;
+    return { service, generates, lockstep: true, orders, topics, publishes };
   }
 
   welcome({ frame, saved }, isAgain) {
     this.asked = null;
     this.readings.clear();
     // The predecessor's answer to this frame may already count, so it is given again.
-    if (isAgain && this.answers.has(frame)) return;
-    this.answers.clear();
+    if (isAgain && this.answer?.frame === frame) return;
+    this.answer = null;
     if (saved !== null) this.state = plainObject(saved);
   }
 
@@ -71,24 +71,21 @@ class Generator {
   }
 
   onTick(frame) {
-    if (this.answers.has(frame)) return this.#give(this.answers.get(frame));
+    if (this.answer?.frame === frame) return this.#give(this.answer);
     this.asked = frame;
     this.#tryToAnswer();
   }
 
   onRepeat(topic) {
-    const last = [...this.answers.values()].at(-1);
-    if (last?.published.has(topic)) this.member.publish(topic, last.published.get(topic));
+    if (this.answer?.published.has(topic)) this.member.publish(topic, this.answer.published.get(topic));
   }
 
   #tryToAnswer() {
     if (this.asked === null || this.sources.some((source) => !this.readings.has(`${this.asked} ${source}`))) return;
     const frame = this.asked;
     this.asked = null;
-    const answer = this.member.own(() => this.#answer(frame));
-    for (const old of this.answers.keys()) if (old < frame - 1n) this.answers.delete(old);
-    this.answers.set(frame, answer);
-    this.#give(answer);
+    this.answer = this.member.own(() => this.#answer(frame));
+    this.#give(this.answer);
   }
 
   #answer(frame) {
@@ -105,7 +102,7 @@ class Generator {
     const events = writeEvents([...(spec.tick(moment) ?? [])], member.vocabulary);
     const saved = Object.keys(state).length > 0 ? structuredClone(state) : null;
     for (const [topic, readings] of published) published.set(topic, ["readings", frame, readings]);
-    return { published, ticked: ["ticked", frame, events, saved] };
+    return { frame, published, ticked: ["ticked", frame, events, saved] };
   }
 
   #takeOrders(frame) {

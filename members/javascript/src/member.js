@@ -57,7 +57,7 @@ export class Member {
 
   hello() {
     return {
-      version: VERSION, service: "", kinds: [], generates: [], lockstep: false, ahead: false, orders: [], draws: [],
+      version: VERSION, service: "", kinds: [], generates: [], lockstep: false, orders: [], draws: [],
       coupled: false, every: 0n, rate: 0, topics: [], publishes: [], pid: this.outside.pid, host: this.outside.host,
       ...this.role.hello(),
     };

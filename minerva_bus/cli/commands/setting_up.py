@@ -90,7 +90,7 @@ def conformance(
     role: Annotated[
         list[str] | None,
         typer.Option(
-            help="A role to check: generator, ahead, host, observer, coupled; may be repeated."
+            help="A role to check: generator, host, observer, coupled; may be repeated."
             " Default: those that the member declares. Or `coordinator`, alone.",
             autocompletion=completing.conformance_roles,
         ),

@@ -385,7 +385,7 @@ class _Player:
     def _usual_key(self, message: m.ToMember) -> str:
         plain = self._compared.is_plain
         if isinstance(message, m.TickRequest):
-            return "to" if self.role is MemberRole.AHEAD else "tick"
+            return "tick"
         if isinstance(message, m.EvolveRequest):
             return "to" if plain else "evolve"
         if isinstance(message, m.ViewShown):

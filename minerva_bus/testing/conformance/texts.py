@@ -115,7 +115,7 @@ def _hello(hello: m.Hello) -> str:
     kinds = [_kind(kind) for kind in hello.kinds]
     return (
         f"hello version {hello.version}: kinds {kinds}, generates {sorted(hello.generates)},"
-        f" lockstep {hello.lockstep}, ahead {hello.ahead}, draws {sorted(hello.draws)},"
+        f" lockstep {hello.lockstep}, draws {sorted(hello.draws)},"
         f" coupled {hello.coupled}, every {hello.every}"
     )
 

@@ -128,14 +128,6 @@ class NumberGenerator(Generator, events=("eAdd",)):
         return {"ticks": self.count}
 
 
-class EarlyNumbers(Generator, events=("eAdd",), ahead=True):
-    """A generator that is asked a frame ahead; its events depend on the frame alone."""
-
-    def generate(self, tick: Tick) -> Event:
-        """The frame and a half."""
-        return eAdd(tick.number + 0.5)
-
-
 class Bars(Device, draws=("eShow",)):
     """A device that reports what it has drawn last."""
 
@@ -181,7 +173,6 @@ class MemberRole(StrEnum):
     """What a member under test does in the world."""
 
     GENERATOR = "generator"
-    AHEAD = "ahead"
     HOST = "host"
     OBSERVER = "observer"
     COUPLED = "coupled"
@@ -189,7 +180,6 @@ class MemberRole(StrEnum):
 
 _MEMBERS: Final[Mapping[MemberRole, Callable[[], Member]]] = {
     MemberRole.GENERATOR: lambda: Member(MEMBER, NumberGenerator()),
-    MemberRole.AHEAD: lambda: Member(MEMBER, EarlyNumbers()),
     MemberRole.HOST: lambda: Member(MEMBER, None, [Counter]),
     MemberRole.OBSERVER: lambda: Member(MEMBER, Bars()),
     MemberRole.COUPLED: lambda: Member(MEMBER, CoupledBars()),
@@ -203,11 +193,10 @@ def reference(role: MemberRole) -> Member:
 
 def roles_of(hello: m.Hello) -> tuple[MemberRole, ...]:
     """The roles that a member declares."""
-    generator = MemberRole.AHEAD if hello.ahead else MemberRole.GENERATOR
     device = MemberRole.COUPLED if hello.coupled else MemberRole.OBSERVER
     offered = (
         (MemberRole.HOST, bool(hello.kinds)),
-        (generator, bool(hello.generates) and hello.lockstep),
+        (MemberRole.GENERATOR, bool(hello.generates) and hello.lockstep),
         (device, bool(hello.draws)),
     )
     return tuple(role for role, offers in offered if offers)

@@ -11,7 +11,7 @@ from minerva_bus.world.services import Generator
 from minerva_services.event_factory import EventFactory
 
 
-class Each(Generator, ahead=True):
+class Each(Generator):
     """Emits one event without data per frame, for all agents that respond to its type.
 
     Args:

@@ -15,15 +15,15 @@ public abstract class Generator extends Role {
     /** Where readings are from, and for which frame; -1: any. */
     private record Source(long frame, String topic, String publisher) {}
 
-    private record Answer(Map<String, List<Object>> published, List<Object> ticked) {}
+    private record Answer(long frame, Map<String, List<Object>> published, List<Object> ticked) {}
 
     private static final Comparator<Source> BY_SOURCE = Comparator.comparing(Source::topic).thenComparing(Source::publisher);
 
-    private final TreeMap<Long, Answer> answers = new TreeMap<>();
     private final TreeMap<Long, List<Event>> orders = new TreeMap<>();
     private final Map<Source, List<Reading>> readings = new LinkedHashMap<>();
     private Map<?, ?> sources = Map.of();
     private Long asked;
+    private Answer last;
     private Member member;
 
     /** The event types that it generates. */
@@ -47,11 +47,6 @@ public abstract class Generator extends Role {
         return List.of();
     }
 
-    /** Whether its events depend on the frame alone. */
-    protected boolean isAhead() {
-        return false;
-    }
-
     /** What a successor needs to continue after this frame: plain values. */
     protected Map<String, ?> save() {
         return Map.of();
@@ -62,7 +57,7 @@ public abstract class Generator extends Role {
 
     @Override
     List<String> subscriptions() {
-        var keys = new ArrayList<>(isAhead() ? List.<String>of() : List.of("tick"));
+        var keys = new ArrayList<>(List.of("tick"));
         for (var topic : topics()) keys.add("topic/" + topic + "/*");
         return keys;
     }
@@ -70,7 +65,7 @@ public abstract class Generator extends Role {
     @Override
     Map<String, Object> hello() {
         return Map.of(
-                "service", service(), "generates", generates(), "lockstep", true, "ahead", isAhead(),
+                "service", service(), "generates", generates(), "lockstep", true,
                 "orders", orders(), "topics", topics(), "publishes", publishes());
     }
 
@@ -80,8 +75,8 @@ public abstract class Generator extends Role {
         asked = null;
         readings.clear();
         // The predecessor's answer to this frame may already count, so it is given again.
-        if (isAgain && answers.containsKey(member.joined().frame())) return;
-        answers.clear();
+        if (isAgain && hasAnswered(member.joined().frame())) return;
+        last = null;
         var saved = member.joined().saved();
         if (saved != null) Member.own(() -> restore(texts(saved)));
     }
@@ -114,19 +109,21 @@ public abstract class Generator extends Role {
     }
 
     private void receiveTick(long frame) {
-        var given = answers.get(frame);
-        if (given != null) {
-            give(given);
+        if (hasAnswered(frame)) {
+            give();
             return;
         }
         asked = frame;
         tryToAnswer();
     }
 
+    private boolean hasAnswered(long frame) {
+        return last != null && last.frame() == frame;
+    }
+
     private void repeat(String topic) {
-        if (answers.isEmpty()) return;
-        var last = answers.lastEntry().getValue().published().get(topic);
-        if (last != null) member.publish(topic, last);
+        var published = last == null ? null : last.published().get(topic);
+        if (published != null) member.publish(topic, published);
     }
 
     @Override
@@ -151,9 +148,8 @@ public abstract class Generator extends Role {
         asked = null;
         var moment = new Moment(member, frame, takeOrders(frame), takeReadings(frame), publishes());
         Member.own(() -> tick(moment));
-        answers.headMap(frame - 1).clear();
-        answers.put(frame, answer(moment));
-        give(answers.get(frame));
+        last = answer(moment);
+        give();
     }
 
     private Answer answer(Moment moment) {
@@ -161,7 +157,7 @@ public abstract class Generator extends Role {
         var published = new LinkedHashMap<String, List<Object>>();
         moment.published().forEach((topic, list) -> published.put(topic, List.of("readings", moment.frame(), list)));
         var kept = saved.isEmpty() ? null : new LinkedHashMap<>(saved);
-        return new Answer(published, Arrays.asList("ticked", moment.frame(), moment.events(), kept));
+        return new Answer(moment.frame(), published, Arrays.asList("ticked", moment.frame(), moment.events(), kept));
     }
 
     private List<Event> takeOrders(long frame) {
@@ -178,8 +174,8 @@ public abstract class Generator extends Role {
         return result;
     }
 
-    private void give(Answer answer) {
-        answer.published().forEach(member::publish);
-        member.send(answer.ticked());
+    private void give() {
+        last.published().forEach(member::publish);
+        member.send(last.ticked());
     }
 }

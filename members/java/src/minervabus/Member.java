@@ -96,7 +96,7 @@ final class Member {
         hello.put("version", VERSION);
         hello.put("service", "");
         for (var key : List.of("kinds", "generates", "orders", "draws", "topics", "publishes")) hello.put(key, List.of());
-        for (var key : List.of("lockstep", "ahead", "coupled")) hello.put(key, false);
+        for (var key : List.of("lockstep", "coupled")) hello.put(key, false);
         hello.put("every", 0);
         hello.put("rate", 0.0);
         hello.put("pid", ProcessHandle.current().pid());

@@ -22,7 +22,7 @@ from minerva_bus.testing.conformance.cases.scripts import (
     tick,
     ticks,
 )
-from minerva_bus.testing.conformance.world import MemberRole, eAdd
+from minerva_bus.testing.conformance.world import eAdd
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.plain import pack
 
@@ -33,7 +33,6 @@ def _orders(frame: int, *amounts: float) -> Deliver:
     return Deliver(m.Orders(frame, tuple([eAdd(amount) for amount in amounts])))
 
 
-_AHEAD: Final = (MemberRole.AHEAD,)
 _ALONE: Final = Deliver(m.Sources({"sight": ("eye",)}))
 _PAIR: Final = Deliver(m.Sources({"sight": ("eye", "ear")}))
 _WIDE_TICK: Final = b"\x92\xa4tick\xcf" + (3).to_bytes(8, "big")
@@ -65,18 +64,6 @@ _TICKS: Final = (
             tick(frame), tier=Tier.EXACT, frame=frame, roles=TICKED,
         )
         for frame in ((1 << 31) + 1, (1 << 53) + 1, (1 << 62) + 1)
-    ),
-    _case(
-        "tick.ahead", "answers ticks on its own key, a frame ahead", "P7.8",
-        *ticks(0, 1, 2, 3), roles=_AHEAD,
-    ),
-    _case(
-        "tick.ahead repeated", "repeats the answer to a repeated tick", "P7.5 P7.8",
-        *ticks(0, 0, 1, 1), roles=_AHEAD,
-    ),
-    _case(
-        "tick.ahead key", "does not subscribe to the ticks of all", "P2.4 P8.2",
-        SendIgnored("tick", encode(m.TickRequest(0))), tick(0), roles=_AHEAD,
     ),
     _case(
         "tick.other keys", "does not subscribe to requests for hosts", "P2.4",

@@ -29,7 +29,7 @@ HOST: Final = (MemberRole.HOST,)
 OBSERVER: Final = (MemberRole.OBSERVER,)
 COUPLED: Final = (MemberRole.COUPLED,)
 ANY_DEVICE: Final = (MemberRole.OBSERVER, MemberRole.COUPLED)
-TICKED: Final = (MemberRole.GENERATOR, MemberRole.AHEAD, MemberRole.COUPLED)
+TICKED: Final = (MemberRole.GENERATOR, MemberRole.COUPLED)
 EVERY_ROLE: Final = tuple(MemberRole)
 
 GREET: Final = Deliver(m.Greet())
