@@ -37,7 +37,7 @@ def _can_be_near(service: Service) -> bool:
     # A service may have an attribute of its own with this name.
     if not isinstance(service.halo, Halo):
         return False
-    answers = isinstance(service, Generator) and service.lockstep and not service.ahead
+    answers = isinstance(service, Generator) and service.lockstep
     return answers and (service.coupled if isinstance(service, Device) else bool(service.topics))
 
 

@@ -63,7 +63,7 @@ def test_a_member_that_fails(tmp_path: Path) -> None:
     assert outcomes["join.hello"]["outcome"] == "passed"
     failed = outcomes["tick.first"]
     assert failed["outcome"] == "failed"
-    assert failed["requirements"] == ["P7.3", "P8.3"]
+    assert failed["requirements"] == ["P8.3", "P7.3"]
     assert failed["expected"] == ["ticked 0: eAdd<amount=0.5>"]
     assert failed["received"] == []
     assert any("'tick', 0" in line for line in failed["sent"])

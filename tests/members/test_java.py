@@ -22,7 +22,7 @@ PAGE = gardens.ROOT / "docs" / "howto" / "java.md"
 OLDEST = 17
 QUICK = ("-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1", "-Xshare:auto")
 """Options with which a virtual machine starts quickly: the suite starts one for each case."""
-ROLES = (MemberRole.GENERATOR, MemberRole.OBSERVER, MemberRole.COUPLED, MemberRole.AHEAD)
+ROLES = (MemberRole.GENERATOR, MemberRole.OBSERVER, MemberRole.COUPLED)
 
 
 def missing() -> str:

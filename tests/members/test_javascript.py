@@ -28,7 +28,6 @@ ROLES = (
     MemberRole.GENERATOR,
     MemberRole.OBSERVER,
     MemberRole.COUPLED,
-    MemberRole.AHEAD,
 )
 
 

@@ -9,7 +9,7 @@ from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.worldfile import Process, WorldFile
-from minerva_bus.regions.attached import beside, is_attached
+from minerva_bus.regions.attached import beside
 from minerva_bus.regions.halo_services import halo_services
 from minerva_bus.regions.partition import ByPosition
 from minerva_bus.regions.tree import ByTree
@@ -175,6 +175,4 @@ def _unsupported_service(service: Service | None) -> str:
         return "generators that run freely and exchange sensor topics with services in step"
     if _is_in_real_time(service):
         return "devices in real time that exchange sensor topics with services in step"
-    if isinstance(service, Generator) and service.ahead and is_attached(service):
-        return "generators that run ahead and have sensor topics or views"
     return ""
