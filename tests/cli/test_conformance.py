@@ -64,7 +64,7 @@ def test_a_member_that_fails(tmp_path: Path) -> None:
     failed = outcomes["tick.first"]
     assert failed["outcome"] == "failed"
     assert failed["requirements"] == ["P8.3", "P7.3"]
-    assert failed["expected"] == ["ticked 0: eAdd<amount=0.5>"]
+    assert failed["expected"] == ["readings echo 0: [['battery', 'r1', 0.0, 1.0, 0.0]]"]
     assert failed["received"] == []
     assert any("'tick', 0" in line for line in failed["sent"])
     assert card["reached"] == "joins"
