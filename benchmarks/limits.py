@@ -1,221 +1,270 @@
-"""Costs of the largest allowed message of each type for the other members, over real Zenoh.
+"""Frames, memory and start of worlds with one coordinator, from small ones to its limits.
 
-    python -m benchmarks.limits [--only NAME ...] [--repeat 3] [--json | --markdown]
+    python -m benchmarks.limits [--members 10 100 500 1000] [--agents 100000 1000000 2000000]
+        [--in-process 100000 1000000 10000000] [--seconds 10] [--json]
 
-A world runs 20 frames per second with a lockstep generator, a host of 200 agents, and an observer
-that sends a query every 20 ms. A member that implements only the protocol joins, sends the largest
-message of a type within the limits, or a flood of messages, and leaves. The metrics are relative to
-the second before the message:
+`members` do nothing, in step: each frame asks each of them and waits for its answer. They have
+processes of their own. `agents` are in columns on a host; each has one number, which changes in
+each frame. `in process` is that world without a bus. A size of 0 leaves a part out.
 
-frame    maximum delay of a frame after the message, in ms
-path     maximum CPU time of the coordinator's main thread between the beginning and the end of a
-         frame, in ms: an estimate of `frame` on an idle machine, without the share of the hosts
-silence  longest response time of a query, in ms
-cost     path, and `decode` if the frame waits for the message
-
-`decode` is the CPU time to decode the message on its own. `loop` is the CPU time of a million
-additions in the same run: divide by it to compare machines, or the same machine under load. All
-values are medians of the repetitions, except for `frame` and `silence`, which are the lowest: other
-programs of the machine only increase them. `--only` takes a part of a name; `--markdown` prints the
-table of docs/performance.md. Messages are encoded before they are sent, so that their construction
-does not count.
+`start` is from the command to the end of the first frame. What follows is from --seconds after it:
+frames per second, CPU time of all processes per frame, and the bytes of its messages at the
+coordinator (median). `MB` is the memory of all processes at the end, with shared memory counted
+once, and for `in process`, which has no other figures, the peak. `load` is the number of programs
+that have wanted to run in the last minute, those of this benchmark as well.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import statistics
+import os
+import subprocess
 import sys
-import threading
+import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import suppress
-from itertools import pairwise
-from queue import Empty, SimpleQueue
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
 
-import zenoh
+import numpy as np
 
-from benchmarks.command import Table
-from benchmarks.forked import task
-from benchmarks.limit_cases import CASES, STRING, VOCABULARY, Case, hello
-from benchmarks.limit_world import NAME, RATE, Raw, running
+from benchmarks.command import Table, options
+from minerva_bus import (
+    Agent,
+    BatchContext,
+    Event,
+    EventType,
+    Generator,
+    Primitive,
+    Scene,
+    Tick,
+    Vocabulary,
+    on,
+)
 from minerva_bus.errors import MinervaError
-from minerva_bus.frame.own_agents import OwnAgents
-from minerva_bus.runtime.session import open_client
-from minerva_bus.wire.codec import Decoder
-from minerva_bus.wire.keys import Keys
-from minerva_bus.wire.plain import pack
+from minerva_bus.launch.console import Console
+from minerva_bus.runtime.client import Client
 
-LOWEST = ("frame", "silence")
-SHOWN = {
-    "decode": "decode, ms", "path": "path, ms", "cost": "of a frame, ms", "frame": "late, ms",
-    "silence": "silence, ms",
+ROOT: Final = Path(__file__).parents[1]
+CLOCK_TICKS: Final = os.sysconf("SC_CLK_TCK")
+START_SECONDS: Final = 600.0
+END_SECONDS: Final = 120.0
+COLUMNS: Final = {
+    "case": "<10", "size": ">10,", "start s": ">8.1f", "frames/s": ">9.2f", "CPU ms": ">9.1f",
+    "kB/frame": ">10,.1f", "MB": ">8,.0f", "bytes each": ">11,.0f", "load": ">6.1f",
 }  # fmt: skip
-ADDITIONS = 1_000_000
-CALM, SETTLED = 1.0, 30.0
-BROKEN = "broke the protocol"
-"""Part of the log line about a refused message."""
+
+WORLD: Final = """
+[world]
+scene = "benchmarks.limits:drops"
+vocabulary = "benchmarks.limits:vocabulary"
+
+[options]
+agents = {agents}
+"""
+MEMBERS: Final = """
+[process.idle]
+service = "benchmarks.limits:Idle"
+processes = {size}
+"""
+AGENTS: Final = """
+[process.clock]
+service = "benchmarks.limits:Clock"
+
+[process.host]
+agents = "benchmarks.limits:Drop"
+"""
+
+eStep = EventType("eStep")
 
 
-def asking(
-    session: zenoh.Session, stop: threading.Event, answers: list[tuple[float, float]]
-) -> None:
-    asked = pack({"ask": "vocabulary"})
-    while not stop.is_set():
-        began = time.monotonic()
-        replies = list(session.get(Keys(NAME).control, payload=asked, timeout=30.0))
-        answers.append((began, time.monotonic() - began if replies else 30.0))
-        time.sleep(0.02)
+class Drop(Agent, symbol="ADrop"):
+    """An agent with one number, which changes in each frame."""
+
+    x: float = 0.0
+
+    @on("eStep", population=True)
+    def fall(self, step: Event, moment: BatchContext) -> None:
+        self.x += 1.0
 
 
-def measured(case: Case) -> dict[str, float]:
-    """Costs of one message in ms."""
-    answers, stop = list[tuple[float, float]](), threading.Event()
-    with running(host=case.answers != "evolve") as (endpoint, frames, lines):
-        with open_client("asking", endpoint) as other, open_client("large", endpoint) as session:
-            if case.answers != "evolve":
-                frames.get(timeout=SETTLED)
-            watch = threading.Thread(target=asking, args=(other, stop, answers))
-            watch.start()
-            lone = case.data is None and case.flood is None and case.question is None
-            if lone:
-                time.sleep(CALM)
-            raw = Raw(session, case)
-            (raw.refused if lone else raw.welcome).wait(SETTLED)
-            at = raw.greeted_at if lone else _send(session, raw, case)
-            time.sleep(2 * CALM)
-            stop.set()
-            watch.join()
-        ends = list(_drained(frames))
-    # A message that is refused, unlike what the case says, would measure something else.
-    refusals = [line for line in lines if BROKEN in line]
-    if bool(refusals) != case.refused and not lone:
-        raise SystemExit(f"expected refused: {case.refused}; the log has {lines}")
-    return _figures(at, ends, answers)
+class Clock(Generator, events=("eStep",)):
+    """Lets all agents act in each frame."""
+
+    def generate(self, tick: Tick) -> Event:
+        return eStep()
 
 
-def _send(session: zenoh.Session, raw: Raw, case: Case) -> float:
-    time.sleep(CALM)
-    if case.flood is not None:
-        at = time.monotonic()
-        case.flood(session, raw.keys, raw.epoch, at + CALM)
-        return at
-    if case.answers:
-        raw.armed.set()
-        until = time.monotonic() + SETTLED
-        while not raw.sent_at and time.monotonic() < until:
-            time.sleep(0.01)
-        return raw.sent_at
-    at = time.monotonic()
-    if case.question is None:
-        raw.send_message(0)
-    else:
-        list(session.get(raw.keys.control, payload=pack(case.question()), timeout=SETTLED))
-    return at
+class Idle(Generator):
+    """Has no events."""
 
 
-def _drained(frames: SimpleQueue[tuple[int, float, float]]) -> Iterator[tuple[int, float, float]]:
-    with suppress(Empty):
-        while True:
-            yield frames.get_nowait()
+PStone = Primitive("PStone")
+vocabulary = Vocabulary.of(PStone, eStep, Drop)
 
 
-def _figures(
-    at: float, ends: list[tuple[int, float, float]], answers: list[tuple[float, float]]
-) -> dict[str, float]:
-    gaps = [(b - a, b) for (_, a, _), (_, b, _) in pairwise(ends)]
-    paths = [(path, end) for _, end, path in ends]
-    usual = statistics.median([took for took, end in paths if end <= at] or [0.0])
-    path = max([took for took, end in paths if end > at], default=0.0) - usual
-    before = [gap for gap, end in gaps if at - CALM < end <= at]
-    after = [gap for gap, end in gaps if end > at] + [max(0.0, time.monotonic() - ends[-1][1] - 3)]
-    calm = max([took for begun, took in answers if begun < at - 0.1], default=0.0)
-    busy = max([took for begun, took in answers if begun + took >= at], default=0.0)
-    return {
-        "frame": 1e3 * (max(after) - statistics.median(before or [1 / RATE])),
-        "path": 1e3 * path,
-        "calm": 1e3 * (max(before or [1 / RATE]) - statistics.median(before or [1 / RATE])),
-        "silence": 1e3 * busy,
-        "calm silence": 1e3 * calm,
-    }
+def drops(given: Mapping[str, Any]) -> Scene:
+    """The initial string: agents in columns; without any a stone, as an empty world is over."""
+    agents = given["agents"]
+    return Drop.many("d", agents, x=np.zeros(agents)) if agents else PStone()
 
 
-def encoded(case: Case) -> bytes:
-    """The case's message, or its hello."""
-    if case.question is not None:
-        return pack(case.question())
-    return pack(["hello", hello() | case.hello]) if case.data is None else case.data().of(0)
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table."""
+
+    case: str
+    size: int
+    start_s: float
+    frames_per_s: float
+    cpu_ms: float
+    kb_per_frame: float
+    memory_mb: float
+    load: float
+
+    def cells(self) -> tuple[Any, ...]:
+        """What the table shows of it."""
+        *first, load = asdict(self).values()
+        return *first, 1e6 * self.memory_mb / self.size, load
 
 
-def alone(case: Case) -> float:
-    """Milliseconds to decode the message on its own."""
-    data, own = encoded(case), OwnAgents(lambda: STRING.pieces)
-    began = time.thread_time()
-    with suppress(MinervaError):
-        Decoder(VOCABULARY).from_member("large", data, own)
-    return 1e3 * (time.thread_time() - began)
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The number of frames of a world, and the CPU time of its processes, at a time."""
+
+    at: float
+    frame: int
+    cpu: float
 
 
-def row(name: str, repeat: int) -> dict[str, Any]:
-    """One row of the table."""
-    case, rows = CASES[name], list[dict[str, float]]()
-    for _ in range(repeat):  # Zenoh's threads do not survive a fork: use new processes.
-        rows.append(task("benchmarks.limits", name))
-    lowest = {key: min(row[key] for row in rows) for key in LOWEST}
-    figures = {key: statistics.median(row[key] for row in rows) for key in rows[0]} | lowest
-    flood = case.flood is not None
-    decode = 0.0
-    if not flood and case.question is None:
-        decode = min(alone(case) for _ in range(repeat))
-    own = {"case": name, "bytes": 0 if flood else len(encoded(case)), "decode": round(decode, 1)}
-    # The frame waits for the decoding of an answer; other messages are decoded beside it.
-    awaited = decode if case.answers and not case.refused else 0.0
-    own |= {"cost": round(figures["path"] + awaited, 1)}
-    return own | {key: round(figure, 1) for key, figure in figures.items()}
+class Running:
+    """A world on the bus in a folder, with all its processes."""
+
+    def __init__(self, folder: Path, text: str) -> None:
+        self._folder = folder
+        environment = {**os.environ, "MINERVA_RUNTIME_DIR": str(folder)}
+        self.launcher = subprocess.Popen(
+            command(folder, text, "--profile"),
+            cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    def sample(self) -> Sample:
+        """How far the world is, as soon as it answers after its first frame."""
+        until = time.monotonic() + START_SECONDS
+        while time.monotonic() < until and self.launcher.poll() is None:
+            try:
+                with self._client() as client:
+                    frame = client.operator.status().frame
+            except (MinervaError, OSError, ValueError):
+                frame = 0
+            if frame:
+                cpu = sum(map(cpu_seconds, self._processes()))
+                return Sample(time.monotonic(), frame, cpu)
+            time.sleep(0.2)
+        sys.exit(f"the world has ended, or had no frame within {START_SECONDS:.0f} s")
+
+    def memory(self) -> float:
+        """Memory in MB, with shared memory counted once."""
+        return sum(map(proportional, self._processes()))
+
+    def end(self) -> dict[str, Any]:
+        """Stop the world; returns its summary."""
+        with self._client() as client:
+            client.ask("stop")
+        return json.loads(self.launcher.communicate(timeout=END_SECONDS)[0])
+
+    def _client(self) -> Client:
+        (path,) = self._folder.glob("*.json")
+        state = json.loads(path.read_text(encoding="utf-8"))
+        return Client(state["endpoint"], state["world"])
+
+    def _processes(self) -> list[int]:
+        """The launcher, the coordinator and the members."""
+        pid = self.launcher.pid
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii")
+        return [pid, *map(int, children.split())]
 
 
-def loop() -> float:
-    """Milliseconds of CPU time of ADDITIONS additions."""
-    began, total = time.thread_time(), 0
-    for number in range(ADDITIONS):
-        total += number
-    return 1e3 * (time.thread_time() - began)
+def command(folder: Path, text: str, *more: str) -> list[str]:
+    """The command that runs the world of a file, which is written to a folder."""
+    file = folder / "limits.toml"
+    file.write_text(text, encoding="utf-8")
+    minerva = [sys.executable, "-m", "minerva_bus.cli.main", "run", str(file)]
+    return [*minerva, "--rate", "0", "--quiet", "--json", *more]
 
 
-def markdown(figures: dict[str, Any]) -> str:
-    """A row of the table in docs/performance.md."""
-    size = f"{figures['bytes']:,}" if figures["bytes"] else ""
-    cells = [f"{max(0.0, figures[key]):.0f}" for key in SHOWN]
-    return f"| `{figures['case']}` | {size} | {' | '.join(cells)} | {loop():.0f} |"
+def cpu_seconds(pid: int) -> float:
+    """CPU time of a process."""
+    text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
+    user, system = text.rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / CLOCK_TICKS
+
+
+def proportional(pid: int) -> float:
+    """Memory of a process in MB; memory that it shares is divided by those that do."""
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1000
+
+
+def on_bus(case: str, size: int, seconds: float, folder: Path) -> Row:
+    """Run a world with processes for some seconds after its first frame."""
+    members = case == "members"
+    text = WORLD.format(agents=0 if members else size)
+    running = Running(folder, text + (MEMBERS.format(size=size) if members else AGENTS))
+    try:
+        first = running.sample()
+        time.sleep(seconds)
+        last = running.sample()
+        memory, load = running.memory(), os.getloadavg()[0]
+        summary = running.end()
+    finally:
+        running.launcher.kill()
+    frames = last.frame - first.frame
+    rate, cpu = frames / (last.at - first.at), 1e3 * (last.cpu - first.cpu) / frames
+    sent = sum(summary["profile"][way]["p50"] for way in ("bytes in", "bytes out"))
+    start = summary["first_frame_seconds"]
+    return Row(case, size, start, rate, cpu, 1e-3 * sent, memory, load)
+
+
+def in_process(size: int, folder: Path) -> Row:
+    """Run agents without a bus."""
+    frames = min(1000, max(20, round(2e8 / size)))
+    words = command(folder, WORLD.format(agents=size) + AGENTS, "--in-process")
+    process = subprocess.Popen(
+        [*words, "--frames", str(frames)], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    summary = json.loads(process.stdout.read())
+    _, _, used = os.wait4(process.pid, 0)
+    start, rate = summary["first_frame_seconds"], summary["frames_per_second"]
+    load = os.getloadavg()[0]
+    return Row("in process", size, start, rate, 0.0, 0.0, used.ru_maxrss / 1000, load)
 
 
 def main() -> None:
-    """Measure and print a table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--only", nargs="+", default=[""], metavar="NAME")
-    parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--markdown", action="store_true")
-    parser.add_argument("--task", choices=sorted(CASES), help="one case, in this process")
-    options = parser.parse_args()
-    if options.task:
-        print(json.dumps(measured(CASES[options.task])))
-        return
-    names = [name for name in CASES if any(part in name for part in options.only)]
-    if options.markdown:
-        print(f"| message | bytes | {' | '.join(SHOWN.values())} | loop, ms |")
-        print("|---|---|---|---|---|---|---|---|")
-        for name in names:
-            print(markdown(row(name, options.repeat)), flush=True)
-        return
-    keys = ("bytes", "decode", "path", "cost", "frame", "calm", "silence", "calm silence")
-    table = Table({"ms": "<26"} | dict.fromkeys(keys, ">13,"), as_json=options.json)
-    for name in names:
-        figures = row(name, options.repeat)
-        table.row(figures, name, *(figures[key] for key in keys))
-    print(f"loop: {loop():.1f} ms", file=sys.stderr)
+    """Print a row for each size."""
+    given = options(
+        __doc__,
+        members=[10, 100, 500, 1000],
+        agents=[100_000, 1_000_000, 2_000_000],
+        in_process=[100_000, 1_000_000, 10_000_000],
+        seconds=10.0,
+    )
+    sizes = {"members": given.members, "agents": given.agents, "in process": given.in_process}
+    cases = [(case, size) for case, given in sizes.items() for size in given if size]
+    table = Table(COLUMNS, as_json=given.json)
+    console = Console(quiet=given.json)
+    for done, (case, size) in enumerate(cases):
+        console.progress("limits", done, len(cases), f"{case}: {size:,}")
+        with tempfile.TemporaryDirectory() as name:
+            row = (
+                in_process(size, Path(name))
+                if case == "in process"
+                else on_bus(case, size, given.seconds, Path(name))
+            )
+        console.end()
+        table.row(asdict(row), *row.cells())
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import msgpack
 import zenoh
 
 from benchmarks.forked import coordinator, forked
-from benchmarks.limit_cases import STRING, VOCABULARY, Case, Fox, Steps, hello
+from benchmarks.large_message_cases import STRING, VOCABULARY, Case, Fox, Steps, hello
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
@@ -29,7 +29,7 @@ from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.weighing import name_in
 
-NAME, RATE = "limits", 20.0
+NAME, RATE = "large-messages", 20.0
 
 
 class FrameCosts(Sink):
