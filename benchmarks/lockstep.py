@@ -1,17 +1,13 @@
 """Microseconds per frame of an empty lockstep, compared with other platforms in one run.
 
     python -m benchmarks.lockstep [--workers 1 2 4 8 16] [--systems minerva zenoh ...] [--json]
-                                  [--plot FILE.png] [--against TREE]
+                                  [--plot FILE.png]
 
 A frame: the coordinator requests events from K member processes, receives K empty replies, collects
 the events and computes the digest of the string. The peers' scripts are in --peers
 (`bench_<peer>.py` and a virtual environment `venvs/<peer>` for each); missing ones are skipped with
 a message. Absolute times depend on the load of the machine; compare the ratios, which are from
 alternating turns in one run.
-
-`--against` compares with another source tree, which has its own `.venv`: elapsed microseconds per
-frame, CPU time of the main threads of the coordinator and of one member, and their function calls
-per frame (`benchmarks.frame_cost`), each with the ratio to the other tree.
 """
 
 from __future__ import annotations
@@ -26,7 +22,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from benchmarks.command import PEERS_FOLDER, PLOT, Option, Table, options
+from benchmarks.command import PEERS_FOLDER, PLOT, Table, options
 from benchmarks.forked import Members, answered, coordinator, task
 from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
@@ -137,13 +133,7 @@ def main() -> None:
         systems=["minerva", *PEERS],
         peers=PEERS_FOLDER,
         plot=PLOT,
-        against=Option(Path, "another source tree with a .venv"),
     )
-    if arguments.against is not None:
-        print(f"{'workers':>7} {'per frame':15} {'this':>9} {'other':>9} {'ratio':>6}")
-        for workers in arguments.workers:
-            compare(arguments.against, workers, arguments.steps, arguments.turns + 1)
-        return
     table = Table(COLUMNS, as_json=arguments.json)
     rows = [row for workers in arguments.workers for row in report(arguments, workers, table)]
     if arguments.plot is not None:
@@ -173,26 +163,6 @@ def report(arguments: argparse.Namespace, workers: int, table: Table) -> list[Ro
     for system, why in missing.items():
         print(f"{system:10} {workers:7} left out: {why}", file=sys.stderr)
     return rows
-
-
-def compare(tree: Path, workers: int, steps: int, turns: int) -> None:
-    """Print the cost of a frame for this tree and another one, measured in turns."""
-    own, other = Path(__file__).parents[1], tree.resolve()
-    script = str(own / "benchmarks" / "frame_cost.py")
-    costs: dict[Path, dict[str, list[float]]] = {own: {}, other: {}}
-    for turn in range(turns):
-        for root, figures in costs.items():
-            python = str(root / ".venv" / "bin" / "python")
-            calls = ["--calls"] if turn == 0 else []
-            words = [python, script, str(root), str(workers), str(steps), *calls]
-            result = answered(words, root)
-            if isinstance(result, str):
-                sys.exit(f"{root}: {result}")
-            for name, amount in result.items():
-                figures.setdefault(name, []).append(amount)
-    for name, amounts in costs[own].items():
-        ours, theirs = statistics.median(amounts), statistics.median(costs[other][name])
-        print(f"{workers:7} {name:15} {ours:9.1f} {theirs:9.1f} {ours / theirs:6.2f}")
 
 
 def lines_of(rows: list[Row]) -> list[Line]:

@@ -6,7 +6,6 @@ import sys
 import pytest
 
 WRONG = {
-    "frame_cost": [[], ["."], [".", "0", "1"], ["missing", "1", "1"]],
     "environments": [["robot"]],
     "peer_statistics": [[], ["mesa", "wealth", "10", "1", "last"], ["mesaframes", "wolf_sheep"]],
     "comparison.worker": [[], ["mesa"], ["minerva", "schelling", "crowd"]],
