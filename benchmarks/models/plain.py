@@ -31,7 +31,6 @@ class Walker(Agent, symbol="AWalker"):
 
 
 kinds: list[type[Agent]] = [Walker]
-plain_kinds = kinds
 vocabulary = Vocabulary.of(eStep, Walker)
 
 

@@ -15,7 +15,6 @@ from benchmarks.models.events import Clock, eStep
 from minerva_bus import (
     Agent,
     BatchContext,
-    Context,
     Event,
     EventBatch,
     EventType,
@@ -50,25 +49,7 @@ class Person(Agent, symbol="APerson"):
         self.wealth += np.bincount(given.row, minlength=len(self))
 
 
-class PlainPerson(Agent, symbol="APerson"):
-    """The same as Person, with activities for a single agent."""
-
-    wealth: int = 1
-
-    @on("eStep")
-    def step(self, step: Event, moment: Context) -> None:
-        somebody = moment.chance.integers(step.count)
-        if self.wealth > 0:
-            moment.emit(eGive(receivers=[f"w{somebody}"]))
-            self.wealth -= 1
-
-    @on("eGive")
-    def take(self, given: Event, moment: Context) -> None:
-        self.wealth += 1
-
-
 kinds: list[type[Agent]] = [Person]
-plain_kinds: list[type[Agent]] = [PlainPerson]
 vocabulary = Vocabulary.of(eStep, eGive, Person)
 
 
