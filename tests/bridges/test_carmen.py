@@ -138,6 +138,10 @@ def test_a_correction_among_the_odometry_is_counted_and_passed_over(tmp_path):
         ("FLASER -1", "not a number of beams"),
         ("FLASER 99999999 1", "not a number of beams"),
         ("FLASER 0 0 0 0 0 0 0 1 h 1", "no beams"),
+        (
+            robot_laser([1.0, 2.0], (0, 0, 0), (0, 0, 0), step=0.0),
+            "the resolution is 0, with 2 beams",
+        ),
         ("FLASER 1 x 0 0 0 0 0 0 1 h 1", "invalid range"),
         ("FLASER 1 1.0 nan 0 0 0 0 0 1 h 1", "not finite"),
         ("ODOM 0 0 zero 0 0 0 1 h 1", "'zero' is not a number"),

@@ -104,6 +104,32 @@ def test_sentences_without_a_position_are_counted_by_reason(cable):
     assert report["garbage"] >= 4
 
 
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"lat": "5230.0000,"}, "hemisphere ''; expected N or S"),
+        ({"lat": "5230.0000,n"}, "hemisphere 'n'; expected N or S"),
+        ({"lat": "5230.0000,E"}, "hemisphere 'E'; expected N or S"),
+        ({"lon": "01324.0000,"}, "hemisphere ''; expected E or W"),
+        ({"lon": "01324.0000,EW"}, "hemisphere 'EW'; expected E or W"),
+        ({"lat": "5275.0000,N"}, "5275.0000 is not degrees and minutes up to 90°"),
+        ({"lon": "18100.0000,E"}, "18100.0000 is not degrees and minutes up to 180°"),
+        ({"up": "inf"}, "inf is not finite"),
+    ],
+)
+def test_invalid_values_are_refused_with_their_sentence(fields, why):
+    with pytest.raises(SkippedSentence, match="garbage") as skipped:
+        read_fix(gga(**fields))
+    assert skipped.value.detail == f"{gga(**fields)!r} skipped: {why}"
+
+
+def test_the_first_invalid_sentence_is_logged(cable, capsys):
+    report, fixes = positions(cable, gga(lat="5230.0000,"), gga(lat="5230.0000,"))
+    assert (fixes, report["garbage"]) == ([], 2)
+    out = capsys.readouterr().out
+    assert out.count("hemisphere ''; expected N or S; further ones are counted as 'garbage'") == 1
+
+
 def test_midnight_does_not_turn_time_back_and_a_clock_that_jumps_is_followed(cable):
     _, fixes = positions(cable, gga("235959.00"), gga("000001.00"), gga("000000.50"), gga("010000"))
     assert [fix.time for fix in fixes] == [86399.0, 86401.0, 86400.5, 90000.0]

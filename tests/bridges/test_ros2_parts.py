@@ -1,6 +1,7 @@
 """Keys, attachments, frames, readings and steering: the parts that need no network."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,14 +12,18 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
-from minerva_services.bridges.ros2.buffers import scanned_from, seen_from
+from minerva_services.bridges.ros2.buffers import SensorBuffers, scanned_from, seen_from
 from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
+from minerva_services.bridges.ros2.messages import ODOMETRY, messages
 from minerva_services.bridges.ros2.mobile_base import FramePacer
 from minerva_services.bridges.ros2.network import Attachment, Ros2Network
+from minerva_services.bridges.ros2.sensors import Ros2
 from minerva_services.bridges.ros2.steering import MotorLimits, driven
 from minerva_services.bridges.ros2.track import OdometryTrack
 from minerva_services.bridges.ros_messages import Frames, SensorMount
 from minerva_services.bridges.ros_messages.frames import mount_of
+from minerva_services.bridges.ros_messages.readings import sightings_of
+from minerva_services.bridging.transforms import unit_quaternion
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.geometry import PhysicalGeometry
@@ -445,3 +450,71 @@ def test_mounts_are_as_declared():
     assert mount_of(" 0.1, 0, 90") == Mount(0.1, 0.0, 90.0)
     assert mount_of("") is None
     assert SensorMount(Mount()) == SensorMount(Mount(), flipped=False)
+
+
+# --- invalid values ---
+
+
+def encoded(kind, message):
+    return messages().encode(kind, message)
+
+
+def odometry(heading=0.0, length=1.0, time=1.0):
+    make = messages()
+    pose = make.pose(1.0, 2.0, heading)
+    for name in "xyzw":
+        setattr(pose.orientation, name, length * getattr(pose.orientation, name))
+    covariance, still = np.zeros(36), make.vector(0.0, 0.0)
+    return make.make(
+        ODOMETRY, header=make.header("odom", round(time * 1e9)), child_frame_id="base_link",
+        pose=make.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=covariance),
+        twist=make.make(
+            "geometry_msgs/msg/TwistWithCovariance",
+            twist=make.make("geometry_msgs/msg/Twist", linear=still, angular=still),
+            covariance=covariance,
+        ),
+    )  # fmt: skip
+
+
+def test_invalid_messages_of_a_network_are_counted_and_the_first_is_explained(capsys):
+    pytest.importorskip("rosbags")
+    bridge = Ros2("tcp/h:7447")
+    for _ in range(2):
+        assert bridge.reading(ODOMETRY, encoded(ODOMETRY, odometry(length=0.0))) is None
+    assert bridge.report()["garbage"] == 2
+    (line,) = capsys.readouterr().out.splitlines()
+    assert f"a {ODOMETRY} skipped: the quaternion (0, 0, 0, 0) is not a rotation" in line
+    _, reading = bridge.reading(ODOMETRY, encoded(ODOMETRY, odometry(30.0, length=4.0)))
+    assert reading.angle == pytest.approx(30.0)
+
+
+def test_invalid_odometry_of_a_robot_is_counted_and_explained(capsys):
+    pytest.importorskip("rosbags")
+    poses = []
+    buffers = SensorBuffers("base_link", None, lambda time, pose: poses.append(pose))
+    receive = buffers._decoder(ODOMETRY, buffers._take_odometry)
+    for length in (0.0, 0.0, 2.0):
+        receive(encoded(ODOMETRY, odometry(90.0, length)))
+    assert [pose.angle for pose in poses] == [pytest.approx(90.0)]
+    assert buffers.counts == {"garbage": 2}
+    assert capsys.readouterr().out.count("is not a rotation") == 1
+
+
+def test_a_quaternion_of_length_1_keeps_its_bits():
+    rotation = SimpleNamespace(x=0.0, y=0.0, z=0.6 + 1e-16, w=0.8)
+    assert unit_quaternion(rotation) == (0.0, 0.0, 0.6 + 1e-16, 0.8)
+
+
+def test_a_class_without_a_score_is_not_the_most_likely_one():
+    def result(name, score):
+        place = SimpleNamespace(position=SimpleNamespace(x=1.0, y=0.0, z=0.0))
+        hypothesis = SimpleNamespace(class_id=name, score=score)
+        return SimpleNamespace(hypothesis=hypothesis, pose=SimpleNamespace(pose=place))
+
+    for results in (
+        [result("a", math.nan), result("b", 0.5)],
+        [result("b", 0.5), result("a", math.nan)],
+    ):
+        message = SimpleNamespace(detections=[SimpleNamespace(results=results)])
+        (seen,) = sightings_of(message, "r1", np.eye(4), 1.0).seen
+        assert seen.marker == "b"

@@ -111,6 +111,50 @@ def test_a_range_without_limit_can_travel(tmp_path):
     assert read_reading(plain_reading(scan)).range_max == scan.range_max < math.inf
 
 
+def turned(ros, **parts):
+    """Odometry whose quaternion has these parts."""
+    message = ros.odometry(1.0, 2.0, 0.0)
+    for name, value in parts.items():
+        setattr(message.pose.pose.orientation, name, value)
+    return message
+
+
+@pytest.mark.parametrize("length", [0.5, 2.0, 1e-3, 1e30])
+@pytest.mark.parametrize("heading", [0.0, 30.0, 90.0, -170.0])
+def test_quaternions_are_scaled_to_length_1(tmp_path, length, heading):
+    half = math.radians(heading / 2)
+    z, w = length * math.sin(half), length * math.cos(half)
+    assert one(tmp_path, lambda ros: turned(ros, z=z, w=w)).angle == pytest.approx(heading)
+
+
+def test_mounts_with_quaternions_of_another_length(tmp_path):
+    def make(ros):
+        placed = ros.transforms(("base_link", "laser", 0.2, 0.1, math.pi / 2, 0.0))
+        for name in "xyzw":
+            rotation = placed.transforms[0].transform.rotation
+            setattr(rotation, name, 3.0 * getattr(rotation, name))
+        yield 0.0, "/tf_static", placed
+        yield 1.0, "/scan", ros.scan([1.0])
+
+    scan = bag_of(tmp_path, make)[0][0].reading
+    assert (scan.mount_x, scan.mount_y, scan.mount_angle) == (0.2, 0.1, 90.0)
+
+
+def test_a_transform_that_is_no_rotation_is_reported_with_its_place(tmp_path):
+    def make(ros):
+        placed = ros.transforms(
+            ("base_link", "laser", 0.2, 0.1, 0.0, 0.0), ("base_link", "other", 0.3, 0.0, 0.0, 0.0)
+        )
+        placed.transforms[0].transform.rotation.w = 0.0
+        yield 0.0, "/tf_static", placed
+        yield 1.0, "/scan", ros.scan([1.0], frame="other")
+
+    said, passed = bag_of(tmp_path, make)
+    assert said[0].reading.mount_x == 0.3
+    (line,) = passed.of("messages passed over")
+    assert "/tf_static skipped: laser: the quaternion (0, 0, 0, 0) is not a rotation" in line
+
+
 PIXELS = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3)
 
 
@@ -161,6 +205,20 @@ def test_places_on_the_earth(tmp_path):
         (lambda ros: ros.odometry(math.nan, 0.0, 0.0), "pose not finite"),
         (lambda ros: ros.scan([1.0], angle_increment=math.nan), "angles not finite"),
         (lambda ros: ros.scan([1.0], range_max=math.nan), "range_max is not a number"),
+        (lambda ros: ros.scan([1.0], range_max=0.0), "range_max is 0; expected metres above 0"),
+        (lambda ros: ros.scan([1.0], range_min=9.0), "range_max is 8; expected"),
+        (lambda ros: ros.scan([1.0], range_min=math.nan), "range_min is not a number"),
+        (lambda ros: ros.scan([]), "no beams"),
+        (lambda ros: ros.scan([1.0, 2.0], angle_increment=0.0), "angle_increment is 0, with 2"),
+        (
+            lambda ros: turned(ros, z=0.0, w=0.0),
+            "quaternion (0, 0, 0, 0) is not a rotation (0.000 s after",
+        ),
+        (lambda ros: turned(ros, z=math.nan), "pose not finite"),
+        (lambda ros: turned(ros, z=math.inf), "pose not finite"),
+        (lambda ros: ros.battery(-1.0), "percentage is -1"),
+        (lambda ros: ros.fix(91.0, 2.0, 3.0), "latitude 91 and longitude 2 are no place"),
+        (lambda ros: ros.fix(1.0, -181.0, 3.0), "are no place"),
         (lambda ros: ros.image(PIXELS, "yuv422"), "'yuv422' is not one of"),
         (lambda ros: ros.image(PIXELS[..., :2], "rgb8"), "are not an image"),
         (lambda ros: ros.compressed(b"no picture"), "not a JPEG or PNG"),

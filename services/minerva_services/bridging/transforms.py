@@ -5,19 +5,30 @@ Products are summed in a fixed order, because numpy's `@` depends on the process
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Matrix: TypeAlias = NDArray[np.float64]
 
+_SHORTEST: Final = 1e-6
+"""Length below which a quaternion is rounding noise around 0."""
+
+_ROUNDING: Final = 1e-9
+
 
 def matrix_of(transform: Any) -> NDArray[np.float64]:
-    """A geometry_msgs/Transform, quaternion (x, y, z, w) and translation (m), as (4, 4)."""
-    turned, moved = transform.rotation, transform.translation
-    x, y, z, w = turned.x, turned.y, turned.z, turned.w
+    """A geometry_msgs/Transform, a rotation and a translation in metres, as (4, 4).
+
+    Raises ValueError if it is not finite.
+    """
+    moved = transform.translation
+    if not all(map(math.isfinite, (moved.x, moved.y, moved.z))):
+        raise ValueError("translation not finite")
+    x, y, z, w = unit_quaternion(transform.rotation)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), moved.x],
@@ -26,6 +37,21 @@ def matrix_of(transform: Any) -> NDArray[np.float64]:
             [0.0, 0.0, 0.0, 1.0],
         ]
     )
+
+
+def unit_quaternion(rotation: Any) -> tuple[float, float, float, float]:
+    """A geometry_msgs/Quaternion as (x, y, z, w) of length 1; others are scaled, as in tf2.
+
+    Raises ValueError if it has no direction.
+    """
+    x, y, z, w = (float(getattr(rotation, name)) for name in "xyzw")
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if not _SHORTEST <= length < math.inf:
+        raise ValueError(f"the quaternion ({x:g}, {y:g}, {z:g}, {w:g}) is not a rotation")
+    # Rounding is kept, so that the readings of a stepped simulation are those of physics.
+    if abs(length - 1.0) < _ROUNDING:
+        return x, y, z, w
+    return x / length, y / length, z / length, w / length
 
 
 def product(first: Matrix, second: Matrix) -> Matrix:

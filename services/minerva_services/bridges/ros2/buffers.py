@@ -27,6 +27,7 @@ from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.stepping import is_rounding
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
+from minerva_services.bridging.bridge import log
 
 _MAX_READINGS: Final = 8
 """Number of buffered scans and sightings; the newest counts."""
@@ -115,7 +116,9 @@ class SensorBuffers:
                 take(messages().decode(message, data))
             except UnplacedError:
                 self.count("without a transform")
-            except GarbageError:
+            except GarbageError as error:
+                if "garbage" not in self.counts:
+                    log(f"a {message} skipped: {error}; further ones are counted as 'garbage'")
                 self.count("garbage")
             self._notify()
 

@@ -167,8 +167,8 @@ class Ros2(Bridge):
             return topic, make(value)
         except UnplacedError:
             self.count("without a transform")
-        except GarbageError:
-            self.count("garbage")
+        except GarbageError as error:
+            self.pass_over("garbage", f"{self.source}: a {message} skipped: {error}")
         return None
 
     def _map_event_of(self, message: Any) -> Event:

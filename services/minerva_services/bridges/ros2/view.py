@@ -208,8 +208,9 @@ class Ros2View(Device, draws=("ePicture",)):
         try:
             message = messages().decode(types.POSE_STAMPED, data)
             goal = Pose(*place_of(message.pose))
-        except GarbageError:
+        except GarbageError as error:
             self._counts["garbage"] += 1
+            log(f"ros2_view: {error}; goal ignored")
             return
         with self._lock:
             # Goals arrive in a thread of Zenoh, pictures in that of the world.

@@ -46,12 +46,17 @@ class Frames:
         self._parents: dict[str, tuple[str, Matrix]] = {}
 
     def update(self, message: Any) -> None:
-        """Add the finite transforms of a TFMessage."""
+        """Add the transforms of a TFMessage. Raises GarbageError after it, if any is invalid."""
+        invalid = ""
         for item in message.transforms:
-            matrix = matrix_of(item.transform)
-            # A transform with nan would spoil all sensors below it.
-            if np.isfinite(matrix).all():
-                self._parents[_bare(item.child_frame_id)] = _bare(item.header.frame_id), matrix
+            try:
+                matrix = matrix_of(item.transform)
+            except ValueError as error:
+                invalid = invalid or f"{item.child_frame_id}: {error}"
+                continue
+            self._parents[_bare(item.child_frame_id)] = _bare(item.header.frame_id), matrix
+        if invalid:
+            raise GarbageError(invalid)
 
     def matrix(self, base: str, frame: str) -> Matrix | None:
         """The transform from a frame to the base, 4 x 4; None if they are not connected."""

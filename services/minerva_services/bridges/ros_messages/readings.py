@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from minerva_bus import portable
 from minerva_bus.world.readings import Battery, Odometry, Position, Scan, Sighting, Sightings
 from minerva_services.bridges.ros_messages.frames import GarbageError, Matrix, SensorMount
-from minerva_services.bridging.transforms import moved
+from minerva_services.bridging.transforms import moved, unit_quaternion
 
 _MAX_FLOAT: Final = float(np.finfo(np.float32).max)
 _FREE_BELOW: Final = 25
@@ -37,14 +37,24 @@ def scan_of(
     message: Any, robot: str, mounting: SensorMount = _CENTRE, time: float | None = None
 ) -> Scan:
     """A LaserScan; ranges that are too short, too long or not numbers count as no hit."""
-    ranges, most = np.asarray(message.ranges, np.float32), float(message.range_max)
+    ranges = np.asarray(message.ranges, np.float32)
+    least, most = float(message.range_min), float(message.range_max)
     first, step = degrees_of(message.angle_min), degrees_of(message.angle_increment)
     _finite("angles", first, step)
+    if not len(ranges):
+        raise GarbageError("no beams")
+    if not step and len(ranges) > 1:
+        raise GarbageError(f"angle_increment is 0, with {len(ranges)} beams")
+    # Without limits, all ranges would count as no hit, or none.
+    if math.isnan(least):
+        raise GarbageError("range_min is not a number")
     if math.isnan(most):
         raise GarbageError("range_max is not a number")
+    if most <= max(0.0, least):
+        raise GarbageError(f"range_max is {most:g}; expected metres above 0 and range_min")
     # Ranges of no return are set to `most`, so it must be finite, also if the driver has no limit.
     most = min(most, _MAX_FLOAT)
-    valid = np.isfinite(ranges) & (ranges >= message.range_min)
+    valid = np.isfinite(ranges) & (ranges >= least)
     # +inf means beyond range [REP 117]; NaN and ranges below the minimum are errors.
     ranges = np.where(valid, ranges, np.where(np.isposinf(ranges), np.float32(most), 0))
     # The beams of a scanner that is mounted upside down run clockwise.
@@ -90,14 +100,17 @@ def odometry_of(
 
 def place_of(message: Any) -> Place:
     """A Pose in the plane."""
-    at = message.position
-    x, y, angle = _finite("pose", at.x, at.y, heading_of(message.orientation))
-    return x, y, angle
+    at, turned = message.position, message.orientation
+    x, y, *_ = _finite("pose", at.x, at.y, turned.x, turned.y, turned.z, turned.w)
+    return x, y, heading_of(turned)
 
 
 def heading_of(orientation: Any) -> float:
-    """Heading in degrees of a quaternion."""
-    x, y, z, w = (float(getattr(orientation, name)) for name in "xyzw")
+    """Heading in degrees of a quaternion. Raises GarbageError."""
+    try:
+        x, y, z, w = unit_quaternion(orientation)
+    except ValueError as error:
+        raise GarbageError(str(error)) from None
     return math.degrees(portable.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
 
@@ -106,10 +119,12 @@ def battery_of(
 ) -> Battery:
     """A BatteryState; drivers that report per cent instead of a fraction are tolerated."""
     (part,) = _finite("percentage", message.percentage)
+    if part < 0:
+        raise GarbageError(f"percentage is {part:g}")
     volts = float(message.voltage)
     charge = min(part if part <= 1.0 else part / 100.0, 1.0)
     time = stamp_of(message) if time is None else time
-    return Battery(robot, max(0.0, charge), volts if math.isfinite(volts) else 0.0, time)
+    return Battery(robot, charge, volts if math.isfinite(volts) else 0.0, time)
 
 
 def position_of(
@@ -122,6 +137,8 @@ def position_of(
     if message.status.status < 0:
         raise GarbageError("no fix")
     latitude, longitude = _finite("place", message.latitude, message.longitude)
+    if abs(latitude) > 90 or abs(longitude) > 180:
+        raise GarbageError(f"latitude {latitude:g} and longitude {longitude:g} are no place")
     altitude = float(message.altitude)
     spread = max(message.position_covariance[0], message.position_covariance[4])
     known = message.position_covariance_type > 0 and 0 <= spread < math.inf
@@ -143,13 +160,19 @@ def sightings_of(message: Any, robot: str, placed: Matrix, time: float | None = 
 
 
 def _sighting(detection: Any, placed: Matrix) -> Sighting:
-    best = max(detection.results, key=lambda result: result.hypothesis.score)
+    best = max(detection.results, key=_score)
     place = best.pose.pose.position
     x, y, _ = moved(placed, (place.x, place.y, place.z))
     _finite("detection", x, y)
     return Sighting(
         best.hypothesis.class_id, portable.hypot(x, y), math.degrees(portable.atan2(y, x))
     )
+
+
+def _score(result: Any) -> float:
+    # Comparisons with nan depend on the order.
+    score = float(result.hypothesis.score)
+    return -math.inf if math.isnan(score) else score
 
 
 @dataclass(frozen=True, slots=True)

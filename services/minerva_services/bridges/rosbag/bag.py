@@ -99,7 +99,7 @@ class Bag:
     def _readings(self) -> Iterator[Recorded]:
         is_empty = True
         for connection, stamp, data in self._messages():
-            message = self._decoded(data, connection)
+            message = self._decoded(data, connection, stamp)
             if message is None:
                 continue
             try:
@@ -110,8 +110,7 @@ class Bag:
                 AttributeError,
                 TypeError,
             ) as error:  # bags carry their own type definitions
-                line = f"{self.path}: a message of {connection.topic} skipped: {error}"
-                self.pass_over(_UNUSABLE, line)
+                self._skip(_UNUSABLE, connection, stamp, f"skipped: {error}")
         if is_empty:
             there = ", ".join(self._names())
             raise RecordingError(f"{self.path}: no playable message on {there}")
@@ -131,12 +130,17 @@ class Bag:
         except Exception as error:  # readers raise many types for damaged files
             self.pass_over(_BROKEN, f"{self.path}: breaks off: {_line(error)}")
 
-    def _decoded(self, data: bytes, connection: Connection) -> Any:
+    def _skip(self, what: str, connection: Connection, stamp: int, why: str) -> None:
+        """Report a skipped message with its place."""
+        seconds = (stamp - self._reader.start_time) * _NANOSECOND
+        line = f"{self.path}: a message of {connection.topic} {why}"
+        self.pass_over(what, f"{line} ({seconds:.3f} s after the beginning)")
+
+    def _decoded(self, data: bytes, connection: Connection, stamp: int) -> Any:
         try:
             return self._reader.deserialize(data, connection.msgtype)
         except Exception as error:  # as above
-            line = f"{self.path}: a message of {connection.topic} cannot be read: {_line(error)}"
-            self.pass_over(_GARBAGE, line)
+            self._skip(_GARBAGE, connection, stamp, f"cannot be read: {_line(error)}")
             return None
 
     def _recorded(self, message: Any, played: PlayedTopic, stamp: float) -> Recorded:
@@ -193,10 +197,14 @@ class Bag:
         if not static:
             return
         try:
-            for connection, _, data in self._reader.messages(static):
-                message = self._decoded(data, connection)
-                if message is not None:
+            for connection, stamp, data in self._reader.messages(static):
+                message = self._decoded(data, connection, stamp)
+                if message is None:
+                    continue
+                try:
                     self._frames.update(message)
+                except GarbageError as error:
+                    self._skip(_UNUSABLE, connection, stamp, f"skipped: {error}")
         except Exception as error:  # as above
             self.pass_over(_BROKEN, f"{self.path}: /{_TF_STATIC} breaks off: {_line(error)}")
 

@@ -187,6 +187,8 @@ def _laser(words: _Words) -> _Laser:
     ranges, _ = words.ranges(), words.ranges()
     if not len(ranges):
         raise LineError("no beams")
+    if not step and len(ranges) > 1:
+        raise LineError(f"the resolution is 0, with {len(ranges)} beams")
     # A larger maximum would turn readings that mean no hit into hits.
     range_max = min(range_max, NO_HIT_RANGE) if range_max > 0 else NO_HIT_RANGE
     return _Laser(ranges, math.degrees(first), math.degrees(step), range_max)

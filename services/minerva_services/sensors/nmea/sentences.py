@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.errors import MinervaError
 
+MAX_SHOWN: Final = 90
+"""Characters of a sentence that are shown."""
+
 
 class SkippedSentence(MinervaError):
-    """A line without a usable position; the message is the name of the counter for such lines."""
+    """A line without a usable position; the message is the name of the counter for such lines.
+
+    `detail` describes a sentence that arrived intact, but has an invalid value.
+    """
+
+    def __init__(self, counter: str, detail: str = "") -> None:
+        super().__init__(counter)
+        self.detail = detail
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +48,8 @@ def read_fix(line: str) -> Fix:
         raise SkippedSentence("other sentences")
     try:
         return _fix(kind, sentence)
-    except (ValueError, TypeError, AttributeError):
-        raise SkippedSentence("garbage") from None
+    except (ValueError, TypeError, AttributeError) as error:
+        raise SkippedSentence("garbage", f"{line[:MAX_SHOWN]!r} skipped: {error}") from None
 
 
 def _parsed(line: str) -> Any:
@@ -64,9 +74,8 @@ def _fix(kind: str, sentence: Any) -> Fix:
         raise SkippedSentence("without a fix")
     at = sentence.timestamp
     second = at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6
-    latitude, longitude = float(sentence.latitude), float(sentence.longitude)
-    if not (abs(latitude) <= 90 and abs(longitude) <= 180):
-        raise SkippedSentence("garbage")
+    latitude = _degrees(sentence.latitude, sentence.lat, sentence.lat_dir, "NS", 90)
+    longitude = _degrees(sentence.longitude, sentence.lon, sentence.lon_dir, "EW", 180)
     if kind == "RMC":
         return Fix(kind, latitude, longitude, None, None, second)
     above_sea, dilution = _real(sentence.altitude), _real(sentence.horizontal_dil) or None
@@ -74,10 +83,21 @@ def _fix(kind: str, sentence: Any) -> Fix:
     return Fix(kind, latitude, longitude, altitude, dilution, second)
 
 
+def _degrees(degrees: float, text: str, hemisphere: str, known: str, most: float) -> float:
+    """Degrees, given the fields that they were read from. Raises ValueError."""
+    # pynmea2 reads 0 degrees without a known hemisphere, and more minutes than a degree has.
+    if hemisphere not in tuple(known):
+        raise ValueError(f"hemisphere {hemisphere!r}; expected {' or '.join(known)}")
+    minutes = float(text[max(0, text.find(".") - 2) :])
+    if abs(degrees) > most or minutes > 60:
+        raise ValueError(f"{text} is not degrees and minutes up to {most}°")
+    return degrees
+
+
 def _real(value: Any) -> float | None:
     if value in (None, ""):
         return None
     number = float(value)
     if not math.isfinite(number):
-        raise ValueError
+        raise ValueError(f"{value} is not finite")
     return number

@@ -77,7 +77,10 @@ class Nmea(Bridge):
                 try:
                     fix = read_fix(text)
                 except SkippedSentence as reason:
-                    self.count(str(reason))
+                    if reason.detail:
+                        self.pass_over(str(reason), f"{self.source}: {reason.detail}")
+                    else:
+                        self.count(str(reason))
                     continue
                 has_gga |= fix.sentence == "GGA"
                 if has_gga and fix.sentence == "RMC":
