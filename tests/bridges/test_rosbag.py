@@ -237,6 +237,43 @@ def test_an_invalid_reading_is_skipped_and_reported(tmp_path, make, why):
     assert why in line
 
 
+def mcap_of(path, *said):
+    """An MCAP of (seconds, topic, schema name, message)."""
+    from mcap.writer import Writer
+
+    _, store = messages()
+    channels = {}
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="test")
+        for seconds, topic, name, message in said:
+            kind, stamp = message.__msgtype__, round(seconds * 1e9)
+            if topic not in channels:
+                definition = store.generate_msgdef(kind, ros_version=2)[0].encode()
+                schema = writer.register_schema(name, "ros2msg", definition)
+                channels[topic] = writer.register_channel(topic, "cdr", schema)
+            data = bytes(store.serialize_cdr(message, kind))
+            writer.add_message(channels[topic], stamp, data, stamp)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("topics", [{}, {"/front": "scan"}])
+def test_schemas_may_omit_msg(tmp_path, topics):
+    types, _ = messages()
+    placed = types.transforms(("base_link", "laser", 0.2, 0.1, 0.0, 0.0))
+    path = mcap_of(
+        tmp_path / "short.mcap",
+        (0.0, "/tf_static", "tf2_msgs/TFMessage", placed),
+        (1.0, "/front", "sensor_msgs/LaserScan", types.scan([1.0, 2.0])),
+        (2.0, "/odom", "nav_msgs/msg/Odometry", types.odometry(1.0, 2.0, 0.0)),
+    )
+    said, passed = readings(path, topics=topics)
+    assert [item.topic for item in said] == ["scan", "odometry"][: 1 if topics else 2]
+    assert (said[0].reading.mount_x, said[0].reading.mount_y) == (0.2, 0.1)
+    assert passed == []
+
+
 @KINDS
 def test_a_damaged_message_is_passed_over(tmp_path, suffix):
     def make(ros):

@@ -138,7 +138,7 @@ class Bag:
 
     def _decoded(self, data: bytes, connection: Connection, stamp: int) -> Any:
         try:
-            return self._reader.deserialize(data, connection.msgtype)
+            return self._reader.deserialize(data, _kind(connection))
         except Exception as error:  # as above
             self._skip(_GARBAGE, connection, stamp, f"cannot be read: {_line(error)}")
             return None
@@ -149,15 +149,15 @@ class Bag:
         time = header.stamp.sec + header.stamp.nanosec * _NANOSECOND or stamp
         sensor = self._frames.on_its_robot(header.frame_id)
         mounting = replace(sensor, mount=self.mounting.over(sensor.mount))
-        read = CONVERSIONS[played.connection.msgtype].read
+        read = CONVERSIONS[_kind(played.connection)].read
         return Recorded(stamp, played.topic, read(message, self.robot, mounting, time))
 
     def _chosen(self) -> Iterator[PlayedTopic]:
         """The connections to play. Raises RecordingError."""
-        known = {item.topic: item.msgtype for item in self._reader.connections}
+        known = {item.topic: _kind(item) for item in self._reader.connections}
         chosen = self._named(known) if self.topics else self._first_ones(known)
         for connection in self._reader.connections:
-            if connection.topic in chosen and connection.msgtype in CONVERSIONS:
+            if connection.topic in chosen and _kind(connection) in CONVERSIONS:
                 yield PlayedTopic(connection, chosen[connection.topic])
 
     def _named(self, known: Mapping[str, str]) -> Mapping[str, str]:
@@ -207,6 +207,12 @@ class Bag:
                     self._skip(_UNUSABLE, connection, stamp, f"skipped: {error}")
         except Exception as error:  # as above
             self.pass_over(_BROKEN, f"{self.path}: /{_TF_STATIC} breaks off: {_line(error)}")
+
+
+def _kind(connection: Connection) -> str:
+    """The full name of a message type; some writers of MCAP omit its `msg`."""
+    package, _, name = connection.msgtype.rpartition("/")
+    return f"{package}/msg/{name}" if package and "/" not in package else connection.msgtype
 
 
 def open_bag(path: Path, pass_over: PassOver) -> Bag:
