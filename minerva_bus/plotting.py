@@ -1,10 +1,10 @@
-"""Plots of runs and studies: their style, and their files. Needs the extra `plot`."""
+"""Plots of runs and studies: style, axes and files. Needs the extra `plot`."""
 
 from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -123,6 +123,38 @@ class Plot:
 def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) -> None:
     """Paint on a figure of this size in inches, and save it; see `Plot`. Raises MisuseError."""
     Plot(path.stem, size, paint).save(path)
+
+
+def show_grid(axis: Any, of: str = "both") -> None:
+    """Show the lines of a grid behind the data; `of`: both axes, x or y."""
+    axis.grid(visible=True, axis=of)
+    axis.set_axisbelow(True)
+
+
+def label_ends(axis: Any, ends: Sequence[tuple[float, str, str]]) -> None:
+    """Write the name of each line beside the axis, moved apart where they would overlap.
+
+    `ends`: the last value of each line, its name and its colour.
+    """
+    low, high = axis.get_ylim()
+    gap = 0.055 * (high - low)
+    ordered = sorted(ends, key=lambda end: end[0])
+    # From below; then the whole column is moved down by as much as it exceeds the axis.
+    places: list[float] = []
+    for end, _, _ in ordered:
+        places.append(max(end, places[-1] + gap) if places else end)
+    over = max(0.0, places[-1] - high) if places else 0.0
+    for (_, name, color), place in zip(ordered, places, strict=True):
+        axis.annotate(
+            name,
+            (1, place - over),
+            xycoords=("axes fraction", "data"),
+            xytext=(5, 0),
+            textcoords="offset points",
+            va="center",
+            color=color,
+            annotation_clip=False,
+        )
 
 
 def write_figure(figure: Any, path: Path) -> None:

@@ -15,7 +15,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.log.reader import Record
 from minerva_bus.outputs import check_output
 from minerva_bus.plotting import check_picture
-from minerva_bus.study.plot import plot
+from minerva_bus.study.record_plot import plot
 
 _TABLES: Final = (".csv", ".parquet")
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.plotting import FAINT, Plot
+from minerva_bus.plotting import FAINT, Plot, label_ends, show_grid
 from minerva_bus.semantics.colors import OKABE_ITO
 
 COLORS: Final = (*OKABE_ITO, "#000000")
@@ -182,8 +182,7 @@ def _draw_lines(axis: Any, lines: Sequence[_Line], label: str, title: str) -> No
                   marker=marker)  # fmt: skip
     units = {line.unit for line in lines}
     axis.set(xlabel=label, ylabel=units.pop() if len(units) == 1 else "")
-    axis.grid(visible=True)
-    axis.set_axisbelow(True)
+    show_grid(axis)
     axis.set_title(title)
     rows = max(line.rows for line in lines)
     if rows > 1:
@@ -196,32 +195,15 @@ def _draw_lines(axis: Any, lines: Sequence[_Line], label: str, title: str) -> No
 
 
 def _label_ends(axis: Any, lines: Sequence[_Line]) -> None:
-    """Write the name of each line at its end, moved apart where they would overlap."""
-    low, high = axis.get_ylim()
-    gap = 0.055 * (high - low)
-    ends: list[tuple[float, int]] = []
+    units = {line.unit for line in lines}
+    ends: list[tuple[float, str, str]] = []
     for number, line in enumerate(lines):
         finite = np.flatnonzero(np.isfinite(line.mean))
         if len(finite):
-            ends.append((float(line.mean[finite[-1]]), number))
-    # From below; then the whole column is moved down by as much as it exceeds the axis.
-    places: list[float] = []
-    for end, _ in sorted(ends):
-        places.append(max(end, places[-1] + gap) if places else end)
-    over = max(0.0, places[-1] - high) if places else 0.0
-    for (_, number), place in zip(sorted(ends), places, strict=True):
-        line = lines[number]
-        unit = f" ({line.unit})" if line.unit and len({each.unit for each in lines}) > 1 else ""
-        axis.annotate(
-            line.label + unit,
-            (1, place - over),
-            xycoords=("axes fraction", "data"),
-            xytext=(5, 0),
-            textcoords="offset points",
-            va="center",
-            color=COLORS[number % len(COLORS)],
-            annotation_clip=False,
-        )
+            unit = f" ({line.unit})" if line.unit and len(units) > 1 else ""
+            color = COLORS[number % len(COLORS)]
+            ends.append((float(line.mean[finite[-1]]), line.label + unit, color))
+    label_ends(axis, ends)
 
 
 def _draw_histogram(

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from minerva_bus.collect.table import SEED
 from minerva_bus.launch.resuming import option_text
-from minerva_bus.plotting import COLORS, INK, draw
+from minerva_bus.plotting import COLORS, INK, draw, show_grid
 from minerva_bus.study.results import ResultTable
 
 MAX_ROWS: Final = 40
@@ -109,8 +109,7 @@ def _panel(axis: Any, table: ResultTable, keys: Sequence[str], measure: str) -> 
     axis.set_title(measure.replace("_", " "))
     axis.set_xticks(range(len(firsts)), firsts, rotation=0 if len(firsts) < 7 else 60)
     axis.set_xlabel(keys[0])
-    axis.grid(visible=True, axis="y")
-    axis.set_axisbelow(True)
+    show_grid(axis, "y")
 
 
 def _lanes(table: ResultTable, keys: Sequence[str]) -> list[tuple[str, ...]]:

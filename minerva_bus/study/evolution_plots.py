@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.plotting import BEST, COLORS, FAINT, INK, PALE, draw
+from minerva_bus.plotting import BEST, COLORS, FAINT, INK, PALE, draw, show_grid
 from minerva_bus.study.evolution import Evolution, Individual
 
 TEXT_WIDTH: Final = 34
@@ -60,8 +60,7 @@ def _fitness(axis: Any, evolution: Evolution, name: str) -> None:
     axis.set_title(f"{name}: fitness" + (" (less is better)" if plan.minimise else ""))
     axis.set_xlabel(f"generation of {plan.population} strings")
     axis.xaxis.get_major_locator().set_params(integer=True)
-    axis.grid(visible=True)
-    axis.set_axisbelow(True)
+    show_grid(axis)
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
