@@ -1,45 +1,36 @@
-"""Completion of files and of what is installed: each function returns values with descriptions.
+"""Completion of names and files: each function returns values with descriptions.
 
-They are called for each press of Tab. So they import what they need, run no code of a world unless
-its symbols are needed, and answer with nothing if anything goes wrong.
+They are called for each press of Tab. So they import what they need, run no code of a world, and
+answer with nothing if anything goes wrong.
 """
 
 from __future__ import annotations
 
-import os
 import signal
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import typer
+
+if TYPE_CHECKING:
+    from minerva_bus.grammar.vocabulary import Vocabulary
+    from minerva_bus.runtime.client import Client
 
 Choices: TypeAlias = Iterable[tuple[str, str]]
 Completer: TypeAlias = Callable[[typer.Context, str], list[tuple[str, str]]]
 
-_FILE_OPTIONS: Final = ("file", "path", "source")
-"""Ends of the names of services' options that are files."""
 ANSWER_SECONDS: Final = 10
 """Time-out for everything: a world that does not answer must not block the shell."""
 
+CONNECT_SECONDS: Final = 1.0
+"""Time-out for the connection to a world at another address."""
 
-CODE_SECONDS: Final = 2
-"""Time-out for the modules of a world, which may do anything when they are imported."""
-CODE_VARIABLE: Final = "MINERVA_COMPLETION_SECONDS"
-"""Environment variable with another time-out in whole seconds, for a slow machine."""
-
-
-@contextmanager
-def running_code() -> Generator[None]:
-    """End the process without an answer if this block, which runs code of a world, takes long."""
-    left = signal.alarm(int(os.environ.get(CODE_VARIABLE) or CODE_SECONDS))
-    try:
-        yield
-    finally:
-        signal.alarm(left)
+_FILE_OPTIONS: Final = ("file", "path", "source")
+"""Ends of the names of services' options that are files."""
 
 
 def completer(find: Callable[[typer.Context, str], Choices]) -> Completer:
@@ -89,57 +80,17 @@ def paths(incomplete: str, *endings: str) -> Iterator[tuple[str, str]]:
     yield from ((name, "") for name in names)
 
 
-@completer
-def records(ctx: typer.Context, incomplete: str) -> Choices:
-    """Records."""
-    return paths(incomplete, ".mcap")
+def _files(*endings: str) -> Completer:
+    return completer(lambda ctx, incomplete: paths(incomplete, *endings))
 
 
-@completer
-def tables(ctx: typer.Context, incomplete: str) -> Choices:
-    """Tables of collected data."""
-    return paths(incomplete, ".csv", ".parquet")
-
-
-@completer
-def recordings(ctx: typer.Context, incomplete: str) -> Choices:
-    """Recordings of sensors."""
-    return paths(incomplete, ".log", ".clf", ".bag", ".db3", ".mcap")
-
-
-@completer
-def checked(ctx: typer.Context, incomplete: str) -> Choices:
-    """Strings and world files."""
-    return paths(incomplete, ".mnv", ".toml")
+records = _files(".mcap")
+tables = _files(".csv", ".parquet")
+recordings = _files(".log", ".clf", ".bag", ".db3", ".mcap")
+strings_and_worlds = _files(".mnv", ".toml")
 
 
 # --- what is installed ---
-
-
-@completer
-def worlds(ctx: typer.Context, incomplete: str) -> Choices:
-    """Installed worlds and world files."""
-    from minerva_bus.launch.installed import installed_worlds
-
-    yield from installed_worlds().items()
-    yield from paths(incomplete, ".toml")
-
-
-@completer
-def worlds_and_records(ctx: typer.Context, incomplete: str) -> Choices:
-    """Installed worlds, world files and records."""
-    from minerva_bus.launch.installed import installed_worlds
-
-    yield from installed_worlds().items()
-    yield from paths(incomplete, ".toml", ".mcap")
-
-
-@completer
-def permissions(ctx: typer.Context, incomplete: str) -> Choices:
-    """Permissions of `minerva mcp`."""
-    from minerva_bus.mcp.permissions import PERMISSIONS
-
-    return PERMISSIONS.items()
 
 
 @completer
@@ -151,26 +102,15 @@ def installed(ctx: typer.Context, incomplete: str) -> Choices:
 
 
 @completer
-def new_kinds(ctx: typer.Context, incomplete: str) -> Choices:
-    """What `minerva new` creates."""
-    return [(kind, "") for kind in ("world", "agent", "service", "geometry", "bridge")]
+def worlds(ctx: typer.Context, incomplete: str) -> Choices:
+    """Installed worlds and world files."""
+    return [*installed(ctx, incomplete), *paths(incomplete, ".toml")]
 
 
 @completer
-def conformance_roles(ctx: typer.Context, incomplete: str) -> Choices:
-    """Roles in the conformance suite."""
-    from minerva_bus.testing.conformance.case import CoordinatorRole
-    from minerva_bus.testing.conformance.world import MemberRole
-
-    return [(role.value, "") for role in (*MemberRole, *CoordinatorRole)]
-
-
-@completer
-def conformance_cases(ctx: typer.Context, incomplete: str) -> Choices:
-    """Cases of the conformance suite."""
-    from minerva_bus.testing.conformance.cases import CASES
-
-    return [(case.id, case.title) for case in CASES]
+def worlds_and_records(ctx: typer.Context, incomplete: str) -> Choices:
+    """Installed worlds, world files and records."""
+    return [*installed(ctx, incomplete), *paths(incomplete, ".toml", ".mcap")]
 
 
 @completer
@@ -180,62 +120,167 @@ def members_to_attach(ctx: typer.Context, incomplete: str) -> Choices:
 
     if ctx.params.get("process"):
         return worlds(ctx, incomplete)
-    return [(name, entry.value) for g in (SERVICES, AGENTS) for name, entry in _sorted(entries(g))]
+    groups = [sorted(entries(group).items()) for group in (SERVICES, AGENTS)]
+    return [(name, entry.value) for group in groups for name, entry in group]
 
 
 @completer
 def bridges(ctx: typer.Context, incomplete: str) -> Choices:
     """Services that connect sensors: all that are not views, physics or input of this package."""
-    others = ("minerva_services.views.", "minerva_services.physics.", "minerva_services.input.")
     from minerva_bus.launch.installed import SERVICES, entries
 
+    others = ("minerva_services.views.", "minerva_services.physics.", "minerva_services.input.")
     return [
         (name, entry.value)
-        for name, entry in _sorted(entries(SERVICES))
+        for name, entry in sorted(entries(SERVICES).items())
         if not entry.value.startswith(others)
     ]
 
 
 @completer
 def views(ctx: typer.Context, incomplete: str) -> Choices:
-    """Views with their options: `svg`, `svg:path=FILE,every=N`."""
-    name, colon, rest = incomplete.partition(":")
-    if not colon:
-        from minerva_bus.launch.installed import SERVICES, entries, installed_views
+    """Services that are views."""
+    from minerva_bus.launch.installed import SERVICES, entries, installed_views
 
-        return [(view, entries(SERVICES)[view].value) for view in installed_views()]
-    given, comma, last = rest.rpartition(",")
-    start = f"{name}:{given}{comma}"
-    option, equals, value = last.partition("=")
-    if equals:
-        values = service_option_values(name, option, value)
-        return [(f"{start}{option}={each}", text) for each, text in values]
-    used = {word.partition("=")[0] for word in given.split(",")}
-    return [
-        (f"{start}{each}=", text)
-        for each, text in service_options(name).items()
-        if each not in used
-    ]
+    return [(view, entries(SERVICES)[view].value) for view in installed_views()]
 
 
-def _sorted(entries: Any) -> list[tuple[str, Any]]:
-    return sorted(entries.items())
+# --- options of worlds and services, beside those of a command ---
 
 
-def service_options(name: str) -> dict[str, str]:
-    """The options of an installed service, with their descriptions, without importing it."""
+@completer
+def world_flags(ctx: typer.Context, incomplete: str) -> Choices:
+    """The own options of a world, for its command, without running its code."""
+    return _world_flags(_argument(ctx, "world"))
+
+
+@completer
+def service_flags(ctx: typer.Context, incomplete: str) -> Choices:
+    """The options of an installed service, without importing it; with --process, of a world."""
     from minerva_bus.cli.signatures import options_of_service
 
-    return {option: signature.text for option, signature in options_of_service(name).items()}
+    spec = _argument(ctx, "spec", "kind")
+    if ctx.params.get("process"):
+        return _world_flags(spec)
+    return [(f"--{name}", option.text) for name, option in options_of_service(spec).items()]
 
 
-def service_option_values(service: str, name: str, incomplete: str) -> Choices:
-    """true and false, or files, if the option of a service takes them."""
+@completer
+def world_values(ctx: typer.Context, incomplete: str) -> Choices:
+    """The values of a world's option, which is the last word of its command."""
+    return _world_values(_argument(ctx, "world"), _last_option(ctx), incomplete)
+
+
+@completer
+def service_values(ctx: typer.Context, incomplete: str) -> Choices:
+    """The values of a service's option, as of a world's; with --process, of a world."""
     from minerva_bus.cli.signatures import options_of_service
 
-    name = name.replace("-", "_")
-    option = options_of_service(service).get(name)
+    spec, name = _argument(ctx, "spec", "kind"), _last_option(ctx)
+    if ctx.params.get("process"):
+        return _world_values(spec, name, incomplete)
+    option = options_of_service(spec).get(name)
     if option is not None and option.annotation == "bool":
         return [("true", ""), ("false", "")]
     is_file = option is not None and name.endswith(_FILE_OPTIONS)
     return paths(incomplete, "") if is_file else ()
+
+
+def _world_flags(spec: str) -> Choices:
+    from minerva_bus.launch.installed import declared_options
+
+    return [(f"--{option.name}", option.help_line()[1]) for option in declared_options(spec)]
+
+
+def _world_values(spec: str, name: str, incomplete: str) -> Choices:
+    """All values of a world's option, or files, of which any other text may be one."""
+    from minerva_bus.launch.installed import declared_options
+
+    option = {option.name: option for option in declared_options(spec)}.get(name)
+    if option is None:
+        return ()
+    if option.choices:
+        return [(value, "") for value in option.choices]
+    return paths(incomplete, "") if isinstance(option.default, str) else ()
+
+
+def _argument(ctx: typer.Context, *names: str) -> str:
+    """The first argument of a command, which has one of these names."""
+    for name in names:
+        if ctx.params.get(name):
+            return str(ctx.params[name])
+    # The parser stops at an option that lacks its value, which is the one to complete.
+    return next((word for word in ctx.args if not word.startswith("-")), "")
+
+
+def _last_option(ctx: typer.Context) -> str:
+    """The name of the option whose value is completed; empty for none."""
+    last = ctx.args[-1] if ctx.args else ""
+    return last.removeprefix("--").replace("-", "_") if last.startswith("--") else ""
+
+
+# --- running worlds ---
+
+
+@completer
+def running(ctx: typer.Context, incomplete: str) -> Choices:
+    """Worlds that run on this machine."""
+    from minerva_bus.launch.registry import running as registered
+
+    return [(world.world, world.endpoint) for world in registered()]
+
+
+@completer
+def records_and_running(ctx: typer.Context, incomplete: str) -> Choices:
+    """Records, and the worlds that run on this machine."""
+    return [*running(ctx, incomplete), *paths(incomplete, ".mcap")]
+
+
+@completer
+def members(ctx: typer.Context, incomplete: str) -> Choices:
+    """Members of a running world."""
+    with _client(ctx) as connected:
+        status = connected.operator.status()
+    return [(member.name, " ".join(member.roles)) for member in status.members]
+
+
+@completer
+def event_types(ctx: typer.Context, incomplete: str) -> Choices:
+    """Event types of a running world."""
+    return _event_types(_running_vocabulary(ctx))
+
+
+@completer
+def event_types_and_kinds(ctx: typer.Context, incomplete: str) -> Choices:
+    """Event types and kinds of agents of a running world."""
+    vocabulary = _running_vocabulary(ctx)
+    return [*_event_types(vocabulary), *((name, "agents") for name in sorted(vocabulary.kinds))]
+
+
+def _event_types(vocabulary: Vocabulary) -> list[tuple[str, str]]:
+    return [
+        (name, ", ".join(f"{each.name}: {each.type}" for each in event.fields.all))
+        for name, event in sorted(vocabulary.events.items())
+    ]
+
+
+def _running_vocabulary(ctx: typer.Context) -> Vocabulary:
+    with _client(ctx) as connected:
+        return connected.vocabulary()
+
+
+@contextmanager
+def _client(ctx: typer.Context) -> Generator[Client]:
+    from minerva_bus.cli.options import WorldTarget
+    from minerva_bus.cli.places import choose_keys, client
+    from minerva_bus.runtime.diagnosis import check_reachable
+    from minerva_bus.runtime.endpoints import check_endpoint
+
+    given = {key: str(ctx.params.get(key) or "") for key in ("connect", "keys", "world")}
+    given["world"] = given["world"] or str(ctx.params.get("name") or "")
+    choose_keys(given["keys"])
+    if given["connect"]:
+        # A command waits for a world that may be restarting; Tab must not.
+        check_reachable(check_endpoint(given["connect"]), CONNECT_SECONDS)
+    with client(WorldTarget(**given)) as connected:
+        yield connected

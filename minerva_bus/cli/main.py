@@ -39,7 +39,7 @@ from minerva_bus.cli.output import (
     printing_damage,
 )
 from minerva_bus.cli.promised import promised
-from minerva_bus.cli.shells import Group, adapted
+from minerva_bus.cli.shells import Group, answer_fast
 from minerva_bus.cli.world_first import WorldFirstCommand
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.outputs import forget_inputs
@@ -209,7 +209,8 @@ def _run() -> None:
         # next.
         forget_inputs()
         report_threads()
-        with adapted(), promised(sys.argv[1:]), printing_damage():
+        answer_fast()
+        with promised(sys.argv[1:]), printing_damage():
             _refuse_null_characters(sys.argv[1:])
             app()
     except MinervaError as error:

@@ -9,7 +9,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from minerva_bus.cli import completing, completing_running, completing_worlds
+from minerva_bus.cli import completing
 from minerva_bus.cli.world_first import WORLD
 from minerva_bus.errors import MinervaError, MisuseError
 
@@ -49,9 +49,7 @@ Keys = Annotated[
 ]
 World = Annotated[
     str,
-    typer.Option(
-        help="Name of the world, if several run.", autocompletion=completing_running.running
-    ),
+    typer.Option(help="Name of the world, if several run.", autocompletion=completing.running),
 ]
 Views = Annotated[
     list[str] | None,
@@ -67,14 +65,12 @@ Settings = Annotated[
         "--set",
         help="PROCESS.KEY=VALUE: set a key of a process; SYMBOL.NAME=VALUE or #ID.NAME=VALUE: a"
         " parameter of the string; may be repeated.",
-        autocompletion=completing_worlds.process_settings,
     ),
 ]
 Collect = Annotated[
     list[str] | None,
     typer.Option(
         help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated.",
-        autocompletion=completing_worlds.collected,
     ),
 ]
 WorldArgument = Annotated[
@@ -139,7 +135,7 @@ class NamedTarget(WorldTarget):
         typer.Argument(
             metavar=WORLD,
             help="Name of the world, if several run; like --world.",
-            autocompletion=completing_running.running,
+            autocompletion=completing.running,
         ),
     ] = ""
 

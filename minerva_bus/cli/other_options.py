@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
-from minerva_bus.cli import completing_worlds
+from minerva_bus.cli import completing
 from minerva_bus.cli.shells import Command
 from minerva_bus.errors import MinervaError, UnknownOption
 
@@ -78,13 +78,9 @@ class OtherOptionsCommand(Command):
             return choices
         is_world = _DESCRIBED[self.name] is _world_options
         if incomplete.startswith("-"):
-            complete = (
-                completing_worlds.world_flags if is_world else completing_worlds.service_flags
-            )
+            complete = completing.world_flags if is_world else completing.service_flags
         else:
-            complete = (
-                completing_worlds.world_values if is_world else completing_worlds.service_values
-            )
+            complete = completing.world_values if is_world else completing.service_values
         others = complete(ctx, incomplete)
         return choices + [_Completion(name, text) for name, text in others if name not in own]
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli import completing, completing_worlds
+from minerva_bus.cli import completing
 from minerva_bus.cli.options import Collect, Force, Json, QuietStudy, examples, options_of
 from minerva_bus.cli.study_options import (
     DaskOption,
@@ -41,7 +41,6 @@ def calibrate(
             "--range",
             help="KEY=LOW:HIGH or KEY=A,B,...; KEY: an option, PROCESS.KEY, SYMBOL.NAME or"
             " #ID.NAME.",
-            autocompletion=completing_worlds.ranged,
         ),
     ],
     objective: Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli import completing, completing_agents
+from minerva_bus.cli import completing
 from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples
 from minerva_bus.cli.startup import uncollected
@@ -25,7 +25,7 @@ def explain(
         typer.Argument(
             metavar="RECORD|WORLD",
             help="A record, .mcap, or a running world.",
-            autocompletion=completing_agents.records_and_worlds,
+            autocompletion=completing.records_and_running,
         ),
     ] = "",
     code: Annotated[
@@ -36,13 +36,8 @@ def explain(
             autocompletion=completing.worlds,
         ),
     ] = "",
-    agent: Annotated[
-        str, typer.Option(help="Id of the agent.", autocompletion=completing_agents.agents)
-    ] = "",
-    attribute: Annotated[
-        str,
-        typer.Option(help="Its attribute.", autocompletion=completing_agents.attributes),
-    ] = "",
+    agent: Annotated[str, typer.Option(help="Id of the agent.")] = "",
+    attribute: Annotated[str, typer.Option(help="Its attribute.")] = "",
     frame: Annotated[
         int | None,
         typer.Option(help="Explain the value at the beginning of this frame; default: the end."),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli import completing, completing_running
+from minerva_bus.cli import completing
 from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import Json, NamedTarget, examples
 
@@ -37,7 +37,7 @@ def echo(
         str,
         typer.Argument(
             help="An event type or an agent kind; default: all.",
-            autocompletion=completing_running.echoed,
+            autocompletion=completing.event_types_and_kinds,
         ),
     ] = "",
     count: Annotated[int, typer.Option(help="Stop after this many; 0: no limit.")] = 0,
@@ -59,7 +59,7 @@ def echo(
 def logs(
     member: Annotated[
         str,
-        typer.Argument(help="Show only this member.", autocompletion=completing_running.members),
+        typer.Argument(help="Show only this member.", autocompletion=completing.members),
     ] = "",
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Wait for new lines.")] = False,
     json: Json = False,
@@ -118,7 +118,6 @@ def mcp(
         list[str] | None,
         typer.Option(
             help="Permit tools that change something: control, publish or run; may be repeated.",
-            autocompletion=completing.permissions,
         ),
     ] = None,
     listen: Annotated[

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli import completing_running
+from minerva_bus.cli import completing
 from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import By, Json, NamedTarget, examples
 
@@ -22,14 +22,11 @@ def pub(
         str,
         typer.Argument(
             help="The event's type, such as eObjective.",
-            autocompletion=completing_running.published,
+            autocompletion=completing.event_types,
         ),
     ],
     data: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Data of the event: KEY=VALUE ...", autocompletion=completing_running.event_data
-        ),
+        list[str] | None, typer.Argument(help="Data of the event: KEY=VALUE ...")
     ] = None,
     to: Annotated[
         list[str] | None, typer.Option(help="Id of a receiving agent; may be repeated.")
@@ -135,9 +132,7 @@ def rate(
 def restart(
     member: Annotated[
         str,
-        typer.Argument(
-            help="A process of the world file.", autocompletion=completing_running.members
-        ),
+        typer.Argument(help="A process of the world file.", autocompletion=completing.members),
     ],
     by: By = "",
     json: Json = False,
@@ -157,7 +152,7 @@ def restart(
 @grouped
 def drain(
     member: Annotated[
-        str, typer.Argument(help="A host of agents.", autocompletion=completing_running.members)
+        str, typer.Argument(help="A host of agents.", autocompletion=completing.members)
     ],
     by: By = "",
     json: Json = False,

@@ -16,12 +16,7 @@ from minerva_bus.cli.options import Force, Json, examples
     "minerva new world my_meadow --from meadow",
 )
 def new(
-    kind: Annotated[
-        str,
-        typer.Argument(
-            help="world, agent, service, geometry or bridge.", autocompletion=completing.new_kinds
-        ),
-    ],
+    kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
     name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
     folder: Annotated[
         Path, typer.Option("--in", help="Parent folder; default: the current one.")
@@ -92,14 +87,12 @@ def conformance(
         typer.Option(
             help="A role to check: generator, host, observer, coupled; may be repeated."
             " Default: those that the member declares. Or `coordinator`, alone.",
-            autocompletion=completing.conformance_roles,
         ),
     ] = None,
     case: Annotated[
         list[str] | None,
         typer.Option(
             help="A case, or a group such as `tick`; may be repeated.",
-            autocompletion=completing.conformance_cases,
         ),
     ] = None,
     jobs: Annotated[int, typer.Option(help="Cases that run at the same time.", min=1)] = 4,

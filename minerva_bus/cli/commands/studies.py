@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli import completing, completing_worlds
+from minerva_bus.cli import completing
 from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import (
     ComparisonPlot,
@@ -115,7 +115,6 @@ def sweep(
             "--set",
             help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed, PROCESS.KEY,"
             " SYMBOL.NAME or #ID.NAME.",
-            autocompletion=completing_worlds.swept,
         ),
     ],
     output: Annotated[
@@ -181,7 +180,6 @@ def branch(
             "--set",
             help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed, PROCESS.KEY,"
             " SYMBOL.NAME or #ID.NAME.",
-            autocompletion=completing_worlds.branched,
         ),
     ] = None,
     seeds: Annotated[

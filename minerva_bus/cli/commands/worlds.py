@@ -99,7 +99,7 @@ def check(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A string (.mnv) or a world (.toml).", autocompletion=completing.checked
+            help="A string (.mnv) or a world (.toml).", autocompletion=completing.strings_and_worlds
         ),
     ],
     vocabulary: Annotated[
