@@ -150,9 +150,9 @@ def graph(
     json: Json = False,
     force: Force = False,
 ) -> None:
-    """Show how events flow between processes and agents, as Mermaid text.
+    """Print how events flow between processes and agents.
 
-    Event types are in the order of a frame. GitHub and many editors draw Mermaid.
+    It is Mermaid text, which GitHub and many editors draw. Event types are in the order of a frame.
     The world is read, not run: this runs the Python code that the world file names, but no frame.
     Its own options are options here too.
     """
