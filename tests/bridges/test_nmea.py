@@ -1,5 +1,7 @@
 """The bridge to NMEA 0183 receivers, over a cable that can be unplugged."""
 
+import socket
+import threading
 from functools import reduce
 from operator import xor
 
@@ -173,6 +175,31 @@ def test_a_sentence_may_arrive_in_parts_and_inside_another(cable):
             cable.write(bytes((byte,)))
         (fix,) = runs.readings(1)
         assert fix.latitude == 52.5
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\n", ""])
+def test_a_server_that_sends_while_it_is_connected_and_closes_loses_nothing(monkeypatch, end):
+    sent, connect = threading.Event(), socket.create_connection
+
+    def connected(*address, **options):
+        made = connect(*address, **options)
+        assert sent.wait(10.0)
+        return made
+
+    def serve():
+        client, _ = server.accept()
+        with client:
+            client.sendall(("\r\n".join(gga(f"1200{k:02d}.00") for k in range(20)) + end).encode())
+        sent.set()
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=serve, daemon=True).start()
+        monkeypatch.setattr(socket, "create_connection", connected)
+        with RunningBridge(Nmea(f"socket://127.0.0.1:{server.getsockname()[1]}")) as runs:
+            runs.wait_for(lambda: runs.counted("failures"), "it has closed")
+            fixes = [reading.time for _, reading in runs.published]
+    assert fixes == [43200.0 + k for k in range(20)]
+    assert runs.counted("garbage") == 0
 
 
 def test_pulled_out_and_plugged_in_again(cable, capsys):

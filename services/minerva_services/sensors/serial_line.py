@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import cache
 from typing import Any, Final
 
 from minerva_services.bridging import SourceError
@@ -25,12 +27,16 @@ class SerialLine:
 
     def read(self) -> bytes:
         """Available bytes; empty if none arrive within a tenth of a second."""
+        data = b""
         try:
             # Waits for one byte only: read(n) would wait for all n, or for the time-out.
-            first = self._device.read(1)
-            waiting = min(self._device.in_waiting, MAX_BYTES) if first else 0
-            return bytes(first + self._device.read(waiting)) if waiting else bytes(first)
+            data = bytes(self._device.read(1))
+            waiting = min(self._device.in_waiting, MAX_BYTES) if data else 0
+            return data + bytes(self._device.read(waiting)) if waiting else data
         except OSError as error:
+            # The next call reports the loss, after the bytes before it.
+            if data:
+                return data
             raise self._lost(error) from None
 
     def read_exactly(self, count: int, within: float) -> bytes:
@@ -80,13 +86,49 @@ def open_line(port: str, baud: int) -> SerialLine:
     import serial
 
     try:
-        # Exclusive, because two readers would each receive a part of the bytes.
-        device = serial.serial_for_url(
-            port, baudrate=baud, timeout=POLL_SECONDS, write_timeout=WRITE_SECONDS, exclusive=True
-        )
+        if port.startswith("socket://"):
+            device: Any = _socket_class()(port, timeout=POLL_SECONDS, write_timeout=WRITE_SECONDS)
+        else:
+            # Exclusive, because two readers would each receive a part of the bytes.
+            device = serial.serial_for_url(
+                port,
+                baudrate=baud,
+                timeout=POLL_SECONDS,
+                write_timeout=WRITE_SECONDS,
+                exclusive=True,
+            )
     except (OSError, ValueError) as error:
         raise SourceError(f"cannot open {port}: {_reason(error)}") from None
     return SerialLine(port, device)
+
+
+@cache
+def _socket_class() -> Any:
+    """pyserial's class for sockets, without its loss of data."""
+    from serial.urlhandler import protocol_socket
+
+    base: Any = protocol_socket.Serial
+
+    class Socket(base):
+        def open(self) -> None:
+            self._opening = True
+            super().open()
+            self._opening = False
+
+        def reset_input_buffer(self) -> None:
+            # On opening, pyserial discards old input. A socket has none: a server may send at once.
+            if not self._opening:
+                super().reset_input_buffer()
+
+        @property
+        def in_waiting(self) -> int:
+            # pyserial answers 1 for any number of bytes, and for the end of the connection.
+            try:
+                return len(self._socket.recv(MAX_BYTES, socket.MSG_PEEK))
+            except BlockingIOError:
+                return 0
+
+    return Socket
 
 
 def _reason(error: Exception) -> str:
@@ -130,3 +172,7 @@ class LineSplitter:
         for line in whole:
             if line.strip():
                 yield line.decode("ascii", "replace").strip()
+
+    def rest(self) -> Iterator[str]:
+        """The last line of a stream that has ended without a terminator."""
+        return self.feed(b"\n")

@@ -11,7 +11,7 @@ from typing import ClassVar, Final
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.clock_steps import STEP_SECONDS, STEPS_BACK
 from minerva_bus.world.readings import Position
-from minerva_services.bridging import Bridge, OpenSource, Source
+from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.options import require
 from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix
 from minerva_services.sensors.serial_line import LineSplitter, SerialLine, open_line
@@ -73,21 +73,33 @@ class Nmea(Bridge):
         """Positions as sentences arrive."""
         lines, has_gga = LineSplitter(self.count, MAX_LINE_BYTES), False
         while not stop.is_set():
-            for text in lines.feed(line.read()):
-                try:
-                    fix = read_fix(text)
-                except SkippedSentence as reason:
-                    if reason.detail:
-                        self.pass_over(str(reason), f"{self.source}: {reason.detail}")
-                    else:
-                        self.count(str(reason))
+            try:
+                texts, lost = lines.feed(line.read()), None
+            except SourceError as error:
+                texts, lost = lines.rest(), error
+            for text in texts:
+                fix = self._read(text)
+                if fix is None:
                     continue
                 has_gga |= fix.sentence == "GGA"
                 if has_gga and fix.sentence == "RMC":
                     self.count("other sentences")
                 else:
                     yield self._position(fix)
+            if lost is not None:
+                raise lost
             yield None
+
+    def _read(self, text: str) -> Fix | None:
+        """The fix in a line; others are counted."""
+        try:
+            return read_fix(text)
+        except SkippedSentence as reason:
+            if reason.detail:
+                self.pass_over(str(reason), f"{self.source}: {reason.detail}")
+            else:
+                self.count(str(reason))
+            return None
 
     def _position(self, fix: Fix) -> tuple[str, Position]:
         """A fix as a reading, with its topic."""
