@@ -16,7 +16,6 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import file_text, find_world
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.restless import restless
-from minerva_bus.launch.shared_attributes import shared_attributes
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.structure import structure_of
 from minerva_bus.launch.unplaced import unplaced
@@ -69,7 +68,7 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
 
 def _checked(file: WorldFile) -> Checked:
     _check_services(file)
-    warnings = [*restless(file), *unplaced(file), *shared_attributes(file)]
+    warnings = [*restless(file), *unplaced(file)]
     return Checked(_world_shown(len(file.processes), file.world.scene), warnings)
 
 

@@ -17,7 +17,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.launch.capacity import cores
-from minerva_bus.launch.containers import SERVICES, contained
+from minerva_bus.launch.shared_processes import SERVICES, sharing
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
@@ -47,10 +47,9 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
         if process.automatic:
             notes.append(f"{process.name}: {counted(len(own), 'process')} (auto)")
     if file.partition is None:
-        before = sum(not each.container for each in processes)
-        processes = [*contained(processes, members, cores())]
-        if sharing := before - sum(not each.container for each in processes):
-            notes.append(f"{SERVICES}: 1 process for {sharing} services (auto)")
+        processes = [*sharing(processes, members, cores())]
+        if shared := sum(each.shared for each in processes):
+            notes.append(f"{SERVICES}: 1 process for {shared} services (auto)")
     expected = frozenset(process.name for process in processes)
     return replace(
         file,

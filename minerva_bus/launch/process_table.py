@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from minerva_bus.launch.containers import containers
 from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.pipes import CLOSED, LineReader, parse_report
 from minerva_bus.launch.process_log import ProcessLog
 from minerva_bus.launch.regions.layout import RegionSpec
+from minerva_bus.launch.shared_processes import SERVICES, by_process
 from minerva_bus.launch.starting import STARTS_PER_CORE, StartQueue
 from minerva_bus.launch.traces import STACK_SIGNAL, is_stack
 from minerva_bus.launch.worldfile import Process
@@ -81,8 +81,8 @@ class SupervisedProcess:
 
     @property
     def name(self) -> str:
-        """The name of its container, or of its only member."""
-        return self.spec.container or self.spec.name
+        """The name of its only member, or of the process that services share."""
+        return SERVICES if self.spec.shared else self.spec.name
 
     @property
     def names(self) -> list[str]:
@@ -168,7 +168,7 @@ class ProcessTable:
         self._machine = context.machine
         self._processes = {
             name: SupervisedProcess(members, context.machine)
-            for name, members in containers(context.file.processes).items()
+            for name, members in by_process(context.file.processes).items()
         }
         self._by_member = {name: process for process in self for name in process.names}
         self._reports: dict[str, LineReader] = {}

@@ -15,7 +15,6 @@ from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.containers import check_containers
 from minerva_bus.launch.distribution import names_of
 from minerva_bus.launch.norms import PEOPLE
 from minerva_bus.launch.options import beside
@@ -78,7 +77,6 @@ class _ProcessReader:
             on_failure=own.on_failure,
             restarts=own.restarts,
             elsewhere=own.elsewhere,
-            container=self._container(table, own),
             speaks_for=own.speaks_for,
             patience=self._patience(table),
         )
@@ -112,14 +110,6 @@ class _ProcessReader:
             plain, agents=classes, command=own.command, folder=folder, automatic=automatic
         )
         return [replace(plain, name=each) for each in names]
-
-    def _container(self, table: Table, own: ProcessSettings) -> str:
-        """The container of a service, or of agents."""
-        if own.container and own.command:
-            table.wrong(
-                "container", "is for services and agents: a command has a process of its own"
-            )
-        return checked_name(own.container, "a container") if own.container else ""
 
     def _names(self, name: str, table: Table, own: ProcessSettings) -> list[str]:
         """The names of the processes of a table; one name if their number is automatic."""
@@ -160,10 +150,8 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
     The processes of one table differ only in their names, so only the first one is checked.
     Raises WorldFileError.
     """
-    processes = [*processes]
     seen: set[str] = set()
     tables: set[str] = set()
-    hellos: dict[str, Hello] = {}
     members: list[Member] = []
     for process in processes:
         if process.name in seen:
@@ -178,11 +166,10 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
         tables.update({process.table} - {""})
         if not process.command and first:
             members.append(process.participant())
-            hello = hellos[process.table] = members[-1].hello()
+            hello = members[-1].hello()
             reason = incompatibility(hello, vocabulary) or _invalid_topic(hello)
             if reason:
                 raise WorldFileError(f"{path}: [process.{process.name}]: {reason}")
-    check_containers(processes, hellos, path)
     return members
 
 

@@ -38,9 +38,8 @@ class Process:
     service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
     in whose name a generator may send events. `table`: the name of its table in the
     world file, empty for a view of the command line. `automatic`: it stands for as many processes
-    as `distribution` chooses. `container`: the process of the operating system that it shares with
-    others; empty: it has its own. `hub`: the region that it joins as a host of its agents; empty:
-    it joins the world.
+    as `distribution` chooses. `shared`: it shares a process of the operating system with others.
+    `hub`: the region that it joins as a host of its agents; empty: it joins the world.
     """
 
     name: str
@@ -55,7 +54,7 @@ class Process:
     speaks_for: tuple[str, ...] = ()
     patience: Patience | None = None
     automatic: bool = False
-    container: str = ""
+    shared: bool = False
     hub: str = ""
 
     def participant(self) -> Member:

@@ -338,14 +338,6 @@ class ProcessSettings:
         " on its machine. `--coordinator-only` sets this for every process; see"
         " [fleet.md](fleet.md).",
     )
-    container: str = _process(
-        "",
-        "Name of a process that it shares with all others of this `container`.",
-        more="For members that are started here, except observers; see"
-        " [Share a process](howto/processes.md#share-a-process).",
-        form="text",
-        shown="a process of its own",
-    )
     restarts: int = _process(
         5,
         "Consecutive failures after which the world stops.",

@@ -9,16 +9,18 @@ from running import ALL_KINDS, MEMBERS, World, eventually, here, minerva, summar
 
 NAMES = ("steps", "walkers", "water", "eye", "screen", "noise")
 SHARED = ("steps", "water", "eye", "noise")
-WITH_HOST = (*SHARED, "walkers")
+"""Without the host of agents, and the observer `screen`."""
+
+AUTO = ("--processes", "auto")
 
 
-def shared(members=ALL_KINDS, names=SHARED, container="services"):
-    """The members of a world file, with these in one container."""
-    for name in names:
-        table = f"[process.{name}]\n"
-        assert table in members
-        members = members.replace(table, f'{table}container = "{container}"\n')
-    return members
+@pytest.fixture(autouse=True)
+def few_cores():
+    """Two cores for the worlds of a test, so that their services share a process."""
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(cores)[:2])
+    yield
+    os.sched_setaffinity(0, cores)
 
 
 def alone(folder, path):
@@ -26,28 +28,22 @@ def alone(folder, path):
     return summary(here(folder, "run", path, "--in-process", "--rate", "0", "--json"))
 
 
-@pytest.mark.parametrize("names", [SHARED, WITH_HOST])
-def test_members_of_a_container_share_a_process_and_make_the_same_string(tmp_path, names):
-    path = write_world(tmp_path, shared(names=names), frames=120, rate=60)
-    with World(path, "--json") as world:
+def test_services_share_a_process_and_make_the_same_string(tmp_path):
+    path = write_world(tmp_path, ALL_KINDS, frames=120, rate=60)
+    with World(path, "--json", *AUTO) as world:
         pids = world.runs(*NAMES)
-        assert len({pids[name] for name in names}) == 1
-        assert len(set(pids.values())) == 1 + len(NAMES) - len(names)
+        assert len({pids[name] for name in SHARED}) == 1
+        assert len(set(pids.values())) == 1 + len(NAMES) - len(SHARED)
         ended = world.summary()
         world.gone()
     assert (ended["frames"], ended["digest"]) == (120, alone(tmp_path, path)["digest"])
-    apart = summary(minerva(tmp_path, "run", path, "--json", *_apart(names)))
+    apart = summary(minerva(tmp_path, "run", path, "--json"))
     assert apart["digest"] == ended["digest"]
 
 
-def _apart(names):
-    return [word for name in names for word in ("--set", f"{name}.container=")]
-
-
-@pytest.mark.parametrize("names", [SHARED, WITH_HOST])
-def test_a_killed_container_is_restarted_with_all_of_its_members(tmp_path, names):
-    path = write_world(tmp_path, shared(names=names), frames=200, rate=60)
-    with World(path, "--json") as world:
+def test_a_killed_process_is_restarted_with_all_of_its_members(tmp_path):
+    path = write_world(tmp_path, ALL_KINDS, frames=200, rate=60)
+    with World(path, "--json", *AUTO) as world:
         for _ in range(2):
             before = world.runs(*NAMES)
             os.kill(before["eye"], signal.SIGKILL)
@@ -57,7 +53,7 @@ def test_a_killed_container_is_restarted_with_all_of_its_members(tmp_path, names
                 return all(
                     members.get(name, {}).get("state") == "present"
                     and members[name]["pid"] != before[name]
-                    for name in names
+                    for name in SHARED
                 )
 
             eventually(others, "another process of these members")
@@ -73,8 +69,8 @@ RASCAL = '\n[process.rascal]\nservice = "yard:Rascal"\ndeed = "{deed}"\n{more}\n
 def test_a_member_that_raises_is_named_and_all_are_restarted(tmp_path):
     memory = tmp_path / "memory"
     members = MEMBERS + RASCAL.format(deed="raises", more=f'memory = "{memory}"')
-    path = write_world(tmp_path, shared(members, ("steps", "rascal")))
-    with World(path, "--json") as world:
+    path = write_world(tmp_path, members)
+    with World(path, "--json", *AUTO) as world:
         ended = world.summary()
         text = world.text
     assert memory.exists()
@@ -87,15 +83,15 @@ def test_a_member_that_raises_is_named_and_all_are_restarted(tmp_path):
 
 def test_the_summary_names_the_member_that_ends_the_world(tmp_path):
     members = MEMBERS + RASCAL.format(deed="raises", more="")
-    path = write_world(tmp_path, shared(members, ("steps", "rascal")))
-    done = minerva(tmp_path, "run", path)
+    path = write_world(tmp_path, members)
+    done = minerva(tmp_path, "run", path, *AUTO)
     assert done.returncode == 1
     assert f"{path.stem}: rascal failed in frame 5" in done.stdout
 
 
-def test_a_coordinator_that_is_killed_is_followed_and_containers_stay(tmp_path):
-    path = write_world(tmp_path, shared(), frames=150, rate=30)
-    with World(path, "--json") as world:
+def test_a_coordinator_that_is_killed_is_followed_and_the_process_stays(tmp_path):
+    path = write_world(tmp_path, ALL_KINDS, frames=150, rate=30)
+    with World(path, "--json", *AUTO) as world:
         before = world.runs(*NAMES)
         for _ in range(2):
             world.kill_coordinator()
@@ -105,18 +101,18 @@ def test_a_coordinator_that_is_killed_is_followed_and_containers_stay(tmp_path):
     assert (ended["frames"], ended["digest"]) == (150, alone(tmp_path, path)["digest"])
 
 
-def test_ctrl_c_ends_a_container(tmp_path):
-    path = write_world(tmp_path, shared(), frames=0, rate=30)
-    with World(path, "--json") as world:
+def test_ctrl_c_ends_the_process(tmp_path):
+    path = write_world(tmp_path, ALL_KINDS, frames=0, rate=30)
+    with World(path, "--json", *AUTO) as world:
         world.runs(*NAMES)
         world.kill(signal.SIGINT)
         assert world.ends() == 130
         world.gone()
 
 
-def test_a_member_on_request_is_restarted_with_its_container(tmp_path):
-    path = write_world(tmp_path, shared(), frames=0, rate=30)
-    with World(path) as world:
+def test_a_member_on_request_is_restarted_with_its_process(tmp_path):
+    path = write_world(tmp_path, ALL_KINDS, frames=0, rate=30)
+    with World(path, *AUTO) as world:
         before = world.runs(*NAMES)
         done = minerva(tmp_path, "restart", path.stem, "eye")
         assert done.returncode == 0, done.stderr
@@ -125,26 +121,5 @@ def test_a_member_on_request_is_restarted_with_its_container(tmp_path):
                 (after := world.runs(*NAMES))["water"] != before["water"]
                 and after["walkers"] == before["walkers"]
             ),
-            "another process of the container",
+            "another process of these members",
         )
-
-
-@pytest.mark.parametrize(
-    ("names", "more", "problem"),
-    [
-        (("screen",), "", r"Screen is an observer.*give it a process of its own"),
-        (("steps", "water"), "restarts = 2", "their restarts must be equal: .* steps is 2"),
-    ],
-)
-def test_processes_that_cannot_share_are_refused(tmp_path, names, more, problem):
-    members = shared(ALL_KINDS, names).replace('"yard:Steps"', f'"yard:Steps"\n{more}')
-    done = here(tmp_path, "check", write_world(tmp_path, members))
-    assert done.returncode != 0
-    assert re.search(problem, done.stderr + done.stdout, re.S), done.stderr
-
-
-def test_a_container_has_no_name_of_a_process(tmp_path):
-    path = write_world(tmp_path, shared(container="walkers"))
-    done = here(tmp_path, "check", path)
-    assert done.returncode != 0
-    assert 'container = "walkers" is the name of a process' in done.stderr + done.stdout

@@ -25,7 +25,7 @@ def test_a_start_that_is_reported_after_the_hello_ends(tmp_path, monkeypatch):
             carry_out(machine, descriptor, data)
 
     monkeypatch.setattr(SimulatedMachine, "_command", late)
-    # A history of this seed has no container, so that the process has the name of the member.
+    # A history of this seed has no shared process, so that the process has the name of the member.
     played = play(History(1, 42, 1.0, 0.0, (FROZEN,)), tmp_path)
     assert played.frames == 42
     assert played.failure == ""

@@ -141,11 +141,10 @@ def test_services_share_a_process_where_there_are_fewer_cores(
     monkeypatch.setattr(distribution, "cores", lambda: cores_here)
     text = TEXT[: TEXT.index("[process.steps]")] + SERVICES
     file = read_world_text(text, tmp_path / "w.toml", Overrides(processes="auto"))
-    in_container = tuple(each.name for each in file.processes if each.container == "services")
-    assert in_container == shared
+    assert tuple(each.name for each in file.processes if each.shared) == shared
     assert ("services: 1 process for 2 services (auto)" in file.notes) == bool(shared)
     as_it_is = read_world_text(text, tmp_path / "w.toml")
-    assert not any(each.container for each in as_it_is.processes)
+    assert not any(each.shared for each in as_it_is.processes)
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [

@@ -73,9 +73,7 @@ def outside_of(file: WorldFile, services: Mapping[str, Service | None]) -> froze
 def hosts_of(number: int, hosts: Iterable[Process]) -> tuple[Process, ...]:
     """The processes of these hosts in a region."""
     region = name_of_region(number)
-    return tuple(
-        [replace(each, name=f"{region}.{each.name}", hub=region, container="") for each in hosts]
-    )
+    return tuple([replace(each, name=f"{region}.{each.name}", hub=region) for each in hosts])
 
 
 def hosts_of_regions(file: WorldFile) -> list[Process]:

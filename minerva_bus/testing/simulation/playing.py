@@ -10,6 +10,7 @@ from typing import Final
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.journaling import journal_path
+from minerva_bus.launch.shared_processes import SERVICES
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
@@ -64,16 +65,16 @@ class Play:
         self.observed = Observed()
         self._begun: set[int] = set()
         self._coordinator: Coordinator | None = None
-        contained = history.seed % 3 == 0
+        shared = history.seed % 3 == 0
         self.file = world_file(
             history.frames,
             history.rate,
             folder,
             self.observed.shown,
-            contained=contained,
+            shared=shared,
             norms=history.norms,
         )
-        self._containers = {each.name: each.container for each in self.file.processes}
+        self._sharing = {each.name for each in self.file.processes if each.shared}
         make = observing(self.timeline, self.observed, self._on_begin, self._on_end)
         self.launcher = Launcher(self.file, self.timeline, Weather(history.slow), make)
         self.network = self.launcher.network
@@ -113,7 +114,7 @@ class Play:
 
     def process(self, name: str) -> SimulatedProcess | None:
         """The running process of a member."""
-        name = self._containers.get(name) or name
+        name = SERVICES if name in self._sharing else name
         running = (process for process in self._processes() if process.alive)
         return next((process for process in running if process.name == name), None)
 

@@ -225,9 +225,8 @@ VOCABULARY: Final = Vocabulary.of(
 ORDERS: Final = {event_type.name: event_type for event_type in (eMark, eNote)}
 """The event types that people send: one through the clerk, one directly."""
 
-CONTAINER: Final = "cove"
-CONTAINED: Final = frozenset({"birds", "clerk", "gulls", "lookout", "tide", "water"})
-"""A process of some histories, and its members."""
+SHARING: Final = frozenset({"clerk", "gulls", "lookout", "tide", "water"})
+"""Services that share a process in some histories."""
 
 NORMS: Final = (
     Norm("far", ("AHeron",), when="x > 2", most=1, per=4, sanction=eSeen(40)),
@@ -257,12 +256,12 @@ def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[Process, .
     )
 
 
-def in_container(process: Process) -> Process:
-    """The process, in a container with the others if it may share one."""
-    if process.name not in CONTAINED:
+def sharing(process: Process) -> Process:
+    """The process, which shares one with others if it is a service in step."""
+    if process.name not in SHARING:
         return process
     # Each of them may be killed as often as a process of its own.
-    return replace(process, container=CONTAINER, restarts=len(CONTAINED) * process.restarts)
+    return replace(process, shared=True, restarts=len(SHARING) * process.restarts)
 
 
 def world(frames: int, *, norms: bool = False) -> World:
@@ -290,15 +289,15 @@ def world_file(
     folder: Path,
     shown: dict[int, str],
     *,
-    contained: bool = False,
+    shared: bool = False,
     norms: bool = False,
 ) -> WorldFile:
     """The world file, with its journal in a folder; `shown` has the drawings of its screen.
 
-    `contained`: members share a process.
+    `shared`: services share a process.
     """
     bus = BusSettings(journal=str(folder))
     own = processes(shown, count(1))
-    if contained:
-        own = tuple(map(in_container, own))
+    if shared:
+        own = tuple(map(sharing, own))
     return WorldFile(folder / f"{NAME}.toml", world(frames, norms=norms), rate, own, bus)
