@@ -47,6 +47,7 @@ class MemberLifecycle:
         reason = incompatibility(hello, algorithm.world.vocabulary)
         reason = reason or algorithm.source.objection(hello)
         reason = reason or refusal_of_guest(algorithm, hello, hello.generates)
+        reason = reason or self._refusal_of_second_host(hello)
         if reason:
             self._refuse(member, reason)
             return
@@ -58,6 +59,21 @@ class MemberLifecycle:
         if between or in_time or awaited or algorithm.source.admits_at_once:
             self._admit(member, hello)
         algorithm.start_if_complete()
+
+    def _refusal_of_second_host(self, hello: m.Hello) -> str:
+        """Why a host of agents may not join another one, or an empty string."""
+        policy, members = self._algorithm.world.policy, self._algorithm.members
+        if not (policy.rules.makes_copies and hello.kinds):
+            return ""
+        others = (*members.awaited(), *members.active(), *members.index.joining)
+        hosts = sorted(each.name for each in others if each.hello is not None and each.hello.kinds)
+        other = next((name for name in hosts if name != hello.member), "")
+        if not other:
+            return ""
+        return (
+            f'policy = "{policy.value}" evolves all agents on one host, which is {other}: give it'
+            " all classes of agents"
+        )
 
     def _refuse(self, member: MemberEntry, reason: str) -> None:
         algorithm = self._algorithm

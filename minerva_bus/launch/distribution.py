@@ -13,8 +13,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
+from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.launch.capacity import cores
 from minerva_bus.launch.shared_processes import SERVICES, sharing
@@ -42,7 +42,7 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
         return file
     processes, notes = list[Process](), list[str]()
     for process in file.processes:
-        own = list(_hosts(process, file.world.scene)) if process.automatic else [process]
+        own = list(_hosts(process, file.world)) if process.automatic else [process]
         processes += own
         if process.automatic:
             notes.append(f"{process.name}: {counted(len(own), 'process')} (auto)")
@@ -59,10 +59,10 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
     )
 
 
-def _hosts(process: Process, scene: Scene) -> Iterator[Process]:
-    counts = kind_counts(*scene.pieces)
+def _hosts(process: Process, world: World) -> Iterator[Process]:
+    counts = kind_counts(*world.scene.pieces)
     work = sum(counts[cls.kind.name] * _seconds(cls) for cls in process.agents)
-    count = hosts_for(work, cores())
+    count = 1 if world.policy.rules.makes_copies else hosts_for(work, cores())
     for name in names_of(process.name, count):
         yield replace(process, name=name, automatic=False)
 

@@ -27,6 +27,7 @@ from minerva_bus.settings.declaring import settings_of
 from minerva_bus.settings.kinds import AUTO
 from minerva_bus.settings.tables import PatienceSettings, ProcessSettings
 from minerva_bus.wire.keys import COORDINATOR, checked_name
+from minerva_bus.world.policy import Policy
 from minerva_bus.world.services import Service
 
 _RESERVED: Final = {
@@ -171,6 +172,21 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
             if reason:
                 raise WorldFileError(f"{path}: [process.{process.name}]: {reason}")
     return members
+
+
+def check_hosts(processes: Iterable[Process], policy: Policy, path: Path) -> None:
+    """Raise WorldFileError for several hosts of agents under a policy that makes copies."""
+    hosts = [process for process in processes if process.agents]
+    if not policy.rules.makes_copies or len(hosts) < 2:
+        return
+    text = f'{path}: policy = "{policy.value}" evolves all agents on one host, but'
+    tables = list(dict.fromkeys(process.table for process in hosts))
+    if len(tables) == 1:
+        raise WorldFileError(
+            f"{text} [process.{tables[0]}] has {len(hosts)} processes; use processes = 1"
+        )
+    named = " and ".join(f"[process.{name}]" for name in tables)
+    raise WorldFileError(f"{text} {named} have agents; name all classes in the agents of one table")
 
 
 def _invalid_topic(hello: Hello) -> str:

@@ -16,7 +16,7 @@ from minerva_bus.launch.distribution import distributed
 from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
-from minerva_bus.launch.processes import check_members, read_patience, read_processes
+from minerva_bus.launch.processes import check_hosts, check_members, read_patience, read_processes
 from minerva_bus.launch.regions.settings import read_hosts, read_regions
 from minerva_bus.launch.regions.unsupported import check_regions
 from minerva_bus.launch.specs import called
@@ -122,6 +122,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     # The views of the command line are in no table.
     made = [p for p in processes if not (overrides.only_code and p.table and p.make_service)]
     members = check_members(made, world.vocabulary, path)
+    check_hosts(processes, world.policy, path)
     file = WorldFile(
         path,
         replace(world, norms=norms, lag=lag),

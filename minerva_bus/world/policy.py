@@ -21,9 +21,10 @@ class PolicyRules:
         divide: the events that each copy of an agent processes, from the events of a frame. The
             first copy is the agent. There is one copy, or there are at most as many as events.
         makes_copies: whether there may be several copies, or none. Each agent is then a fragment
-            of its own, and ids of copies derive from its id (world/lineage.py).
-        without_events: whether agents may change in a frame without events that concern them. All
-            hosts then evolve in every frame, and the world never rests.
+            of its own, ids of copies derive from its id (world/lineage.py), and one host evolves
+            all agents.
+        without_events: whether agents may change in a frame without events that concern them. The
+            host then evolves them in every frame, and the world never rests.
 
     """
 

@@ -66,13 +66,29 @@ def recorded(tmp_path_factory):
     return folder, path, done["digest"], done["frames"]
 
 
-def test_two_hosts_on_a_bus_make_the_record_of_one_process(recorded):
+def test_a_run_on_a_bus_makes_the_record_of_one_process(recorded):
     folder, path, digest, frames = recorded
-    words = ("run", path, "--set", "yeast.processes=2", "--record", "two.mcap", "--json")
+    words = ("run", path, "--processes", "auto", "--record", "two.mcap", "--json")
     done = summary(minerva(folder, *words))
     assert (done["digest"], done["frames"]) == (digest, frames)
     done = here(folder, "diff", "one.mcap", "two.mcap")
     assert done.returncode == 0, done.stdout
+
+
+def test_a_second_host_is_refused(recorded):
+    folder, path, *_ = recorded
+    done = here(folder, "run", path, "--set", "yeast.processes=2")
+    assert done.returncode != 0
+    why = 'policy = "literal" evolves all agents on one host, but [process.yeast]'
+    assert f"{why} has 2 processes; use processes = 1" in done.stderr
+    two = folder / "two.toml"
+    tables = '[process.yeast]\nagents = "yeast:Yeast"\n[process.crumb]\nagents = "yeast:Crumb"\n'
+    own = '[process.yeast]\nagents = ["yeast:Yeast", "yeast:Crumb"]\n'
+    assert own in path.read_text()
+    two.write_text(path.read_text().replace(own, tables))
+    done = here(folder, "check", two)
+    assert done.returncode != 0
+    assert f"{why} and [process.crumb] have agents; name all classes in" in done.stderr
 
 
 def test_it_is_recomputed_and_swapped(recorded):
@@ -88,7 +104,7 @@ def test_it_goes_on_from_a_frame_with_copies(recorded):
     words = ("run", path, "--in-process", "--frames", 3, "--record", "cut.mcap", "--json")
     summary(here(folder, *words))
     words = ("run", path, "--resume", "cut.mcap", "--frames", 5, "--record", "on.mcap")
-    done = summary(minerva(folder, *words, "--set", "yeast.processes=2", "--json"))
+    done = summary(minerva(folder, *words, "--json"))
     assert (done["digest"], done["frames"]) == (digest, frames)
     assert here(folder, "diff", "one.mcap", "on.mcap").returncode == 0
 

@@ -1,4 +1,4 @@
-"""Worlds under `policy = "literal"`: equation 3 as written, on any number of hosts."""
+"""Worlds under `policy = "literal"`: equation 3 as written, on one host."""
 
 from dataclasses import replace
 from functools import partial
@@ -136,17 +136,11 @@ class No(Agent, symbol="AN"):
 
 
 TWO = Vocabulary.of(eTick, eOther, Yes, No)
-LAYOUTS = [
-    {"one": (Yes, No)},
-    {"y": (Yes,), "n": (No,)},
-    {"a": (Yes, No), "b": (Yes, No), "n": (No,)},
-]
 
 
-@pytest.mark.parametrize("hosts", LAYOUTS)
-def test_two_events_in_each_of_two_frames(hosts):
-    """Every agent is copied for every event of a frame, whatever its host and handlers."""
-    script = [[eTick(), eOther()]] * 2
+def test_two_events_in_each_of_two_frames():
+    """Every agent is copied for every event of a frame, whatever its handlers."""
+    script, hosts = [[eTick(), eOther()]] * 2, {"host": (Yes, No)}
     bus = ran("AY#y · AN#n", script, hosts, vocabulary=TWO)
     assert str(bus.algorithm.scene) == (
         "AY#y<n=0>() · AY#y:1-2<n=1>() · AY#y:0-2<n=1>() · AY#y:0-2:1-2<n=2>()"
@@ -173,15 +167,14 @@ def cases(draw):
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
-@given(cases(), st.integers(1, 3), st.integers(0, 1 << 32))
-def test_a_world_is_evolve_on_the_whole_string(case, count, seed):
-    """This holds in every frame, for any number of hosts, any schedule, and in one process."""
+@given(cases(), st.integers(0, 1 << 32))
+def test_a_world_is_evolve_on_the_whole_string(case, seed):
+    """This holds in every frame, for any schedule, and in one process."""
     scene, script = case
     wanted = list(strings(scene, script, FAMILY, FAMILY_VOCABULARY))
     script = script[: len(wanted)]
     assume(script)
-    hosts = {f"host-{n}": FAMILY for n in range(count)}
-    what = (scene, script, hosts, FAMILY_VOCABULARY)
+    what = (scene, script, {"host": FAMILY}, FAMILY_VOCABULARY)
     bus = bus_of(*what)
     play(bus, Random(seed), [])
     note("\n".join(bus.trace))
@@ -198,12 +191,11 @@ MANY = Minnow.many("m", 70, x=np.arange(70.0)) + POND.read("ALily#l(AMinnow#x ·
 SCHOOL = (Minnow, Lily, Mother, Counter)
 
 
-@pytest.mark.parametrize("hosts", [{"one": SCHOOL}, {"a": SCHOOL, "b": (Minnow,), "c": SCHOOL}])
 @pytest.mark.parametrize("columns", [True, False])
-def test_agents_in_columns_are_agents(hosts, columns):
+def test_agents_in_columns_are_agents(columns):
     script = [[eHop(1), eAdd(2)], [eHop(2)], [eCroak(0.5), eAdd(1)]]
     scene = MANY if columns else Scene(MANY.nodes)
-    bus = ran(scene, script[:2], hosts, frames=2)
+    bus = ran(scene, script[:2], {"host": SCHOOL}, frames=2)
     wanted = list(strings(Scene(MANY.nodes), script[:2], SCHOOL, POND, most=1 << 20))
     assert bus.digests == [scene.digest.hex() for scene in wanted]
     assert len(ids(wanted[0])) > 2 * 70
@@ -212,9 +204,8 @@ def test_agents_in_columns_are_agents(hosts, columns):
 # --- no events ---
 
 
-@pytest.mark.parametrize("hosts", LAYOUTS)
-def test_without_events_no_agent_is_left(hosts):
-    bus = ran("AY#y(AN#in) · AN#n", [[], [eTick()]], {**hosts, "all": (Yes, No)}, vocabulary=TWO)
+def test_without_events_no_agent_is_left():
+    bus = ran("AY#y(AN#in) · AN#n", [[], [eTick()]], {"host": (Yes, No)}, vocabulary=TWO)
     assert len(bus.records) == 1
     assert bus.ended.reason == "the string is empty"
 
@@ -296,7 +287,7 @@ TALK = Vocabulary.of(eGo, eAsk, eAnswer, eEnd, eOther, Talker)
 
 
 def test_copies_send_in_their_own_names_and_are_answered():
-    hosts = {"a": (Talker,), "b": (Talker,)}
+    hosts = {"host": (Talker,)}
     script = [[eOther(), eGo(receivers=["t"])], [], []]
     bus = ran(
         "ATalker#t · ATalker#u", script, hosts, vocabulary=TALK, order=Order(("eOther", "eGo"))
@@ -356,17 +347,13 @@ def test_a_world_goes_on_from_its_own_copies():
     bus = bus_of("AMother#a · ACounter#b", script, hosts)
     bus.run(2)
     past = bus.algorithm.checkpoint
-    again = ran(bus.algorithm.scene, script, {"x": hosts["host"], "y": (Counter,)}, past=past)
+    again = ran(bus.algorithm.scene, script, hosts, past=past)
     assert again.digests == whole.digests[2:]
 
 
 def test_the_coordinator_is_killed_at_any_step():
     script = [[eAdd(1), eAdd(2)], [eAdd(3)], [eAdd(4), eAdd(5)], []]
-    what = (
-        "AMother#a · TAt<x=1>(ACounter#b) · PDot<x=0>",
-        script,
-        {"h": (Mother, Counter), "i": (Counter,)},
-    )
+    what = ("AMother#a · TAt<x=1>(ACounter#b) · PDot<x=0>", script, {"host": (Mother, Counter)})
     whole = ran(*what).digests
 
     def killed(after):
@@ -384,15 +371,15 @@ def test_the_coordinator_is_killed_at_any_step():
         assert killed(after)[0] == whole, f"killed after step {after}"
 
 
-def test_hosts_that_die_and_return_change_nothing():
+def test_a_host_that_dies_and_returns_changes_nothing():
     script = [[eAdd(1), eAdd(2)], [eAdd(3)], [eAdd(4), eAdd(5)]]
-    hosts = {"h": (Mother, Counter), "i": (Counter,)}
+    hosts = {"host": (Mother, Counter)}
     whole = ran("AMother#a · ACounter#b · ACounter#c", script, hosts).digests
     for after in range(3, 60, 4):
         bus = bus_of("AMother#a · ACounter#b · ACounter#c", script, hosts)
         for now in range(200):
-            if now == after and "i" in bus.alive:
-                bus.restart("i")
+            if now == after and "host" in bus.alive:
+                bus.restart("host")
             links = bus.ready()
             if not links:
                 break
@@ -409,13 +396,12 @@ def test_too_many_copies_are_refused_before_they_are_made():
         evolve(nested, events, (Lily, Counter), Frame(3), Policy.LITERAL)
 
 
-@pytest.mark.parametrize("hosts", [{"one": SCHOOL}, {"a": SCHOOL, "b": SCHOOL, "c": SCHOOL}])
-def test_a_norm_refuses_all_copies_that_a_frame_makes_of_an_agent(hosts):
+def test_a_norm_refuses_all_copies_that_a_frame_makes_of_an_agent():
     """One copy that violates the norm suffices: the agent keeps its state and stays single."""
     norm = Norm("few", ("ACounter",), where="n > 4")
     script = [[eAdd(1), eAdd(2)], [eAdd(3)]]
     text = "ACounter#a · ACounter#b<n=3> · ALily#l(ACounter#c<n=9>)"
-    bus = ran_with(norm, text, script, hosts)
+    bus = ran_with(norm, text, script, {"host": SCHOOL})
     assert str(bus.algorithm.scene).startswith(
         "ACounter#a<n=4>() · ACounter#a:0-2<n=2>() · ACounter#b<n=3>() · ALily#l<"
     )
@@ -428,3 +414,32 @@ def ran_with(norm, *what):
     assert bus.ended is not None
     assert all("few is broken" in line for line in bus.said)
     return bus
+
+
+# --- a second host ---
+
+ONE_HOST = (
+    'policy = "literal" evolves all agents on one host, which is host: give it all classes of'
+    " agents"
+)
+
+
+def guest():
+    return Member("guest", None, (Counter,))
+
+
+def test_a_second_host_is_refused_as_long_as_there_is_one():
+    bus = bus_of("ACounter#a", [[eAdd(1)]] * 4, {"host": (Counter,)})
+    bus.run(1)
+    bus.makers["guest"] = guest
+    bus.appear("guest")
+    bus.run(1)
+    assert bus.said[0] == f"guest: may not join: {ONE_HOST}"
+    assert bus.algorithm.members.offers().keys() == {"host"}
+
+
+def test_a_world_with_two_hosts_does_not_begin():
+    bus = bus_of("ACounter#a", [[eAdd(1)]], {"host": (Counter,), "other": (Counter,)})
+    bus.run()
+    assert bus.algorithm.failed
+    assert ONE_HOST in bus.ended.reason

@@ -107,6 +107,16 @@ def test_agents_get_as_many_hosts_as_they_pay_for(
     assert names(tmp_path, processes="2") == [*TWO[:2], "rocks-1", "rocks-2", "steps"]
 
 
+def test_a_policy_that_makes_copies_has_one_process(tmp_path, monkeypatch):
+    monkeypatch.setattr(distribution, "cores", lambda: 4)
+    monkeypatch.setitem(counts, Walker, 1 << 20)
+    old = '[process.rocks]\nagents = "' + SPEC("Rock") + '"\n'
+    literal = 'policy = "literal"\nframes = 3\n'
+    text = TEXT.replace(old, "").replace("frames = 3\n", literal)
+    file = read_world_text(text, tmp_path / "w.toml", Overrides(processes="auto"))
+    assert [each.name for each in file.processes if each.agents] == ["walkers"]
+
+
 def test_the_choice_is_among_the_notes_of_the_run(tmp_path):
     file = read_world_text(TEXT, tmp_path / "w.toml", Overrides(processes="auto"))
     assert file.notes == ("walkers: 1 process (auto)", "rocks: 1 process (auto)")
