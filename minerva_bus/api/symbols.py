@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, Final, TypeAlias, cast
 
@@ -86,10 +86,6 @@ class SymbolFinder:
         """Add the symbols that a function uses."""
         if isinstance(function, FunctionType):
             self._walk_function(function)
-
-    def want(self, names: Iterable[str]) -> None:
-        """Add the symbols of these names, if they can be found."""
-        self._wanted |= dict.fromkeys(names)
 
     def vocabulary(self) -> Vocabulary:
         """All symbols. Raises MisuseError if an agent responds to an unknown event type."""

@@ -74,8 +74,8 @@ def read_entries(given: object) -> dict[str, Expression]:
 _NAMED: Final = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*=(?!=)(?P<text>.*)\Z", re.DOTALL)
 
 
-def parse_entries(words: Sequence[str], option: str = "--collect") -> dict[str, Expression]:
-    """The expressions of a command line, each `NAME=EXPRESSION` or `EXPRESSION`.
+def parse_entries(words: Sequence[str]) -> dict[str, Expression]:
+    """The expressions of `--collect`, each `NAME=EXPRESSION` or `EXPRESSION`.
 
     Without a name, an attribute names its column, and a function gives `mean_APerson_x`. Raises
     MisuseError and VocabularyError, which name the option.
@@ -84,10 +84,10 @@ def parse_entries(words: Sequence[str], option: str = "--collect") -> dict[str, 
     for word in words:
         named = _NAMED.match(word)
         name, text = (named["name"], named["text"].strip()) if named else ("", word)
-        expression = read_expression(text, f"{option} {name}".rstrip())
+        expression = read_expression(text, f"--collect {name}".rstrip())
         name = name or default_name(expression)
         if name in entries:
-            raise MisuseError(f"{option}: the name {name} is given twice; give NAME=EXPRESSION")
+            raise MisuseError(f"--collect: the name {name} is given twice; give NAME=EXPRESSION")
         entries[name] = expression
     return entries
 
