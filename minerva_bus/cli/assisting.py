@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 from minerva_bus.api.live import Live
@@ -11,6 +11,7 @@ from minerva_bus.cli.output import Done, print_message, print_report
 from minerva_bus.cli.places import client
 from minerva_bus.errors import BusError, MinervaError
 from minerva_bus.launch.registry import find
+from minerva_bus.launch.web_access import new_token
 from minerva_bus.mcp.permissions import checked_permissions
 from minerva_bus.settings.kinds import address
 from minerva_bus.wording import install
@@ -22,7 +23,7 @@ def serve_assistants(
     """Serve at standard input and output, or at an address, until the client leaves or Ctrl-C."""
     try:
         from minerva_bus.mcp.server import WorldServer
-        from minerva_bus.mcp.serving import check_listen, serve_http, serve_stdio
+        from minerva_bus.mcp.serving import check_listen, serve_http, serve_stdio, short_log
     except ImportError:
         raise MinervaError(f"mcp needs the MCP SDK: {install('mcp')}") from None
     from minerva_bus.mcp.connection import WorldConnection
@@ -37,7 +38,7 @@ def serve_assistants(
             print_message(f"warning: {error}; the tools look for it at each call")
     link = WorldConnection(lambda: _connected(target, code))
     world = WorldServer(link, checked_permissions(allow), folder, print_message)
-    try:
+    with closing(link), short_log():
         if not listen:
             serve_stdio(world)
             return
@@ -49,9 +50,7 @@ def serve_assistants(
             text = f"MCP at {url} ({', '.join(allowed) or 'read-only'})"
             print_report(Done(text, {"url": url, "allow": allowed}), as_json)
 
-        serve_http(world, host, port, listening)
-    finally:
-        link.close()
+        serve_http(world, host, port, new_token() if allow else "", listening)
 
 
 def _connected(target: WorldTarget, code: str) -> Live:

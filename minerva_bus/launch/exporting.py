@@ -7,6 +7,7 @@ formatting of the answer does not delay the frame.
 from __future__ import annotations
 
 import socket
+import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, Self, cast
 
 from minerva_bus.errors import BusError, MinervaError
 from minerva_bus.frame.phases import Phase
+from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.runtime.totals import read_totals
 from minerva_bus.settings.kinds import address
 from minerva_bus.wire.status import read_status
@@ -86,6 +88,7 @@ class Exporter:
         if find_spec("prometheus_client") is None:
             raise MinervaError(f"metrics need prometheus-client: {install('metrics')}")
         self.world = world
+        self.access = WebAccess(host, port)
         self._ask = ask
         try:
             self._server = _MetricsServer((host, port), self)
@@ -179,6 +182,13 @@ class _MetricsServer(ThreadingHTTPServer):
         self.server_address = self.socket.getsockname()
         self.server_name, self.server_port = map(str, self.server_address[:2])  # pyright: ignore
 
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Log an error in one line; a client that closes its connection is none."""
+        error = sys.exception()
+        if not isinstance(error, OSError):
+            what = f"{type(error).__name__}: {error}"
+            sys.stderr.write(f"metrics: no reply to {client_address[0]}: {what[:200]}\n")
+
 
 class _Handler(BaseHTTPRequestHandler):
     # Seconds; without it, a client that sends nothing would keep its thread forever.
@@ -191,7 +201,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         path = self.path.partition("?")[0]
-        if path == "/metrics":
+        refusal = self._exporter.access.refusal(self.path, self.headers)
+        if refusal:
+            self._reply(403, "text/plain; charset=utf-8", f"{refusal}\n".encode())
+        elif path == "/metrics":
             self._metrics()
         elif path in _CHECKS:
             health = self._exporter.health(_CHECKS[path])

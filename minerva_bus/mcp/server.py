@@ -197,7 +197,7 @@ class WorldServer:
         except MinervaError as error:
             self._log(f"{_caller(context)} read {uri[:200]!a}: failed")
             raise MCPError(types.INVALID_PARAMS, str(error), {"uri": uri}) from None
-        self._log(f"{_caller(context)} read {uri}: done")
+        self._log(f"{_caller(context)} read {uri[:200]}: done")
         content = types.TextResourceContents(uri=uri, mime_type=media_type, text=text)
         return types.ReadResourceResult(contents=[content])
 

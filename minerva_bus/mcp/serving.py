@@ -3,21 +3,52 @@
 from __future__ import annotations
 
 import ipaddress
+import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from typing import Any, Final
 
 import anyio
 import uvicorn
 from mcp.server.stdio import stdio_server
+from starlette.datastructures import Headers
+from starlette.responses import PlainTextResponse
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.interrupts import end_signals
+from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.mcp.server import WorldServer
 
 PATH: Final = "/mcp"
 END_SECONDS: Final = 1.5
+MAX_LOGGED: Final = 400
+"""Characters of a line of the log: libraries quote what a client has sent."""
 POLL_SECONDS: Final = 0.02
+
+
+class ShortFormatter(logging.Formatter):
+    """Makes one line of a problem, without the traceback of code that a client's data reached."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = record.getMessage()
+        if record.exc_info and record.exc_info[1] is not None:
+            text += f": {type(record.exc_info[1]).__name__}: {record.exc_info[1]}"
+        return " ".join(text.split())[:MAX_LOGGED]
+
+
+@contextmanager
+def short_log() -> Generator[None]:
+    """Log what libraries report, in short lines on standard error."""
+    handler = logging.StreamHandler()
+    handler.setLevel(logging.WARNING)
+    handler.setFormatter(ShortFormatter())
+    root = logging.getLogger()
+    root.addHandler(handler)
+    try:
+        yield
+    finally:
+        root.removeHandler(handler)
 
 
 def serve_stdio(world: WorldServer) -> None:
@@ -63,17 +94,46 @@ def check_listen(host: str) -> None:
         )
 
 
-def serve_http(world: WorldServer, host: str, port: int, listening: Callable[[str], None]) -> None:
+def serve_http(
+    world: WorldServer, host: str, port: int, token: str, listening: Callable[[str], None]
+) -> None:
     """Serve clients over streamable HTTP until a signal arrives.
 
-    `listening` is called with the address. Port 0: a free one.
+    `token` is required of each request; "": none. `listening` is called with the address, which has
+    the token. Port 0: a free one.
     """
-    # Host and Origin are checked, so that pages of other sites cannot call tools.
-    app = world.server.streamable_http_app(streamable_http_path=PATH, host=host)
+    access = WebAccess(host, port, token)
+    app = _Checked(world.server.streamable_http_app(streamable_http_path=PATH, host=host), access)
     config = uvicorn.Config(
-        app, host=host, port=port, log_level="warning", timeout_graceful_shutdown=1
+        app,
+        host=host,
+        port=port,
+        log_level="warning",
+        log_config=None,
+        timeout_graceful_shutdown=1,
     )
-    _Server(config, world, listening).run()
+    query = f"?token={token}" if token else ""
+    _Server(config, world, lambda url: listening(url + query)).run()
+
+
+class _Checked:
+    """An ASGI application that answers only requests that `access` permits."""
+
+    def __init__(self, app: Any, access: WebAccess) -> None:
+        self._app = app
+        self._access = access
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        if scope["type"] == "http":
+            refusal = self._access.refusal(_path(scope), Headers(scope=scope))
+            if refusal:
+                await PlainTextResponse(f"{refusal}\n", 403)(scope, receive, send)
+                return
+        await self._app(scope, receive, send)
+
+
+def _path(scope: Any) -> str:
+    return f"{scope['path']}?{scope['query_string'].decode('latin-1')}"
 
 
 class _Server(uvicorn.Server):

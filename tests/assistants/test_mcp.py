@@ -3,10 +3,13 @@
 import asyncio
 import io
 import json
+import logging
 import os
 import sys
 import threading
 from contextlib import ExitStack
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import pytest
 from mcp import Client, MCPError, StdioServerParameters
@@ -18,7 +21,7 @@ from minerva_bus.mcp.connection import WorldConnection
 from minerva_bus.mcp.permissions import PERMISSIONS
 from minerva_bus.mcp.resources import Resource
 from minerva_bus.mcp.server import MAX_CALLS, WorldServer
-from minerva_bus.mcp.serving import serve_stdio
+from minerva_bus.mcp.serving import ShortFormatter, serve_stdio
 from tests.runtime.running import Run, World, environment, eventually, here, write_world
 
 MEMBERS = """
@@ -486,8 +489,59 @@ def test_a_client_over_http(world):
         url = eventually(lambda: server.output and json.loads(server.output[0])["url"], "a URL")
         assert answer(url, "status")["world"] == world.name
         assert "--allow control" in refusal(url, "pause", {})
+        assert posted(url, Origin="http://localhost:1")[0] == 403
+        assert posted(url, Host="evil.example")[0] == 403
+        assert posted(url)[0] == 200
         server.process.terminate()
         server.ends(10)
+
+
+INITIALIZE = {
+    "jsonrpc": "2.0", "id": 1, "method": "initialize",
+    "params": {"protocolVersion": "2025-03-26", "capabilities": {},
+               "clientInfo": {"name": "posted", "version": "1"}},
+}  # fmt: skip
+
+
+def posted(url, message=INITIALIZE, **headers):
+    """The status of a request, and its text."""
+    accept = {"Content-Type": "application/json", "Accept": "application/json, text/event-stream"}
+    request = Request(url, json.dumps(message).encode(), accept | headers)
+    try:
+        with urlopen(request, timeout=10) as reply:
+            return reply.status, reply.read().decode()
+    except HTTPError as refused:
+        return refused.code, refused.read().decode()
+
+
+def test_a_server_that_acts_needs_its_token(world):
+    words = ("mcp", world.name, "--listen", "127.0.0.1:0", "--allow", "control", "--json")
+    with Run(world.folder, *words) as server:
+        server.says("MCP at")
+        url = eventually(lambda: server.output and json.loads(server.output[0])["url"], "a URL")
+        bare, _, token = url.partition("?token=")
+        assert posted(bare)[0] == posted(f"{bare}?token=x")[0] == 403
+        assert posted(bare, Authorization=f"Bearer {token}")[0] == 200
+        assert answer(url, "status")["world"] == world.name
+        # Libraries quote what a client has sent.
+        posted(url, {"jsonrpc": "2.0", "method": "notifications/" + 100_000 * "x", "params": [1]})
+        posted(url, {**INITIALIZE, "method": 100_000 * "x"})
+        server.process.terminate()
+        server.ends(10)
+        assert max(map(len, server.text.splitlines())) < 1000
+        assert "Traceback" not in server.text
+
+
+def test_a_problem_is_logged_in_one_short_line():
+    problem = logging.LogRecord("mcp", logging.ERROR, "", 0, "bad %r\n", (100_000 * "x",), None)
+    text = ShortFormatter().format(problem)
+    assert text.startswith("bad 'xxx")
+    assert len(text) == 400
+    try:
+        raise ValueError("no\nway")
+    except ValueError:
+        failed = logging.LogRecord("mcp", logging.ERROR, "", 0, "failed", (), sys.exc_info())
+    assert ShortFormatter().format(failed) == "failed: ValueError: no way"
 
 
 def test_http_is_served_to_this_machine_only(world):

@@ -1,6 +1,7 @@
 """Metrics for Prometheus, and health checks for orchestrators."""
 
 import socket
+import struct
 import urllib.request
 from dataclasses import replace
 from urllib.error import HTTPError
@@ -136,6 +137,32 @@ def test_a_world_that_does_not_answer_is_down(url, world):
 
 def test_another_path_is_not_there(url):
     assert got(f"{url}/") == (404, "not found; expected /metrics, /live or /ready\n")
+
+
+@pytest.mark.parametrize(
+    "headers", [{"Host": "evil.example"}, {"Host": "x"}, {"Origin": "http://["}, {"Origin": "null"}]
+)
+@pytest.mark.parametrize("path", ["/metrics", "/live"])
+def test_other_names_and_pages_of_other_sites_are_refused(url, path, headers):
+    request = urllib.request.Request(f"{url}{path}", headers=headers)
+    with pytest.raises(HTTPError) as refused:
+        urllib.request.urlopen(request, timeout=10)
+    assert refused.value.code == 403
+
+
+def test_a_connection_that_is_reset_is_no_error(url, world, capfd):
+    port = int(url.rpartition(":")[2])
+    for text in (b"GET", b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n"):
+        for _ in range(10):
+            with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                client.sendall(text)
+    world.status = None  # What code of ours raises is one line.
+    with pytest.raises(OSError, match="closed"):
+        got(f"{url}/metrics")
+    printed = capfd.readouterr().err.splitlines()
+    assert printed
+    assert all(line.startswith("metrics: no reply to 127.0.0.1: TypeError: ") for line in printed)
 
 
 def test_a_world_is_ready_while_it_runs_or_rests():

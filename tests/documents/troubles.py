@@ -44,6 +44,7 @@ from minerva_bus.frame.overruns import Overruns
 from minerva_bus.launch.journaling import find_past
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.registry import WorldLock
+from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.log.journal import Journal
 from minerva_bus.runtime.arrival import Arrival
 from minerva_bus.runtime.member import MemberProcess
@@ -53,7 +54,6 @@ from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_services.sensors.carmen.log import CarmenLog
 from minerva_services.views.opengl.canvas import without_window
-from minerva_services.views.page_access import PageAccess
 from minerva_services.views.sprites import Sprites
 
 eTick = EventType("eTick")
@@ -226,7 +226,7 @@ def no_driver(_: Path) -> object:
 
 
 def no_token(_: Path) -> str:
-    page = PageAccess("127.0.0.1", 8080, "secret")
+    page = WebAccess("127.0.0.1", 8080, "secret")
     return page.refusal("/", {"Host": "127.0.0.1:8080"})
 
 

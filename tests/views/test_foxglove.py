@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import socket
 import struct
 from contextlib import closing
 
@@ -24,6 +25,7 @@ from web_world import (
 pytest.importorskip("foxglove", reason="needs foxglove-sdk (pip install 'minerva-bus[foxglove]')")
 pytest.importorskip("websockets", reason="needs websockets (pip install 'minerva-bus[page]')")
 from foxglove import messages as f
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from minerva_bus import MinervaError, View
@@ -36,7 +38,7 @@ NO_TURN = f.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
 
 
 def address(device):
-    return f"ws://127.0.0.1:{device._server.port}"
+    return f"ws://127.0.0.1:{device._port.port}"
 
 
 class Client:
@@ -115,6 +117,29 @@ def test_it_prints_its_address(capsys):
     made.joined(yard())
     with closing(made):
         assert capsys.readouterr().out == f"{address(made)}\n"
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"Host": "evil.example"}, {"Origin": "http://["}, {"Origin": "null"}, {"Origin": "http://x"}],
+)
+def test_other_names_and_pages_of_other_sites_are_refused(device, headers):
+    # The client writes the host of the address, which it does not look up.
+    host, sock = headers.get("Host"), socket.create_connection(("127.0.0.1", device._port.port))
+    options = {"additional_headers": {} if host else headers, "subprotocols": ["foxglove.sdk.v1"]}
+    with pytest.raises(InvalidStatus) as refused:
+        connect(f"ws://{host or '127.0.0.1'}/", sock=sock, **options)
+    assert refused.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("origin", ["", "file://", "https://app.foxglove.dev", "http://own:8080"])
+def test_foxglove_itself_and_chosen_sites_may_connect(origin):
+    made = Foxglove(origins="http://own:8080")
+    made.joined(yard())
+    headers = {"Origin": origin} if origin else {}
+    options = {"additional_headers": headers, "subprotocols": ["foxglove.sdk.v1"]}
+    with closing(made), connect(address(made), **options) as client:
+        assert json.loads(client.recv(timeout=10))["op"] == "serverInfo"
 
 
 def test_a_client_receives_the_latest_view_even_of_a_paused_world(device, client):

@@ -1,5 +1,7 @@
 """A page is accessible only with its token, and not from pages of other sites."""
 
+import socket
+import struct
 import urllib.error
 import urllib.request
 
@@ -15,11 +17,11 @@ from page_run import eventually
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from minerva_services.views.page_access import PageAccess, token_for
+from minerva_bus.launch.web_access import WebAccess, forget_token, token_for
 from minerva_services.views.web.serving import serve, stop, url
 
-HERE = PageAccess("127.0.0.1", 8080, "secret")
-ALL = PageAccess("0.0.0.0", 8080, "secret", frozenset({"robots.example.org"}))
+HERE = WebAccess("127.0.0.1", 8080, "secret")
+ALL = WebAccess("0.0.0.0", 8080, "secret", frozenset({"robots.example.org"}))
 COOKIE = "other=1; minerva-8080=secret"
 
 
@@ -109,6 +111,65 @@ def test_any_request_without_the_token_is_refused(path, cookie, origin, host):
     headers = {"Host": host, "Origin": origin, "Cookie": cookie}
     assert HERE.refusal(f"/{path}", headers)
     assert HERE.refusal(f"/{path}", {"Host": "127.0.0.1:8080", "Cookie": cookie})
+
+
+@pytest.mark.parametrize("origin", ["http://[", "null", "http://localhost:8081", "[", "://"])
+def test_any_origin_but_its_own_is_refused(origin):
+    headers = {"Host": "127.0.0.1:8080", "Origin": origin, "Cookie": COOKIE}
+    assert HERE.refusal("/", headers) == f"a page of {origin!r} may not use this page"
+    assert HERE.refusal("/", headers | {"Origin": "http://127.0.0.1:8080"}) == ""
+
+
+@pytest.mark.parametrize("path", ["//[", "//[?a", "/?token=\udcff", "/?token=%ff"])
+def test_any_path_is_checked(path):
+    cookie = "minerva-8080=\udcff"
+    assert "token" in HERE.refusal(path, {"Host": "localhost", "Cookie": cookie})
+    assert HERE.refusal(path, {"Host": "localhost", "Cookie": COOKIE}) == ""
+
+
+def test_a_server_that_only_reads_needs_no_token():
+    reading = WebAccess("127.0.0.1", 9464)
+    assert reading.refusal("/metrics", {"Host": "localhost:9464"}) == ""
+    assert "not known as" in reading.refusal("/metrics", {"Host": "x"})
+    assert "a page of" in reading.refusal("/", {"Host": "localhost", "Origin": "http://x"})
+    foreign = WebAccess("127.0.0.1", 9464, origins=frozenset(("http://x",)))
+    assert foreign.refusal("/", {"Host": "localhost", "Origin": "http://x"}) == ""
+
+
+def test_a_token_is_also_accepted_in_a_header():
+    given = {"Host": "localhost"}
+    assert HERE.refusal("/", given | {"Authorization": "Bearer secret"}) == ""
+    assert "token" in HERE.refusal("/", given | {"Authorization": "Bearer other"})
+
+
+def test_broken_requests_leave_no_traceback(server, capfd):
+    port = server.get_port()
+    token = server.access.token
+    for request in (
+        "GET //[ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        f"GET //[?token={token} HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: http://[\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: localhost\r\nCookie: a=\xff\r\n\r\n",
+        "garbage\r\n\r\n",
+    ):
+        with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+            client.sendall(request.encode("latin-1"))
+            assert b"200 OK" not in client.recv(100)
+    for text in (b"GET", b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"):
+        with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            client.sendall(text)
+    assert opened(url(server))[0] == 200
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_the_token_is_forgotten_when_the_world_has_ended(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    token = token_for(8080, "run")
+    forget_token(8081)
+    assert token_for(8080, "run") == token
+    forget_token(8080)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_page_that_is_started_again_keeps_its_token(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ from contextlib import closing
 from typing import TypeVar
 
 from minerva_bus.errors import MisuseError
-from minerva_services.views.page_access import PageAccess
+from minerva_bus.launch.web_access import WebAccess
 
 _Server = TypeVar("_Server")
 
@@ -65,7 +65,7 @@ def _is_free(service: str, host: str, port: int) -> bool:
     return True
 
 
-def page_url(access: PageAccess, host: str = "") -> str:
+def page_url(access: WebAccess, host: str = "") -> str:
     """URL of a page with its token, for a browser on this machine unless `host` is given."""
     wildcards = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104
     shown = host or wildcards.get(access.host, access.host)

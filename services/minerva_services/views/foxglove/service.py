@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import errno
+import secrets
 import sys
 import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
-from minerva_services.options import check_port, check_rate, event_types, require
+from minerva_services.options import check_port, check_rate, event_types, names_in, require
+from minerva_services.views.foxglove.front import CheckedPort
 from minerva_services.views.overlay import Overlay
 from minerva_services.views.page_address import listen
 
@@ -24,6 +28,17 @@ FIRST_PORT = 8765
 _NANO = 1_000_000_000
 
 
+_ORIGINS = ("https://app.foxglove.dev", "file://")
+"""Pages of Foxglove itself; the programs for desktops send a file's origin."""
+
+
+def _hidden_host() -> str:
+    """An address of this machine that pages of other sites cannot find by trying."""
+    if sys.platform != "linux":  # Others have one address for loopback only.
+        return "127.0.0.1"
+    return ".".join(["127", *[str(1 + secrets.randbelow(254)) for _ in range(3)]])
+
+
 class Foxglove(Device, draws=("ePicture",)):
     """Serves every world whose vocabulary declares forms to Foxglove, Lichtblick and other clients.
 
@@ -33,6 +48,8 @@ class Foxglove(Device, draws=("ePicture",)):
         host: the address to listen at; 0.0.0.0 accepts connections from other machines, and whoever
             connects sees the world.
         port: the port; 0: the first free one from 8765.
+        origins: further sites whose pages may connect, comma-separated, such as
+            http://localhost:8080 of an own Lichtblick.
         rate: maximum views per second.
         draws: visual event types, comma-separated; their views are drawn over each other in this
             order.
@@ -51,6 +68,7 @@ class Foxglove(Device, draws=("ePicture",)):
         port: int = 0,
         rate: float = 15.0,
         draws: str = "ePicture",
+        origins: str = "",
     ) -> None:
         require("foxglove", "foxglove", "foxglove-sdk", "foxglove")
         check_port("foxglove", port)
@@ -58,8 +76,10 @@ class Foxglove(Device, draws=("ePicture",)):
         self.rate = rate
         self.draws = event_types("foxglove", draws)
         self._address = host, port
+        self._origins = frozenset((*_ORIGINS, *names_in(origins)))
         self._subscribed = threading.Event()
         self._server: WebSocketServer | None = None
+        self._port: CheckedPort | None = None
         self._views = 0
 
     def joined(self, world: WorldInfo) -> None:
@@ -74,23 +94,34 @@ class Foxglove(Device, draws=("ePicture",)):
         self._scene: SceneChannels = SceneChannels(context)
         host, wanted = self._address
 
-        def start(port: int) -> WebSocketServer | None:
+        inner = _hidden_host()
+        try:
+            self._server = server = foxglove.start_server(
+                name=world.world,
+                host=inner,
+                port=0,
+                capabilities=[foxglove.Capability.Time],
+                server_listener=SubscriptionListener(self._subscribed),
+                context=context,
+            )
+        except Exception as error:  # the library raises RuntimeError or its own class
+            raise MisuseError(f"foxglove: cannot start its server: {error}") from None
+
+        def start(port: int) -> CheckedPort | None:
             try:
-                return foxglove.start_server(
-                    name=world.world,
-                    host=host,
-                    port=port,
-                    capabilities=[foxglove.Capability.Time],
-                    server_listener=SubscriptionListener(self._subscribed),
-                    context=context,
-                )
-            except Exception as error:  # the library raises RuntimeError or its own class
-                if "in use" in str(error):
+                access = WebAccess(host, port, origins=self._origins)
+                return CheckedPort(access, inner, server.port)
+            except OSError as error:
+                if error.errno == errno.EADDRINUSE:
                     return None
                 raise MisuseError(f"foxglove: cannot listen at {host}:{port}: {error}") from None
 
-        self._server = listen("foxglove", host, wanted, start, FIRST_PORT)
-        sys.stdout.write(f"ws://{host}:{self._server.port}\n")
+        try:
+            self._port = listen("foxglove", host, wanted, start, FIRST_PORT)
+        except MisuseError:
+            self.close()
+            raise
+        sys.stdout.write(f"ws://{host}:{self._port.port}\n")
         sys.stdout.flush()
 
     def show(self, view: View) -> None:
@@ -106,6 +137,9 @@ class Foxglove(Device, draws=("ePicture",)):
         return {"foxglove_views": self._views}
 
     def close(self) -> None:
+        if self._port is not None:
+            self._port.stop()
+            self._port = None
         if self._server is not None:
             self._server.stop()
             self._server = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import errno
-import logging
 import ssl
 import threading
 from collections.abc import Callable
@@ -12,15 +11,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Final
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.web_access import WebAccess
 from minerva_services.views.page.guard import BusGuard
 from minerva_services.views.page.names import PageNames
 from minerva_services.views.page.people import People
 from minerva_services.views.page.relay import BATCH, relay
 from minerva_services.views.page.site import PageSite
-from minerva_services.views.page_access import PageAccess
+from minerva_services.views.page_access import silent_logger
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -45,7 +45,7 @@ class PageServices:
     `world` and `endpoint` are those of the bus. `tls` has the certificate; None for plain HTTP.
     """
 
-    access: PageAccess
+    access: WebAccess
     site: PageSite
     people: People
     names: PageNames
@@ -100,8 +100,7 @@ class MemberPageServer:
     async def _serve(self) -> None:
         from websockets.asyncio.server import serve
 
-        services, quiet = self._services, logging.getLogger("minerva.page")
-        quiet.setLevel(logging.CRITICAL)  # errors of clients are not errors of the world
+        services = self._services
         server = serve(
             self._link,
             services.access.host,
@@ -115,7 +114,7 @@ class MemberPageServer:
             ping_interval=_PING_SECONDS,
             ping_timeout=_PONG_SECONDS,
             close_timeout=_END_SECONDS,
-            logger=quiet,
+            logger=silent_logger("minerva.page"),
         )
         async with server:
             self._ready.set()
@@ -133,10 +132,10 @@ class MemberPageServer:
         if refusal:
             self._log_rejection(connection, refusal)
             return _response(connection, HTTPStatus.FORBIDDEN, refusal)
-        path = urlsplit(request.path)
-        if path.path in (BUS, PEOPLE):
+        path = _path_of(request)
+        if path in (BUS, PEOPLE):
             return self._answer_link(connection, request)
-        file = services.site.file(path.path)
+        file = services.site.file(path)
         if file is None:
             return _response(connection, HTTPStatus.NOT_FOUND, "this page has no such file")
         response = connection.respond(HTTPStatus.OK, "")
@@ -158,7 +157,7 @@ class MemberPageServer:
     def _answer_link(self, connection: ServerConnection, request: Request) -> Response | None:
         if self._links >= MAX_LINKS:
             return _response(connection, HTTPStatus.SERVICE_UNAVAILABLE, "there are too many pages")
-        if urlsplit(request.path).path == PEOPLE:
+        if _path_of(request) == PEOPLE:
             return None
         name = _name_in(request)
         objection = self._services.names.objection(name)
@@ -175,7 +174,7 @@ class MemberPageServer:
             return
         self._links += 1
         try:
-            if urlsplit(request.path).path == PEOPLE:
+            if _path_of(request) == PEOPLE:
                 await self._services.people.serve(connection)
             else:
                 await self._relay(connection, _name_in(request))
@@ -202,8 +201,13 @@ class MemberPageServer:
             self._log(text)
 
 
+def _path_of(request: Request) -> str:
+    # Not parsed as an address, which a client's path need not be.
+    return request.path.partition("?")[0]
+
+
 def _name_in(request: Request) -> str:
-    return next(iter(parse_qs(urlsplit(request.path).query).get("name", ())), "")
+    return next(iter(parse_qs(request.path.partition("?")[2]).get("name", ())), "")
 
 
 def _response(connection: ServerConnection, status: HTTPStatus, text: str) -> Response:

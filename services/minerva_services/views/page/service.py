@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.web_access import WebAccess, forget_token, token_for
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
@@ -17,7 +18,6 @@ from minerva_services.views.page.names import PageNames, read_joins
 from minerva_services.views.page.people import PageOptions, People
 from minerva_services.views.page.relay import check_relayed
 from minerva_services.views.page.site import PageSite
-from minerva_services.views.page_access import PageAccess, token_for
 from minerva_services.views.page_address import address_in_network, listen, page_url
 from minerva_services.views.window.order_types import check_named
 
@@ -86,7 +86,7 @@ class MemberPage(Device):
         people = People(world, self._options, self._pages, site)
         host, wanted = self._address
 
-        def start(port: int) -> tuple[MemberPageServer, PageAccess] | None:
+        def start(port: int) -> tuple[MemberPageServer, WebAccess] | None:
             access = self._access(host, port)
             services = PageServices(
                 access, site, people, self._pages, world.world, world.endpoint, self._tls
@@ -95,6 +95,7 @@ class MemberPage(Device):
             return (server, access) if server.start() else None
 
         self._server, access = listen("page", host, wanted, start)
+        self._port = access.port
         _say(page_url(access))
         _say(self._advice(access))
 
@@ -107,13 +108,17 @@ class MemberPage(Device):
     def close(self) -> None:
         if self._server is not None:
             left = "this page's server has left the world"
-            self._server.stop("the world has ended" if self._ended() else left)
+            ended = self._ended()
+            self._server.stop("the world has ended" if ended else left)
             self._server = None
+            # Until then, a page that was admitted connects again if this process is restarted.
+            if ended:
+                forget_token(self._port)
 
-    def _access(self, host: str, port: int) -> PageAccess:
+    def _access(self, host: str, port: int) -> WebAccess:
         # The launcher runs as long as the world; a restarted server thus has the same token.
         token = token_for(port, str(os.getppid()))
-        return PageAccess(host, port, token, frozenset(self._names), self._tls is not None)
+        return WebAccess(host, port, token, frozenset(self._names), self._tls is not None)
 
     def _check(self, world: WorldInfo) -> None:
         check_relayed(world.endpoint)
@@ -133,7 +138,7 @@ class MemberPage(Device):
                 " certificate=keys/coordinator.pem, or host=127.0.0.1"
             )
 
-    def _advice(self, access: PageAccess) -> str:
+    def _advice(self, access: WebAccess) -> str:
         """How to open the page on a phone."""
         if access.host not in _WILDCARDS:
             return "for a phone: host=0.0.0.0" if access.host in _LOOPBACK else "also on a phone"

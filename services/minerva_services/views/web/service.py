@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.launch.web_access import forget_token
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
@@ -136,6 +137,9 @@ class Web(Device, draws=("ePicture",)):
         self._server.flush()
         time.sleep(_FLUSH_SECONDS)
         stop(self._server)
+        # Until then, a page that was admitted connects again if this process is restarted.
+        if self._ended():
+            forget_token(self._server.access.port)
         self._server = None
 
     def _update_agents(self, view: View) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import os
 import re
 from collections.abc import Collection
 from contextlib import redirect_stdout
@@ -13,7 +14,8 @@ from typing import Any, Final
 
 from viser import ViserServer
 
-from minerva_services.views.page_access import PageAccess, guarding, token_for
+from minerva_bus.launch.web_access import WebAccess, token_for
+from minerva_services.views.page_access import guarding
 from minerva_services.views.page_address import listen, page_url
 from minerva_services.views.web.connections import tolerant
 
@@ -23,7 +25,7 @@ _TITLE: Final = re.compile(b"<title>.*?</title>")
 class PageServer(ViserServer):
     """A server that is never announced outside, with the access rules of its page."""
 
-    access: PageAccess
+    access: WebAccess
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """None: pages are only for those who can reach the host."""
@@ -39,7 +41,9 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
     """
 
     def start(chosen: int) -> PageServer | None:
-        access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
+        # The launcher runs as long as the world; a restarted server thus has the same token.
+        token = token_for(chosen, str(os.getppid()))
+        access = WebAccess(host, chosen, token, frozenset(names))
         # viser prints its address, which lacks the token.
         with redirect_stdout(io.StringIO()), guarding(access, partial(_entitle, title), tolerant):
             server = PageServer(host=host, port=chosen, verbose=False)
