@@ -14,12 +14,11 @@ import ipaddress
 import os
 import secrets
 import socket
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from minerva_bus.errors import MinervaError
@@ -30,6 +29,14 @@ _LOCAL: Final = frozenset(("localhost", "127.0.0.1", "::1"))
 _WILDCARDS: Final = ("0.0.0.0", "::")  # noqa: S104
 # 144 bits, too many to be guessed.
 _TOKEN_BYTES: Final = 18
+
+
+class RequestHeaders(Protocol):
+    """The headers of a request, as each server's library has them."""
+
+    def get(self, name: str, default: str, /) -> str:
+        """The value of a header; its name in upper or lower case."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +65,7 @@ class WebAccess:
     def _cookie_name(self) -> str:
         return f"minerva-{self.port}"
 
-    def refusal(self, path: str, headers: Mapping[str, str]) -> str:
+    def refusal(self, path: str, headers: RequestHeaders) -> str:
         """Reason for rejecting a request, or an empty string. `path` includes the query."""
         host = headers.get("Host", "")
         if not self._is_own(_name_of(f"//{host}")):
@@ -77,7 +84,7 @@ class WebAccess:
         # An address, unlike a foreign name, cannot be made to resolve to this machine.
         return self.host in _WILDCARDS and (_is_address(name) or name == socket.gethostname())
 
-    def _given(self, path: str, headers: Mapping[str, str]) -> tuple[str, ...]:
+    def _given(self, path: str, headers: RequestHeaders) -> tuple[str, ...]:
         """The tokens of a request."""
         bearer = headers.get("Authorization", "").removeprefix("Bearer ")
         return (*parse_qs(path.partition("?")[2]).get("token", ()), bearer, self._cookie(headers))
@@ -86,7 +93,7 @@ class WebAccess:
         # In constant time, so that response times reveal nothing about the token.
         return hmac.compare_digest(given.encode(errors="replace"), self.token.encode())
 
-    def _cookie(self, headers: Mapping[str, str]) -> str:
+    def _cookie(self, headers: RequestHeaders) -> str:
         try:
             cookie = SimpleCookie(headers.get("Cookie", "")).get(self._cookie_name)
         except CookieError:
