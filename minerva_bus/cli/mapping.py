@@ -18,7 +18,14 @@ from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.launch.installed import entries
 from minerva_bus.launch.specs import load
 from minerva_bus.outputs import forget_inputs
-from minerva_bus.world.recordings import MapChoice, Mapper, PassOver, Progress, Recording
+from minerva_bus.world.recordings import (
+    MapChoice,
+    Mapper,
+    PassOver,
+    Progress,
+    Recording,
+    RecordingError,
+)
 
 RECORDINGS, MAPPERS = "minerva.recordings", "minerva.mappers"
 
@@ -49,7 +56,10 @@ def map_recording(
     draw: Mapper = load(_installed(MAPPERS, "grid", "mapper"))
     passed = _Passed()
     with _progress(file.name) as progress:
-        made = draw(_opener(file, passed), into, choice, progress)
+        try:
+            made = draw(_opener(file, passed), into, choice, progress)
+        except RecordingError as error:
+            raise RecordingError(f"{error}{passed.unsaid(str(error))}") from None
     notes = [*passed.lines(), *made]
     print_report(Done("\n".join(notes), {"map": str(into), "notes": notes}), as_json)
 
@@ -88,6 +98,12 @@ class _Passed:
     def __call__(self, what: str, line: str) -> None:
         self._first.setdefault(what, line)
         self._counts[what] += 1
+
+    def unsaid(self, error: str) -> str:
+        """The end of an error: what was skipped, as far as the error does not say it."""
+        # An error about a file begins with its path, as a line does, and says it once.
+        said = {line for line in self._first.values() if line.partition(": ")[2] in error}
+        return "".join(f"; {line}" for line in self._first.values() if line not in said)
 
     def lines(self) -> list[str]:
         return [f"{line} ({what}: {self._counts[what]})" for what, line in self._first.items()]

@@ -23,6 +23,23 @@ CORRECTION: Final = "correction"
 """Topics of a recording on which an `Odometry` is not what wheels measured; see `Recording`."""
 
 
+class FirstSkip:
+    """Passes skipped data on, and keeps the first reason for an error if nothing remains."""
+
+    def __init__(self, pass_over: PassOver) -> None:
+        self._pass_over = pass_over
+        self._line = ""
+
+    def __call__(self, what: str, line: str) -> None:
+        """Skip data (a `PassOver`)."""
+        self._line = self._line or line
+        self._pass_over(what, line)
+
+    def reason(self, path: Path) -> str:
+        """The end of an error about a file: why its first data were skipped, if any were."""
+        return f"; {self._line.removeprefix(f'{path}: ')}" if self._line else ""
+
+
 class RecordingError(MinervaError):
     """A recording cannot be read, or lacks the requested data."""
 

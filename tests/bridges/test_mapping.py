@@ -278,6 +278,12 @@ def test_the_command_creates_three_files_and_lists_them(tmp_path, recording, cap
     ]
 
 
+def test_an_error_of_the_map_says_what_was_skipped(tmp_path):
+    path = write(tmp_path / "a.log", odom(), "FLASER 2 1.0 0 0 0 0 0 0 1 h 1")
+    with pytest.raises(RecordingError, match=r"no scans .*; .*a.log: line 2 skipped: 2 beams ann"):
+        command(path, tmp_path / "map.pgm")
+
+
 def test_without_a_name_the_map_has_that_of_the_recording(tmp_path, recording, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     command(recording)

@@ -229,7 +229,7 @@ def test_an_invalid_reading_is_skipped_and_reported(tmp_path, make, why):
     path = write_bag(tmp_path / "odd.mcap", store, [(1.0, "/it", make(types))])
     passed = Passed()
     bag = Bag(path, passed)
-    with pytest.raises(RecordingError, match="no playable message on /it"):
+    with pytest.raises(RecordingError, match="no playable message on /it; a message of /it sk"):
         list(bag.readings())
     bag.close()
     (line,) = passed.of("messages passed over")
@@ -239,12 +239,12 @@ def test_an_invalid_reading_is_skipped_and_reported(tmp_path, make, why):
 
 def mcap_of(path, *said):
     """An MCAP of (seconds, topic, schema name, message)."""
-    from mcap.writer import Writer
+    from mcap.writer import CompressionType, Writer
 
     _, store = messages()
     channels = {}
     with path.open("wb") as file:
-        writer = Writer(file)
+        writer = Writer(file, compression=CompressionType.NONE)
         writer.start(profile="ros2", library="test")
         for seconds, topic, name, message in said:
             kind, stamp = message.__msgtype__, round(seconds * 1e9)
@@ -338,6 +338,66 @@ def test_a_missing_bag(tmp_path, name, content):
     with pytest.raises(RecordingError, match=rf"{name}: not a readable bag: \S") as caught:
         readings(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda data: data[:8], "it ends too early, .*; repair it with: mcap recover odd.mcap"),
+        (lambda data: data[:-8], "it ends too early, .*; repair it with: mcap recover odd.mcap"),
+        (lambda data: b"x" + data, "it is a file of another kind"),
+        (lambda data: b"", "it is empty"),
+        (lambda data: data.replace(b"ros2", b"ros1"), "MCAP of another profile; expected ros2"),
+        (lambda data: data.replace(b"ros2msg", b"ros9msg"), "schemas are in 'ros9msg'; expected"),
+    ],
+)
+def test_the_readers_messages_are_translated_with_the_tool_that_repairs(tmp_path, change, why):
+    types, _ = messages()
+    path = mcap_of(
+        tmp_path / "odd.mcap", (1.0, "/it", "sensor_msgs/msg/LaserScan", types.scan([1]))
+    )
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(RecordingError, match=f"odd.mcap: not a readable bag: .*{why}"):
+        readings(path)
+
+
+def test_an_error_says_why_the_first_data_were_skipped(tmp_path):
+    types, _ = messages()
+    scans = [types.scan([1.0] * 50, time=float(i)) for i in range(9)]
+    said = [(float(i), "/scan", "sensor_msgs/msg/LaserScan", scan) for i, scan in enumerate(scans)]
+    path = mcap_of(tmp_path / "odd.mcap", *said)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0x40
+    path.write_bytes(data)
+    reason = "breaks off: it is damaged: Chunk checksum mismatch; repair it with: mcap recover"
+    with pytest.raises(RecordingError, match=f"no playable message on /scan; {reason}"):
+        readings(path)
+
+
+@pytest.mark.parametrize(
+    ("schema", "why"),
+    [
+        (lambda text: text.split("=" * 80)[0], "its schema does not define 'std_msgs/msg/Header'"),
+        (lambda text: "", "message size mismatch"),
+        (lambda text: None, "available: /it .a type without a schema"),
+    ],
+    ids=["part", "empty", "none"],
+)
+def test_a_missing_schema_is_named(tmp_path, schema, why):
+    from mcap.writer import Writer
+
+    types, store = messages()
+    kind, path = "sensor_msgs/msg/LaserScan", tmp_path / "odd.mcap"
+    text = schema(store.generate_msgdef(kind, ros_version=2)[0])
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="test")
+        number = 0 if text is None else writer.register_schema(kind, "ros2msg", text.encode())
+        channel = writer.register_channel("/it", "cdr", number)
+        writer.add_message(channel, 1, bytes(store.serialize_cdr(types.scan([1.0]), kind)), 1)
+        writer.finish()
+    with pytest.raises(RecordingError, match=rf"odd\.mcap: .*{why}"):
+        readings(path)
 
 
 @needs_demo

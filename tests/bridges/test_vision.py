@@ -401,7 +401,7 @@ def test_images_that_are_not_the_calibrated_camera_s_are_counted(tmp_path):
     (tmp_path / "lens").write_text(ROS)
     cv2.imwrite(str(tmp_path / "one.png"), np.zeros((360, 640), np.uint8))
     service = vision(tmp_path / "one.png", fx=0.0, calibration=str(tmp_path / "lens"))
-    with pytest.raises(SourceError, match="nothing to play"):
+    with pytest.raises(SourceError, match=r"nothing to play; .* is for 640×480"):
         run(service)
     assert service.report()["wrong size"] == 1
 

@@ -52,6 +52,7 @@ from minerva_bus.runtime.session import open_hub
 from minerva_bus.security.keys import KeyFolder
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import COORDINATOR, Keys
+from minerva_services.bridges.rosbag import open_bag
 from minerva_services.sensors.carmen.log import CarmenLog
 from minerva_services.views.opengl.canvas import without_window
 from minerva_services.views.sprites import Sprites
@@ -179,6 +180,11 @@ def carmen(folder: Path) -> object:
     (folder / "other.log").write_text("no log at all\n", encoding="utf-8")
     with closing(CarmenLog(folder / "other.log", lambda *_: None)) as log:
         return list(log.readings())
+
+
+def cut_bag(folder: Path) -> object:
+    (folder / "cut.mcap").write_bytes(b"\x89MCAP0\r\n")
+    return open_bag(folder / "cut.mcap", lambda *_: None)
 
 
 def taken_port(_: Path) -> object:
@@ -370,6 +376,7 @@ RAISED: Final[Mapping[str, Callable[[Path], object]]] = {
         "run", "meadow", "--in-process", "--frames", "1", "--record", "/nowhere/a.mcap"
     ),
     "no readings; expected a CARMEN log": carmen,
+    "it ends too early, as if its recorder had been killed": cut_bag,
     # --- running worlds ---
     "no world 'nowhere' runs on this machine": command("list", "--world", "nowhere"),
     "a world 'hut' runs here already": taken_name,

@@ -110,15 +110,18 @@ class Player:
         time_offset: float = 0.0,
         uncorrected: Callable[[], None] = lambda: None,
         alone: float = LAST_SECONDS,
+        why_empty: Callable[[], str] = str,
     ) -> None:
         """`time_offset` and `uncorrected` are those of a Compensator.
 
-        `alone` is the duration of a loop, in recorded seconds, if all readings have the same time.
+        `alone` is the duration of a loop, in recorded seconds, if all readings have the same time;
+        `why_empty` returns the end of the error if there are none.
         """
         self._recording = recording
         self._pace = pace
         self._alone = alone
         self._compensation = time_offset, uncorrected
+        self._why_empty = why_empty
 
     def read(self, stop: threading.Event) -> Iterator[SourceItem]:
         """The readings with their topics, each when it is due. Raises SourceError."""
@@ -151,9 +154,9 @@ class Player:
                 return 0.0
             yield item.topic, item.reading
         if not number:
-            raise SourceError(
-                f"nothing to play after {self._pace.offset:g} s; use a smaller offset"
-            )
+            offset = self._pace.offset
+            after = f" after {offset:g} s; use a smaller offset" if offset else ""
+            raise SourceError(f"nothing to play{after}{self._why_empty()}")
         return due + self._gap(due, number)
 
     def _gap(self, lasted: float, number: int) -> float:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.wording import install
 from minerva_bus.world.clock_steps import watched
-from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
+from minerva_bus.world.recordings import FirstSkip, PassOver, Recorded, RecordingError
 from minerva_services.bridges.ros_messages import Frames, GarbageError
+from minerva_services.bridges.rosbag.reasons import reason_of
 from minerva_services.sensors.playback import MountOverride
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ CONVERSIONS: Final[Mapping[str, Conversion]] = {
 _TF_STATIC: Final = "tf_static"
 _NANOSECOND: Final = 1e-9
 _UNUSABLE, _GARBAGE, _BROKEN = "messages passed over", "messages not readable", "broken off"
+_NO_SCHEMA: Final = "a type without a schema"
 _SKIPPED_TOPICS: Final = "topics passed over"
 
 
@@ -76,7 +78,10 @@ class Bag:
     _played: Mapping[int, PlayedTopic] = field(init=False)
     _frames: Frames = field(init=False, default_factory=Frames)
 
+    _skipped: FirstSkip = field(init=False)
+
     def __post_init__(self) -> None:
+        self._skipped = FirstSkip(self.pass_over)
         self._reader = _opened(self.path)
         try:
             self._played = {topic.connection.id: topic for topic in self._chosen()}
@@ -113,7 +118,8 @@ class Bag:
                 self._skip(_UNUSABLE, connection, stamp, f"skipped: {error}")
         if is_empty:
             there = ", ".join(self._names())
-            raise RecordingError(f"{self.path}: no playable message on {there}")
+            reason = self._skipped.reason(self.path)
+            raise RecordingError(f"{self.path}: no playable message on {there}{reason}")
 
     def _names(self) -> list[str]:
         return sorted({topic.connection.topic for topic in self._played.values()})
@@ -128,20 +134,25 @@ class Bag:
                 self.part = min(1.0, max(0.0, (stamp - begin) / length))
                 yield connection, stamp, data
         except Exception as error:  # readers raise many types for damaged files
-            self.pass_over(_BROKEN, f"{self.path}: breaks off: {_line(error)}")
+            self._skipped(_BROKEN, f"{self.path}: breaks off: {reason_of(error, self.path)}")
 
     def _skip(self, what: str, connection: Connection, stamp: int, why: str) -> None:
         """Report a skipped message with its place."""
         seconds = (stamp - self._reader.start_time) * _NANOSECOND
         line = f"{self.path}: a message of {connection.topic} {why}"
-        self.pass_over(what, f"{line} ({seconds:.3f} s after the beginning)")
+        self._skipped(what, f"{line} ({seconds:.3f} s after the beginning)")
 
     def _decoded(self, data: bytes, connection: Connection, stamp: int) -> Any:
         try:
             return self._reader.deserialize(data, _kind(connection))
+        except KeyError as error:
+            why = f"cannot be read: its schema does not define {error}"
+            self._skip(_GARBAGE, connection, stamp, why)
         except Exception as error:  # as above
-            self._skip(_GARBAGE, connection, stamp, f"cannot be read: {_line(error)}")
-            return None
+            self._skip(
+                _GARBAGE, connection, stamp, f"cannot be read: {reason_of(error, self.path)}"
+            )
+        return None
 
     def _recorded(self, message: Any, played: PlayedTopic, stamp: float) -> Recorded:
         header = message.header
@@ -206,11 +217,15 @@ class Bag:
                 except GarbageError as error:
                     self._skip(_UNUSABLE, connection, stamp, f"skipped: {error}")
         except Exception as error:  # as above
-            self.pass_over(_BROKEN, f"{self.path}: /{_TF_STATIC} breaks off: {_line(error)}")
+            self.pass_over(
+                _BROKEN, f"{self.path}: /{_TF_STATIC} breaks off: {reason_of(error, self.path)}"
+            )
 
 
 def _kind(connection: Connection) -> str:
     """The full name of a message type; some writers of MCAP omit its `msg`."""
+    if connection.msgtype == "__schemaless__":
+        return _NO_SCHEMA
     package, _, name = connection.msgtype.rpartition("/")
     return f"{package}/msg/{name}" if package and "/" not in package else connection.msgtype
 
@@ -231,13 +246,10 @@ def _opened(path: Path) -> AnyReader:
     try:
         reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
         reader.open()
+    except KeyError as error:
+        raise RecordingError(
+            f"{path}: not a readable bag: its schemas are in {error}; expected ros2msg or ros2idl"
+        ) from None
     except Exception as error:  # as above
-        raise RecordingError(f"{path}: not a readable bag: {_line(error)}") from None
+        raise RecordingError(f"{path}: not a readable bag: {reason_of(error, path)}") from None
     return reader
-
-
-def _line(error: Exception) -> str:
-    if isinstance(error, UnicodeError):
-        return "invalid header"
-    text = " ".join(str(error).split())[:200] or type(error).__name__
-    return f"{text}; rebuild the index with rosbag reindex" if "index" in text else text

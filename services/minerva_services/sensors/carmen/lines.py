@@ -29,6 +29,9 @@ from minerva_bus.semantics.poses import Pose
 NO_HIT_RANGE: Final = 80.0
 """Range in metres from which a SICK laser means no hit: it then reads about 81.9."""
 
+_AFTER_RANGES: Final = 9
+"""Words of a FLASER line after its ranges: two poses and the times."""
+
 # No laser has as many: a larger number means a damaged line.
 _MAX_BEAMS: Final = 100_000
 
@@ -104,6 +107,10 @@ def angles_of(beams: int) -> tuple[float, float]:
     return -90.0, 180.0 / max(1, beams - beams % 2)
 
 
+def _advice(word: str) -> str:
+    return "; write decimals with a point" if "," in word else ""
+
+
 class _Words:
     """The words of a line, read sequentially."""
 
@@ -122,7 +129,7 @@ class _Words:
         try:
             number = float(word)
         except ValueError:
-            raise LineError(f"{word[:20]!r} is not a number") from None
+            raise LineError(f"{word[:20]!r} is not a number{_advice(word)}") from None
         if not math.isfinite(number):
             raise LineError(f"{word[:20]!r} is not finite")
         return number
@@ -133,16 +140,22 @@ class _Words:
             raise LineError(f"{word[:20]!r} is not a number of beams")
         return int(word)
 
-    def ranges(self) -> NDArray[np.float32]:
-        """The ranges announced by the next word, including infinite ones.
+    @property
+    def left(self) -> int:
+        """Number of unread words."""
+        return len(self._words) - self._at
+
+    def ranges(self, count: int) -> NDArray[np.float32]:
+        """The next `count` ranges, including infinite ones.
 
         `nan` becomes 0, no hit.
         """
-        words = [self.text() for _ in range(self.count())]
+        words = [self.text() for _ in range(count)]
         try:
             ranges = np.array([float(word) for word in words], np.float32)
         except ValueError as error:
-            raise LineError(f"invalid range: {str(error)[-30:]}") from None
+            text = str(error)[-30:]
+            raise LineError(f"invalid range: {text}{_advice(text)}") from None
         ranges[np.isnan(ranges)] = 0.0
         return ranges
 
@@ -161,7 +174,11 @@ def _wheels(words: _Words) -> OdometryLine:
 
 
 def _front_laser(words: _Words) -> LaserLine:
-    ranges = words.ranges()
+    announced, found = words.count(), words.left - _AFTER_RANGES
+    # With a wrong number, ranges would be read as the pose.
+    if found >= 0 and found != announced:
+        raise LineError(f"{announced} beams announced, {found} found")
+    ranges = words.ranges(announced)
     if not len(ranges):
         raise LineError("no beams")
     laser, second = words.pose(), words.pose()
@@ -180,11 +197,25 @@ class _Laser:
     range_max: float
 
 
-def _laser(words: _Words) -> _Laser:
+def _laser(words: _Words, after: int) -> _Laser:
+    """The laser of a line that has this number of words after it."""
     words.number()
     first, _, step = words.number(), words.number(), words.number()
     range_max, *_ = words.number(), words.number(), words.number()
-    ranges, _ = words.ranges(), words.ranges()
+    announced = words.count()
+    ranges = words.ranges(announced)
+    try:
+        remissions = words.count()
+    except LineError:
+        raise LineError(
+            f"{announced} beams announced, which no number of remissions follows"
+        ) from None
+    words.ranges(remissions)
+    if words.left != after and words.left >= 0:
+        raise LineError(
+            f"{announced} beams and {remissions} remissions announced, but {words.left} words"
+            f" follow them; expected {after}"
+        )
     if not len(ranges):
         raise LineError("no beams")
     if not step and len(ranges) > 1:
@@ -195,12 +226,12 @@ def _laser(words: _Words) -> _Laser:
 
 
 def _raw_laser(words: _Words) -> LaserLine:
-    laser = _laser(words)
+    laser = _laser(words, 3)
     return LaserLine(laser.ranges, laser.first, laser.step, laser.range_max, *words.times())
 
 
 def _robot_laser(words: _Words) -> LaserLine:
-    laser, pose, robot = _laser(words), words.pose(), words.pose()
+    laser, pose, robot = _laser(words, 14), words.pose(), words.pose()
     # tv, rv, forward_safety, side_safety and turn_axis, which no reading needs.
     for _ in range(5):
         words.number()

@@ -17,7 +17,7 @@ from minerva_bus.input_files import check_input
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.clock_steps import watched
 from minerva_bus.world.readings import Mount, Odometry, Scan
-from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
+from minerva_bus.world.recordings import FirstSkip, PassOver, Recorded, RecordingError
 from minerva_services.sensors.carmen.lines import (
     LaserLine,
     LineError,
@@ -81,11 +81,12 @@ class CarmenLog:
 
     def _readings(self) -> Iterator[Recorded]:
         self._offset, self._has_odometry, is_empty = 0.0, False, True
+        skipped = FirstSkip(self.pass_over)
         for number, text in self._lines():
             try:
                 line = read_line(text)
             except LineError as error:
-                self.pass_over(_PASSED_OVER, f"{self.path}: line {number} skipped: {error}")
+                skipped(_PASSED_OVER, f"{self.path}: line {number} skipped: {error}")
                 continue
             for reading in self._converted(line, number):
                 is_empty, self._stamp = False, reading.stamp
@@ -93,6 +94,7 @@ class CarmenLog:
         if is_empty:
             raise RecordingError(
                 f"{self.path}: no readings; expected a CARMEN log with lines such as FLASER"
+                f"{skipped.reason(self.path)}"
             )
 
     def _lines(self) -> Iterator[tuple[int, str]]:

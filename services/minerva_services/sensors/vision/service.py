@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Mount, Sightings
-from minerva_bus.world.recordings import Recording, RecordingError
+from minerva_bus.world.recordings import FirstSkip, Recording, RecordingError
 from minerva_bus.world.service_inputs import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.options import takes_options
@@ -80,6 +80,7 @@ class Vision(Bridge, lockstep=False):
         # OpenCV takes half a second to load. Frames begin when members have joined, so it is loaded
         # before; `check` reports a missing library or calibration too.
         self._locator = MarkerLocator(options, self.count)
+        self._skipped = FirstSkip(self.pass_over)
 
     def joined(self, world: WorldInfo) -> None:
         self._dt = world.dt
@@ -97,7 +98,10 @@ class Vision(Bridge, lockstep=False):
             return live
         try:
             recording = self._recording()
-            return Player(recording, self._pace, alone=self._round_seconds(recording))
+            alone, path = self._round_seconds(recording), Path(self._address)
+            return Player(
+                recording, self._pace, alone=alone, why_empty=lambda: self._skipped.reason(path)
+            )
         except RecordingError as error:
             raise SourceError(f"vision: {error}") from None
 
@@ -115,12 +119,12 @@ class Vision(Bridge, lockstep=False):
     def _recording(self) -> Recording:
         path = Path(self._address)
         if path.is_dir() or is_image(path):
-            return ImageFolder(path, self._topic, self._find, self.pass_over, self._fps)
+            return ImageFolder(path, self._topic, self._find, self._skipped, self._fps)
         return Video(path, self._topic, self._find, self._fps)
 
     def _find(self, image: Grey, time: float) -> Sightings | None:
         try:
             return Sightings(self._robot, self._locator.locate(image, self._mount), time)
         except WrongSize as problem:
-            self.pass_over("wrong size", f"{self.source}: {problem}")
+            self._skipped("wrong size", f"{self.source}: {problem}")
             return None
