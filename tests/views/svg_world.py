@@ -83,12 +83,6 @@ def elements(document: str, tag: str) -> list[ElementTree.Element]:
     return list(root.iter("{http://www.w3.org/2000/svg}" + tag))
 
 
-def legend_of(document: str) -> list[str]:
-    """The texts of a document's legend."""
-    root = ElementTree.fromstring(document)
-    return [text.text or "" for text in root.findall("{*}g[@class='legend']/{*}text")]
-
-
 def pixels(png: bytes) -> NDArray[np.uint8]:
     """Red, green and blue of a PNG, [y, x, 3]."""
     with Image.open(io.BytesIO(png)) as image:
