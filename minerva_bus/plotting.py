@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import threading
 import warnings
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -28,6 +29,8 @@ COLORS: Final = ("#2f6f8f", BEST, "#b3205f", "#4f8049", "#7b4aa0", "#a8790a", "#
 ENDINGS: Final = (".png", ".svg", ".pdf")
 MAX_TEXT: Final = 80
 """Characters of a text in a plot; a column, a world or an agent may have a name without end."""
+
+_styling: Final = threading.RLock()
 
 STYLE: Final[Mapping[str, Any]] = {
     "font.size": 9,
@@ -101,7 +104,8 @@ class Plot:
         from matplotlib.figure import Figure
 
         # Its warnings name lines of code: that texts are wider than the plot, or numbers too large.
-        with mpl.rc_context(dict(STYLE)), warnings.catch_warnings():  # pyright: ignore
+        # Both are of the whole process: two threads would each restore the other's.
+        with _styling, mpl.rc_context(dict(STYLE)), warnings.catch_warnings():  # pyright: ignore
             warnings.simplefilter("ignore")
             # Without pyplot, which keeps each figure in a global list and may open a window system.
             figure: Any = Figure(figsize=self.size, dpi=DOTS, layout="constrained")

@@ -14,6 +14,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.launch.printed import inherited
 from minerva_bus.runtime.direct import DirectTransport
 from minerva_bus.runtime.own_threads import Outlet, Published
 from minerva_bus.source import handler_name
@@ -95,7 +96,8 @@ class FreeRunning:
         for member in self._members:
             if isinstance(member.service, Generator) and not member.service.lockstep:
                 arguments = member, member.service
-                threading.Thread(target=self._generate, args=arguments, daemon=True).start()
+                generate = inherited(self._generate)
+                threading.Thread(target=generate, args=arguments, daemon=True).start()
 
     def stop(self) -> None:
         """Request the end of all generators, without a join: their threads are daemons."""

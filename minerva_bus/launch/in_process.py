@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from typing import Any, Final
+from weakref import WeakSet
 
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
@@ -78,6 +80,7 @@ class InProcessRun:
         self._metrics = Metrics(self.algorithm, time.monotonic)
         self._log = WorldLog(self.algorithm, self._show, REAL, self._metrics)
         self._parts: WorldParts | None = None
+        self._threads = WeakSet[threading.Thread]()
         self._reason = ""
 
     @property
@@ -106,7 +109,7 @@ class InProcessRun:
 
     def open(self) -> None:
         """Let all members join. Raises MinervaError if one cannot, or if user code fails."""
-        with self._questions.deferred(), printed(self._print):
+        with self._questions.deferred(), printed(self._print, self._threads):
             compile_agents(self._file.processes, self._console.progress)
             members = members_of(self._file)
             runner, record = self._prepare(members)
@@ -124,7 +127,7 @@ class InProcessRun:
         fails, and KeyboardInterrupt, between two frames if they are short.
         """
         end = None if frames is None else self.algorithm.frame + frames
-        with self._questions.deferred(), printed(self._print), self._reporting():
+        with self._questions.deferred(), printed(self._print, self._threads), self._reporting():
             world, listen = self._file.world.name, self._file.watch.metrics
             with exported(world, listen, self.ask, self._note), interrupts_deferred() as pending:
                 self._loop(end, lambda: interrupted() or pending())
@@ -148,7 +151,7 @@ class InProcessRun:
             return
         # Set first: `close` is called again after an error, possibly one of its own.
         parts.closed = True
-        with printed(self._print):
+        with printed(self._print, self._threads):
             parts.services.stop()
             parts.record.close()
             if self.collected is not None:

@@ -7,7 +7,8 @@ import os
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -31,6 +32,7 @@ from minerva_bus.settings.tables import WatchSettings
 from minerva_bus.study.outcome import Outcome
 
 LOCAL = "tcp/127.0.0.1:0"
+_VARIABLE = "MINERVA_RUNTIME_DIR"
 
 
 def prepared(file: WorldFile) -> WorldFile:
@@ -69,17 +71,29 @@ def run_trial(
 
 def _over_the_bus(file: WorldFile) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="world-") as folder:
-        # A runtime folder of its own, because parallel runs have the same world name.
-        os.environ["MINERVA_RUNTIME_DIR"] = folder
         end = Path(folder) / "end"
         make = partial(_reporting_coordinator, end)
-        supervisor = Supervisor(file, Console(quiet=True), time.monotonic(), coordinator=make)
-        summary = supervisor.run()
+        # A runtime folder of its own, because parallel runs have the same world name.
+        with _runtime_folder(folder):
+            supervisor = Supervisor(file, Console(quiet=True), time.monotonic(), coordinator=make)
+            summary = supervisor.run()
         if supervisor.failure:
             raise WorldStopped(supervisor.failure)
         report = json.loads(end.read_text(encoding="utf-8"))
     scene = file.world.vocabulary.read(report["string"], f"{file.path}: the final string")
     return _outcome(scene, summary, report["events"])
+
+
+@contextmanager
+def _runtime_folder(folder: str) -> Generator[None]:
+    before = os.environ.get(_VARIABLE)
+    os.environ[_VARIABLE] = folder
+    try:
+        yield
+    finally:
+        del os.environ[_VARIABLE]
+        if before is not None:
+            os.environ[_VARIABLE] = before
 
 
 def _reporting_coordinator(

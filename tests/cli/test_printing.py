@@ -6,13 +6,16 @@ import json
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stdout
 from pathlib import Path
+from weakref import WeakSet
 
 import pytest
 
 import minerva_bus
 from minerva_bus.cli.main import main
-from minerva_bus.launch.printed import printed
+from minerva_bus.launch.printed import inherited, printed
 from tests.runtime.running import MEMBERS, here, minerva, write_world
 
 SCREEN = MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n'
@@ -69,7 +72,7 @@ def test_these_lines_are_json_if_others_are(path):
 
 def test_lines_arrive_complete_and_the_last_one_needs_no_end():
     printed_lines = []
-    with printed(printed_lines.append):
+    with printed(printed_lines.append, WeakSet()):
         print("one")
         print("two", "three", end="")
         print(" four\nfive\n\nsix", end="")
@@ -86,6 +89,78 @@ def test_lines_arrive_complete_and_the_last_one_needs_no_end():
         "one", "two three four", "five", "", "six", "seven",
     ]  # fmt: skip
     assert "".join(printed_lines).count("x" * 50) == 8
+
+
+def in_thread(call):
+    thread = threading.Thread(target=call)
+    thread.start()
+    thread.join()
+
+
+def test_other_threads_keep_their_output(capsys):
+    lines, inside, go_on = [], threading.Event(), threading.Event()
+
+    def run():
+        with printed(lines.append, WeakSet()):
+            print("of the run")
+            in_thread(inherited(lambda: print("of its thread")))
+            inside.set()
+            go_on.wait()
+
+    running = threading.Thread(target=run)
+    running.start()
+    inside.wait()
+    print("of another thread")
+    in_thread(lambda: print("of a thread of that"))
+    with redirect_stdout(io.StringIO()) as own:
+        print("elsewhere")
+    go_on.set()
+    running.join()
+    print("later")
+    assert lines == ["of the run", "of its thread"]
+    assert own.getvalue() == "elsewhere\n"
+    assert capsys.readouterr().out == "of another thread\nof a thread of that\nlater\n"
+
+
+def test_a_run_in_the_main_thread_has_what_its_threads_print_in_all_its_blocks(capsys):
+    lines, own, ready, end = [], WeakSet(), threading.Event(), threading.Event()
+
+    def wait(text):
+        ready.wait()
+        print(text)
+        end.wait()
+
+    def started(text):
+        thread = threading.Thread(target=wait, args=(text,), daemon=True)
+        thread.start()
+        return thread
+
+    other = started("of another")
+    with printed(lines.append, own):
+        service = started("of a service")
+    between = started("of one between two blocks")
+    with printed(lines.append, own):
+        ready.set()
+        end.set()
+        for thread in (other, service, between):
+            thread.join()
+    assert lines == ["of a service"]
+    printed_elsewhere = capsys.readouterr().out.splitlines()
+    assert sorted(printed_elsewhere) == ["of another", "of one between two blocks"]
+
+
+def test_concurrent_runs_leave_standard_output_as_it_was():
+    before, lines = sys.stdout, [[] for _ in range(40)]
+
+    def run(number):
+        with printed(lines[number].append, WeakSet()):
+            for _ in range(20):
+                print(number)
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(run, range(40)))
+    assert sys.stdout is before
+    assert lines == [[str(number)] * 20 for number in range(40)]
 
 
 def test_standard_files_that_are_closed_are_opened():

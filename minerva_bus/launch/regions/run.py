@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from weakref import WeakSet
 
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import messages as m
@@ -87,7 +88,7 @@ class RegionRun:
 
     def run(self) -> RunSummary:
         """Run the world to its end. Raises WorldStopped if user code fails."""
-        with printed(self._print):
+        with printed(self._print, WeakSet()):
             try:
                 with self._reporting():
                     self._open()

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import gzip
-import io
 import os
 import re
 from collections.abc import Collection
-from contextlib import redirect_stdout
+from contextlib import AbstractContextManager
 from functools import partial
 from html import escape
 from typing import Any, Final
+from weakref import WeakSet
 
 from viser import ViserServer
 
+from minerva_bus.launch.printed import printed
 from minerva_bus.launch.web_access import WebAccess, token_for
 from minerva_services.views.page_access import guarding
 from minerva_services.views.page_address import listen, page_url
@@ -45,7 +46,7 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
         token = token_for(chosen, str(os.getppid()))
         access = WebAccess(host, chosen, token, frozenset(names))
         # viser prints its address, which lacks the token.
-        with redirect_stdout(io.StringIO()), guarding(access, partial(_entitle, title), tolerant):
+        with _silent(), guarding(access, partial(_entitle, title), tolerant):
             server = PageServer(host=host, port=chosen, verbose=False)
         server.access = access
         # viser takes the next port if another process was faster, but the access is for this one.
@@ -71,8 +72,13 @@ def _entitle(title: str, response: Any) -> None:
 
 def stop(server: ViserServer) -> None:
     """Stop a server; browsers keep their last picture."""
-    with redirect_stdout(io.StringIO()):
+    with _silent():
         server.stop()
+
+
+def _silent() -> AbstractContextManager[None]:
+    """Drop what this thread prints."""
+    return printed(lambda line: None, WeakSet())
 
 
 def url(server: PageServer) -> str:
