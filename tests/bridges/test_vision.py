@@ -138,6 +138,36 @@ def test_corners_that_are_off_by_half_a_cell_are_corrected():
     assert np.hypot(*(refined(image, corners + off) - corners).T).max() < 0.3
 
 
+def framed(margin, side=160, ground=0, dictionary="4X4_50"):
+    """An image of a marker with a white margin on dark ground, and its true corners."""
+    words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{dictionary}"))
+    image = np.full((HEIGHT, WIDTH), ground, np.uint8)
+    y, x = (HEIGHT - side) // 2, (WIDTH - side) // 2
+    image[y - margin : y + side + margin, x - margin : x + side + margin] = 255
+    image[y : y + side, x : x + side] = cv2.aruco.generateImageMarker(words, 7, side)
+    corners = np.array([[x, y], [x + side, y], [x + side, y + side], [x, y + side]])
+    return image, corners - 0.5
+
+
+@pytest.mark.parametrize("dictionary", ["4X4_50", "6X6_250", "APRILTAG_36h11"])
+@pytest.mark.parametrize("margin", [1, 2, 4, 8, 12, 20, 40])
+@pytest.mark.parametrize("ground", [0, 60])
+def test_a_narrow_margin_on_dark_ground_is_not_the_marker(dictionary, margin, ground):
+    image, corners = framed(margin, ground=ground, dictionary=dictionary)
+    (marker,) = detector(dictionary)(image)
+    assert np.hypot(*(marker.corners - corners).T).max() < 0.3
+
+
+@pytest.mark.parametrize("margin", [3, 5, 8, 12])
+def test_a_narrow_margin_in_a_blurred_picture_with_noise(margin):
+    image, corners = framed(margin, side=100)
+    noise = np.random.default_rng(1).normal(0.0, 4.0, image.shape)
+    image = np.clip(cv2.GaussianBlur(image, (0, 0), 1.0) + noise, 0, 255).astype(np.uint8)
+    (marker,) = detector("4X4_50")(image)
+    sides = [np.hypot(*(np.roll(at, -1, 0) - at).T).mean() for at in (marker.corners, corners)]
+    assert sides[0] / sides[1] == pytest.approx(1.0, abs=0.01)
+
+
 def test_corners_stay_where_there_are_no_edges():
     corners = np.array([[20.0, 20.0], [40.0, 20.0], [40.0, 40.0], [20.0, 40.0]])
     for image in (np.full((60, 60), 128, np.uint8), np.zeros((60, 60), np.uint8)):
