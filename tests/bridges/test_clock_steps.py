@@ -126,6 +126,14 @@ def test_a_late_scan_is_between_the_odometry_of_its_time():
     assert scan.x == pytest.approx(1.1)
 
 
+@pytest.mark.parametrize("ahead", [2.0, 100.0])
+def test_a_scan_before_a_gap_has_the_odometry_before_it(ahead):
+    said = [wheels(1.0), wheels(1.1), scanned(1.11), wheels(1.1 + ahead), scanned(1.2 + ahead)]
+    posed = list(posed_scans(said))
+    places = [scan.x if isinstance(scan, Posed) else None for scan in posed]
+    assert places == [1.1, 1.1 + ahead]
+
+
 def test_one_scan_from_the_future_does_not_hold_up_the_others():
     said = [wheels(1.0), scanned(1.1, back=-100.0), scanned(1.2), wheels(1.3), scanned(1.4)]
     posed = list(posed_scans([*said, wheels(1.5)]))

@@ -105,9 +105,10 @@ class _PoseAssigner:
                 yield _placed(self._waiting.popleft(), track)
             self._ended, self._track = track, deque()
         self._track.append(reading)
+        yield from self._ready()
+        # Afterwards, because after a gap the older odometry is the nearest to a waiting scan.
         while self._track[0].time < reading.time - NEAR:
             self._track.popleft()
-        yield from self._ready()
 
     def rest(self) -> Iterator[Posed | Unposed]:
         """Flush scans whose odometry did not arrive."""
