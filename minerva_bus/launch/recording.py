@@ -79,7 +79,7 @@ class RunRecord:
 
         # Seconds count from the beginning of the record, also after a succession or resumption; the
         # clock itself is monotonic, because the system's clock may be set in between.
-        self._began = time.monotonic() - (time.time_ns() - description.began) / 1e9
+        self._began = time.monotonic() - max(0, _wall_time() - description.began) / 1e9
         self._recorder = Recorder(
             Path(file.record.path),
             description,
@@ -160,8 +160,14 @@ def description_of(file: WorldFile) -> Description:
     from minerva_bus.log.description import Description
 
     options = {name: option_text(value) for name, value in file.options.items()}
-    began, path = time.time_ns(), text_of_path(file.path)
+    began, path = _wall_time(), text_of_path(file.path)
     return Description(file.world, file.text, file.rate, options, began=began, path=path)
+
+
+def _wall_time() -> int:
+    """Nanoseconds since 1970; 0 for a clock before it, as of a machine without a battery."""
+    # Times in a record are unsigned (MCAP specification, Timestamp).
+    return max(0, time.time_ns())
 
 
 def _origin(file: WorldFile, again: bool) -> Path | None:

@@ -6,6 +6,7 @@ import re
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 from itertools import islice
@@ -14,6 +15,7 @@ from typing import ClassVar, cast
 
 import pytest
 
+from minerva_bus.api import records
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import queues, recording_thread, writer
@@ -80,6 +82,28 @@ def test_a_run_is_recorded(durable, tmp_path):
         assert record.complete
         assert [string for _, string in record.strings(check=True)] == strings_of("meadow")[1:]
         assert [line.text for line in record.log()] == ["hello"]
+
+
+@pytest.mark.parametrize("seconds", [-43_200, 0])
+def test_a_clock_before_1970_counts_as_1970(seconds, tmp_path, monkeypatch):
+    path = tmp_path / "run.mcap"
+    monkeypatch.setattr(time, "time_ns", lambda: seconds * 10**9)
+    run = records.record("meadow", path, frames=4)
+    with Record(path) as early:
+        assert early.description.began == 0
+        assert early.complete
+        assert [frame.number for frame, _ in early.strings(check=True)] == [0, 1, 2, 3]
+    # Then the clock is set, and later its battery is empty again.
+    monkeypatch.setattr(time, "time_ns", lambda: 2 * 10**18)
+    assert records.resume(path, frames=6).frames == run.frames + 2
+    later = records.record("meadow", path, frames=4)
+    assert later.digest == run.digest
+    monkeypatch.setattr(time, "time_ns", lambda: seconds * 10**9)
+    records.resume(path, frames=6)
+    with Record(path) as done:
+        wall = [frame.seconds for frame in done.frames()]
+        assert len(wall) == 6
+        assert min(wall) >= 0.0
 
 
 def test_a_log_line_appears_in_its_frame(tmp_path):
