@@ -106,6 +106,8 @@ class Admission:
                 self.listens_at = endpoint
                 yield session, endpoint
             return
+        # For investigations: what Zenoh drops is in its log alone, if RUST_LOG asks for it.
+        zenoh.try_init_log_from_env()
         secured = Secured(security.own, security.local, self._access(), self._filters())
         session, endpoint = self._open_hub(
             COORDINATOR, where.listen, shared=shared, secured=secured, routers=routers
