@@ -14,6 +14,7 @@ import zenoh
 
 from minerva_bus.errors import KeysError
 from minerva_bus.runtime.admission_rules import STRANGERS, AdmissionRules
+from minerva_bus.runtime.endpoints import for_others
 from minerva_bus.runtime.links import Linked, Links, cut, watched
 from minerva_bus.runtime.session import LOOPBACK, Secured, listening_at
 from minerva_bus.runtime.system import REAL, System
@@ -103,7 +104,7 @@ class Admission:
                 COORDINATOR, where.listen, shared=shared, routers=routers
             )
             with session:
-                self.listens_at = endpoint
+                self.listens_at = for_others(where.listen, endpoint)
                 yield session, endpoint
             return
         # For investigations: what Zenoh drops is in its log alone, if RUST_LOG asks for it.

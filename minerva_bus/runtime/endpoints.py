@@ -41,6 +41,47 @@ class Endpoint:
         except ValueError:
             return False
 
+    @property
+    def wildcard(self) -> bool:
+        """Whether it stands for all addresses of this machine."""
+        try:
+            return ipaddress.ip_address(self.host).is_unspecified
+        except ValueError:
+            return False
+
+    def at(self, host: str, port: int) -> str:
+        """The endpoint of this kind at another address."""
+        return f"{self.kind}/{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def own_endpoint(listen: str, actual: str) -> str:
+    """The endpoint for processes of this machine: a loopback address in place of a wildcard.
+
+    `actual` is where the session listens, with its port.
+    """
+    asked = check_endpoint(listen)
+    if not asked.wildcard:
+        return actual
+    return asked.at(_loopback(asked.host), check_endpoint(actual).port)
+
+
+def for_others(listen: str, own: str) -> str:
+    """The endpoint at which a session listens, with the port of its `own_endpoint`."""
+    asked = check_endpoint(listen)
+    return asked.at(asked.host, check_endpoint(own).port) if asked.wildcard else own
+
+
+def _loopback(wildcard: str) -> str:
+    if ":" not in wildcard:
+        return "127.0.0.1"
+    # [::] takes IPv4, too, and a machine may have IPv6 switched off: then it has no ::1.
+    try:
+        with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as probe:
+            probe.bind(("::1", 0))
+    except OSError:
+        return "127.0.0.1"
+    return "::1"
+
 
 def check_endpoint(endpoint: str) -> Endpoint:
     """Parse an endpoint. Raises BusError if it is not one."""

@@ -22,7 +22,7 @@ import zenoh
 from minerva_bus.errors import BusError
 from minerva_bus.process_end import session_opened
 from minerva_bus.runtime.diagnosis import check_reachable, why_unreachable
-from minerva_bus.runtime.endpoints import check_endpoint, check_port_free
+from minerva_bus.runtime.endpoints import check_endpoint, check_port_free, own_endpoint
 from minerva_bus.runtime.sockets import let_dead_links_go
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.limits import DEFAULT
@@ -157,7 +157,9 @@ def open_hub(
             raise BusError(f"no router can be joined: {why}") from None
         raise BusError(f"cannot listen at {listen}: {brief(error)}") from None
     let_dead_links_go(session, lease())
-    return session, listening_at(session, listen) if secured is None else secured.local
+    if secured is not None:
+        return session, secured.local
+    return session, own_endpoint(listen, listening_at(session, listen))
 
 
 def listening_at(session: zenoh.Session, listen: str, mode: str = "router") -> str:

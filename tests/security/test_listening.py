@@ -1,17 +1,18 @@
 """A world accepts remote members only with certificates, or with --insecure."""
 
+import errno
 import sys
 from pathlib import Path
 
 import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
-from running import write_world
+from running import MEMBERS, Run, write_world
 
 from minerva_bus.errors import BusError, KeysError, WorldFileError
 from minerva_bus.launch.access import local_endpoint, security
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.runtime.endpoints import check_endpoint
+from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoint
 from minerva_bus.security.keys import KeyFolder
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
@@ -38,6 +39,31 @@ def border(path, listen="", **given):
 )
 def test_endpoints_that_only_this_machine_reaches(endpoint, local):
     assert check_endpoint(endpoint).local == local
+
+
+@pytest.mark.parametrize(
+    ("listen", "actual", "own", "others"),
+    [
+        ("tcp/127.0.0.1:0", "tcp/127.0.0.1:5", "tcp/127.0.0.1:5", "tcp/127.0.0.1:5"),
+        ("tcp/192.168.1.2:7", "tcp/192.168.1.2:7", "tcp/192.168.1.2:7", "tcp/192.168.1.2:7"),
+        ("tcp/0.0.0.0:7", "tcp/0.0.0.0:7", "tcp/127.0.0.1:7", "tcp/0.0.0.0:7"),
+        ("tcp/0.0.0.0:0", "tcp/192.168.1.2:5", "tcp/127.0.0.1:5", "tcp/0.0.0.0:5"),
+        ("tcp/[::]:7", "tcp/[::]:7", "tcp/[::1]:7", "tcp/[::]:7"),
+        ("tcp/[::]:0", "tcp/[fe80::1]:5", "tcp/[::1]:5", "tcp/[::]:5"),
+    ],
+)
+def test_members_of_this_machine_use_loopback(listen, actual, own, others, monkeypatch):
+    monkeypatch.setattr("minerva_bus.runtime.endpoints.socket.socket.bind", lambda *_: None)
+    assert own_endpoint(listen, actual) == own
+    assert for_others(listen, own) == others
+
+
+def test_members_use_ipv4_where_ipv6_is_off(monkeypatch):
+    def bind(probe, place):
+        raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
+
+    monkeypatch.setattr("minerva_bus.runtime.endpoints.socket.socket.bind", bind)
+    assert own_endpoint("tcp/[::]:7", "tcp/[::]:7") == "tcp/127.0.0.1:7"
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp", "ws"])
@@ -109,3 +135,12 @@ def test_the_socket_of_this_machine_is_its_owner_s_alone(tmp_path, monkeypatch):
     place.chmod(0o755)
     with pytest.raises(BusError, match="is accessible to other users"):
         local_endpoint("w")
+
+
+@pytest.mark.parametrize("listen", ["tcp/[::]:0", "tcp/0.0.0.0:0"])
+def test_own_members_find_a_world_that_listens_everywhere(listen, tmp_path):
+    path = write_world(tmp_path, MEMBERS, frames=3)
+    words = ("run", path, "--listen", listen, "--insecure")
+    with Run(tmp_path, *words) as run:
+        assert run.ends() == 0
+        assert "bus at tcp/127.0.0.1:" in run.text or "bus at tcp/[::1]:" in run.text
