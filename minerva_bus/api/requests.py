@@ -98,7 +98,7 @@ def _processes(world: World, count: Processes) -> tuple[str, ...]:
     if isinstance(count, int) and count < 1:
         raise MisuseError(f'processes is {count}; expected at least 1, or "auto"')
     # Settings name a table of the world file, which may stand for several processes.
-    hosts = [process.table for process in world.read().processes if process.agents]
+    hosts = [process.table for process in world.file.processes if process.agents]
     return tuple(dict.fromkeys(f"{name}.processes={count}" for name in hosts))
 
 

@@ -22,7 +22,7 @@ _BOOLS: Final = {"true": True, "false": False}
 
 def collected_of(world: World, collect: Any) -> tuple[Entries, list[TablePlan]]:
     """What runs of a world collect (None: as the world says), and the tables of it."""
-    entries = read_entries(collect) if collect is not None else world.read().collect.entries
+    entries = read_entries(collect) if collect is not None else world.file.collect.entries
     return entries, plans_of(entries, world.vocabulary)
 
 

@@ -83,7 +83,7 @@ class World:
         self._given = AS_WRITTEN
         # The module would otherwise stay for as long as the program runs.
         weakref.finalize(self, sys.modules.pop, made.module.__name__, None)
-        self.read()
+        self._file = self.read()
 
     @classmethod
     def load(cls, path: str | Path, **options: Any) -> World:
@@ -99,28 +99,28 @@ class World:
         world._made = None
         world._path = find_world(str(path))
         world._given = Overrides({key: option_text(value) for key, value in options.items()})
-        world.read()
+        world._file = world.read()
         return world
 
     @property
     def name(self) -> str:
         """The world's name."""
-        return self.read().world.name
+        return self._file.world.name
 
     @property
     def vocabulary(self) -> Vocabulary:
         """Its symbols and event types."""
-        return self.read().world.vocabulary
+        return self._file.world.vocabulary
 
     @property
     def scene(self) -> Scene:
         """Its initial string."""
-        return self.read().world.scene
+        return self._file.world.scene
 
     @property
     def agents(self) -> list[type[Agent]]:
         """The agent classes that its processes evolve."""
-        processes = self.read().processes
+        processes = self._file.processes
         return list(dict.fromkeys(cls for process in processes for cls in process.agents))
 
     def read(self, overrides: Overrides = AS_WRITTEN) -> WorldFile:
@@ -147,17 +147,22 @@ class World:
     def toml(self) -> str:
         """The text of its world file. Raises MisuseError as `save` does."""
         if self._made is None:
-            return self.read().text
+            return self._file.text
         return self._made.toml()
 
     def tables(self) -> dict[str, Any]:
         """The tables of its world file."""
-        return read_toml(self.read().text) if self._made is None else self._made.tables
+        return read_toml(self._file.text) if self._made is None else self._made.tables
 
     @property
     def path(self) -> Path | None:
         """Its world file; None if it was made in Python."""
         return self._path
+
+    @property
+    def file(self) -> WorldFile:
+        """The world with its own settings, as it was read when this object was made."""
+        return self._file
 
     @property
     def given(self) -> Overrides:
@@ -206,7 +211,7 @@ def world_of(world: World | str | Path, options: Mapping[str, Any]) -> World:
 
 def own_options(world: World, options: Mapping[str, Any]) -> Mapping[str, str]:
     """The values of a world's options as texts. Raises WorldFileError for unknown ones."""
-    known = world.read().options
+    known = world.file.options
     for name in options:
         if name not in known:
             names = f"it has {', '.join(known) or 'none'}"

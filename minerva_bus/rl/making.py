@@ -139,7 +139,7 @@ def _parts(
         episodes, vocabulary, scene = AttachedEpisodes(world), world.vocabulary, world.scene
     else:
         own = world_of(world, {})
-        known = own.read().options
+        known = own.file.options
         # The initial string may depend on them, and with it the agents.
         options = {name: value for name, value in settings.items() if name in known}
         declared = own.read(Overrides(own_options(own, options))).world
@@ -251,7 +251,7 @@ def vector_env(
     def make(number: int) -> AgentEnv:
         return single_env(own, agent, act, observe, reward, done, **settings)
 
-    seed = own.read().world.seed if seed is None else seed
+    seed = own.file.world.seed if seed is None else seed
     return WorldVectorEnv(own.name, make, make(0), worlds, processes, seed)
 
 

@@ -73,7 +73,7 @@ class OwnEpisodes:
 
     def __init__(self, world: World, seed: int | None, settings: Mapping[str, Any]) -> None:
         self.name = world.name
-        self.frames_per_second = 1 / world.read().world.dt
+        self.frames_per_second = 1 / world.file.world.dt
         self._world = world
         self._seed = seed
         self._settings = settings
@@ -85,7 +85,7 @@ class OwnEpisodes:
         self.close()
         seed = whole_seed(seed)
         if seed is not None or self._random is None:
-            own = self._world.read().world.seed if self._seed is None else self._seed
+            own = self._world.file.world.seed if self._seed is None else self._seed
             seed = own if seed is None else seed
             self._random = np.random.default_rng(abs(seed))
         else:

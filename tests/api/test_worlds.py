@@ -152,6 +152,26 @@ def test_mistakes_are_explained(make, problem):
         make()
 
 
+def test_a_world_is_read_once():
+    calls = []
+
+    def frogs(options):
+        calls.append(options)
+        return Frog.many("f", 3)
+
+    world = World(frogs, agents=[Frog], services=[each(eTick)], name="once")
+    made = len(calls)
+    assert world.name == "once"
+    assert world.scene is world.scene
+    assert world.vocabulary is world.vocabulary
+    world.agents.clear()
+    assert world.agents == [Frog]
+    assert "Frog" in repr(world)
+    assert len(calls) == made
+    run(world, frames=1)
+    assert len(calls) == made + 1
+
+
 def test_a_saved_world_is_the_same(tmp_path):
     path = tmp_path / "pond.toml"
     pond().save(path)
