@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,7 +49,8 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
     for name in list(table.data):
         processes += reader.processes(name, table.table(name), settings.pop(name, {}))
     for view in top.overrides.views:
-        spec, name, options = read_view(view)
+        spec, kind, options = read_view(view)
+        name = _free_name(kind, {process.name for process in processes})
         cls = find_view(spec, path.parent)
         make = reader.maker(name, cls, options | settings.pop(name, {}))
         processes.append(Process(name, make, on_failure="ignore"))
@@ -57,6 +59,12 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
         known = list(dict.fromkeys(process.table or process.name for process in processes))
         raise WorldFileError(f"--set: there is no process {name!r}{nearest(name, known)}")
     return tuple(processes)
+
+
+def _free_name(kind: str, taken: Collection[str]) -> str:
+    """The kind of a view, or KIND-2, KIND-3 ... for further ones."""
+    names = (f"{kind}-{number}" for number in count(2))
+    return next(name for name in chain((kind,), names) if name not in taken)
 
 
 @dataclass(frozen=True, slots=True)

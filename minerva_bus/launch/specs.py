@@ -140,21 +140,26 @@ def find_service(spec: str, folder: Path | None = None) -> type[Service]:
 
 
 def find_view(spec: str, folder: Path) -> type[Service]:
-    """The service class that `--view` names. Raises WorldFileError.
-
-    A module that is not beside the world file is searched in the current folder: the command line
-    may name an installed world.
-    """
-    module, colon, _ = spec.partition(":")
-    if not colon and spec not in entries(SERVICES):
+    """The service class that `--view` names. Raises WorldFileError."""
+    if ":" not in spec and spec not in entries(SERVICES):
         views = installed_views()
         hint = nearest(spec, views, f"there are {', '.join(views)}; or write module:Class")
         raise WorldFileError(f"no view {spec!r} is installed{hint}")
-    if colon and module:
-        search(folder)
-        if find_spec(module.partition(".")[0]) is None:
-            folder = Path.cwd()
-    return find_service(spec, folder)
+    return find_service(spec, folder_of(spec, folder))
+
+
+def folder_of(spec: str, folder: Path) -> Path:
+    """The folder to search for a module that the command line names.
+
+    That of the world file, or else the current one: the world may be an installed one.
+    """
+    module, colon, _ = spec.partition(":")
+    package = module.partition(".")[0]
+    # A file's name may begin with a dot; `load` explains what is expected.
+    if not (colon and package):
+        return folder
+    search(folder)
+    return Path.cwd() if find_spec(package) is None else folder
 
 
 def find_agent(spec: str, folder: Path | None = None) -> type[Agent]:

@@ -21,7 +21,7 @@ from minerva_bus.launch.recording import recording
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.rerunning import Rerun, Without
 from minerva_bus.launch.resuming import WorldSource, no_frame
-from minerva_bus.launch.specs import bind, find_agent, find_service, names_agents
+from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.comparison import Difference
@@ -65,6 +65,7 @@ class Swap:
         """The new class; the world file's `folder` is searched, too. Raises WorldFileError."""
         if not isinstance(self.spec, str):
             return _checked(self.spec)
+        folder = folder_of(self.spec, folder)
         if names_agents(self.spec, folder):
             return find_agent(self.spec, folder)
         return find_service(self.spec, folder)

@@ -390,6 +390,14 @@ def test_an_option_is_set_by_its_name(minerva, home):
         assert (code == 0) or err.startswith("minerva: ") or "Error" in err
 
 
+def test_further_views_of_a_kind_get_numbers(minerva, home):
+    views = [word for name in "abc" for word in ("--view", f"svg:path={name}.svg")]
+    words = ("--in-process", "--quiet", "--frames", "2", "--set", "svg-2.path='d.svg'")
+    code, _, err = minerva("run", "meadow", *words, *views)
+    assert code == 0, err
+    assert sorted(file.name for file in home.glob("*.svg")) == ["a.svg", "c.svg", "d.svg"]
+
+
 @pytest.mark.parametrize(("words", "message"), [
     (("--foo", "1"), "changed has no option --foo"), (("--sise", "1"), "did you mean '--size'?"),
     (("--set", "steps"), "expected PROCESS.KEY=VALUE"), (("--set", "stps.x=1"), "did you mean 'steps'?"),
@@ -398,6 +406,7 @@ def test_an_option_is_set_by_its_name(minerva, home):
     (("--set", f"walkers.processes={10**40}"), "processes must be at most 1000"),
     (("--view", "swg"), "did you mean 'svg'?"), (("--view", "svg:every"), "expected KEY=VALUE"),
     (("--view", "svg:evry=3"), "did you mean 'every'?"), (("--view", ""), "no view"),
+    (("--view", "./mine.py:Mine"), "names a file"),
     (("--rate", "nan"), "--rate"), (("--rate", "-1"), "--rate"), (("--rate", "inf"), "--rate"),
     (("--rate", "fast"), "--rate"), (("--frames", "-1"), "--frames"), (("--frames", "x"), "--frames"),
     (("--seed", "x"), "--seed"), (("--seed", "99999999999999999999"), "seed"),

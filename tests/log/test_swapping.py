@@ -83,6 +83,17 @@ def test_the_same_again_gives_the_same_run(recorded, what):
     assert (answer["digest"], answer["frames"]) == (whole["digest"], 30)
 
 
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_class_is_searched_in_the_current_folder_too(recorded, tmp_path, beside):
+    folder, whole = recorded
+    if not beside:
+        (tmp_path / "elsewhere.py").write_text("from yard import Steps\n")
+    where, module = (folder, "yard") if beside else (tmp_path, "elsewhere")
+    done = here(where, "replay", folder / "run.mcap", "--swap", f"steps={module}:Steps", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["digest"] == whole["digest"]
+
+
 def test_another_view_sees_what_happened(recorded):
     _, answer = swapped(recorded[0], "screen=others:Paper")
     assert answer["figures"] == {"sheets": 31, "figures": 6}
