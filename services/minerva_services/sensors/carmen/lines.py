@@ -174,10 +174,10 @@ def _wheels(words: _Words) -> OdometryLine:
 
 
 def _front_laser(words: _Words) -> LaserLine:
-    announced, found = words.count(), words.left - _AFTER_RANGES
+    announced, beams = words.count(), words.left - _AFTER_RANGES
     # With a wrong number, ranges would be read as the pose.
-    if found >= 0 and found != announced:
-        raise LineError(f"{announced} beams announced, {found} found")
+    if beams >= 0 and beams != announced:
+        raise LineError(f"{announced} beams announced, {beams} found")
     ranges = words.ranges(announced)
     if not len(ranges):
         raise LineError("no beams")
