@@ -83,7 +83,7 @@ class Agent:
     or global state; then the string is the same with any number of processes.
 
     Args:
-        id: unique in the world; letters, digits and `_ . ~ -`.
+        id: unique in the world; letters, digits and `_ : -`, the first a letter, digit or `_`.
         scope: the string inside the agent's brackets.
         state: attributes by name; those without a default are required.
 

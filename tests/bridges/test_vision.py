@@ -26,6 +26,7 @@ cv2 = pytest.importorskip("cv2")
 from rendered import FX, HEIGHT, SIZE, WIDTH, rendered, texture  # noqa: E402
 
 from minerva_services.bridging import SourceError  # noqa: E402
+from minerva_services.bridging.testing import RunningBridge  # noqa: E402
 from minerva_services.sensors.vision import Markers, Vision  # noqa: E402
 from minerva_services.sensors.vision.detection import DICTIONARIES, detector, dictionary_of  # noqa: E402
 from minerva_services.sensors.vision.edges import refined  # noqa: E402
@@ -395,6 +396,16 @@ def test_a_folder_of_images_some_of_which_are_none(tmp_path, capfd):
     assert [seen.time for _, seen in published] == pytest.approx([0.0, 0.6])
     assert service.report()["garbage"] == 3
     assert capfd.readouterr().out.count("not a readable image") == 1
+
+
+@pytest.mark.parametrize("world", [None, WORLD])
+def test_a_test_needs_no_world(world, tmp_path):
+    cv2.imwrite(str(tmp_path / "one.png"), rendered(cv2, (5, 2.0, 0, 0, 0)))
+    camera = Vision(str(tmp_path / "one.png"), robot="r", loop=True, **SEEN)
+    with RunningBridge(camera, world) as running:
+        first, *_ = running.readings(2)
+    assert running.error is None
+    assert [seen.marker for seen in first.seen] == ["5"]
 
 
 def test_a_still_that_loops_is_seen_in_each_frame(tmp_path):

@@ -1,5 +1,6 @@
 """Classes of agents: valid and invalid declarations."""
 
+import re
 from dataclasses import replace
 from typing import ClassVar
 
@@ -21,7 +22,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
 from minerva_bus.grammar.fields import Field
-from minerva_bus.grammar.scene import scene_of
+from minerva_bus.grammar.scene import AGENT_ID, scene_of
 from minerva_bus.world.kinds import ActivityError, kinds_of
 
 eHit = EventType("eHit")
@@ -97,6 +98,13 @@ def test_a_node_that_an_agent_has_made_fits_but_not_one_made_from_it():
 def test_misuse(make, said):
     with pytest.raises(MisuseError, match=said):
         make()
+
+
+def test_the_docstring_names_the_characters_of_ids():
+    (line,) = [line for line in Agent.__doc__.splitlines() if line.strip().startswith("id:")]
+    named = re.search(r"`(.*?)`", line)[1].split()
+    allowed = [c for c in map(chr, range(33, 127)) if AGENT_ID.fullmatch(f"a{c}")]
+    assert [c for c in allowed if not c.isalnum()] == sorted(named)
 
 
 def test_an_invalid_agent_can_still_be_shown_in_a_debugger():

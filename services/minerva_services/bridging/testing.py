@@ -9,6 +9,7 @@ from types import TracebackType
 
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.readings import Reading
+from minerva_bus.world.service_inputs import WorldInfo
 from minerva_services.bridging.bridge import Bridge
 
 TIMEOUT_SECONDS = 20.0
@@ -22,11 +23,15 @@ class RunningBridge:
         with RunningBridge(Anemometer("localhost:4001")) as running:
             (first,) = running.readings(1)
 
+    A bridge that looks up event types needs a `world`, which it joins first.
+
     `published` has its readings with topics, `emitted` its events, `error` the exception it raised.
     """
 
-    def __init__(self, bridge: Bridge) -> None:
+    def __init__(self, bridge: Bridge, world: WorldInfo | None = None) -> None:
         self.bridge = bridge
+        if world is not None:
+            bridge.joined(world)
         self.published: list[tuple[str, Reading]] = []
         self.emitted: list[AnyEvent] = []
         self.error: Exception | None = None

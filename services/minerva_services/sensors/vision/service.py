@@ -70,6 +70,7 @@ class Vision(Bridge, lockstep=False):
         self.source = f"vision: {shown(source)}"
         self._address, self._robot, self._topic, self._fps = source, robot, topic, fps
         self._pace, self._size = PlaybackPace(speed, loop), (width, height)
+        self._dt = math.inf  # Without a world there is no frame that an image must meet.
         self._mount = Mount(mount_x, mount_y, mount_angle)
         self._live = source.isdecimal() or source.startswith("/dev/") or "://" in source
         if not self._live and not Path(source).exists():
