@@ -105,14 +105,17 @@ _installing: Final = threading.Lock()
 def printed(tell: Callable[[str], None], own: WeakSet[threading.Thread]) -> Generator[None]:
     """Pass to `tell`, line by line, what this thread prints, and the threads that it starts.
 
-    `own` are those that it has started in earlier blocks of the same run; new ones are added.
+    `own` are those that the main thread has started in earlier blocks of the same run; new ones are
+    added.
     """
     others = {*threading.enumerate()} - {*own}
     with _Lines(tell, others) as lines, _printing(lines):
         try:
             yield
         finally:
-            own.update({*threading.enumerate()} - others)
+            # Beside another thread, anything may have started them.
+            if threading.current_thread() is threading.main_thread():
+                own.update({*threading.enumerate()} - others)
 
 
 def inherited(call: Callable[_P, None]) -> Callable[_P, None]:

@@ -142,6 +142,15 @@ def test_a_token_is_also_accepted_in_a_header():
     assert "token" in HERE.refusal("/", given | {"Authorization": "Bearer other"})
 
 
+def test_viser_prints_nothing(tmp_path, monkeypatch, capfd):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    made = serve("127.0.0.1", 0)
+    assert opened(url(made))[0] == 200
+    stop(made)
+    eventually(lambda: not any(thread.is_alive() for thread in made.threads), "the end")
+    assert capfd.readouterr().out == ""
+
+
 def test_broken_requests_leave_no_traceback(server, capfd):
     port = server.get_port()
     token = server.access.token

@@ -5,8 +5,8 @@ from __future__ import annotations
 import gzip
 import os
 import re
+import threading
 from collections.abc import Collection
-from contextlib import AbstractContextManager
 from functools import partial
 from html import escape
 from typing import Any, Final
@@ -27,6 +27,7 @@ class PageServer(ViserServer):
     """A server that is never announced outside, with the access rules of its page."""
 
     access: WebAccess
+    threads: WeakSet[threading.Thread]
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """None: pages are only for those who can reach the host."""
@@ -46,9 +47,10 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
         token = token_for(chosen, str(os.getppid()))
         access = WebAccess(host, chosen, token, frozenset(names))
         # viser prints its address, which lacks the token.
-        with _silent(), guarding(access, partial(_entitle, title), tolerant):
+        threads = WeakSet[threading.Thread]()
+        with printed(_drop, threads), guarding(access, partial(_entitle, title), tolerant):
             server = PageServer(host=host, port=chosen, verbose=False)
-        server.access = access
+        server.access, server.threads = access, threads
         # viser takes the next port if another process was faster, but the access is for this one.
         if server.get_port() == chosen:
             return server
@@ -70,15 +72,14 @@ def _entitle(title: str, response: Any) -> None:
     response.headers["Content-Length"] = str(len(response.body))
 
 
-def stop(server: ViserServer) -> None:
+def stop(server: PageServer) -> None:
     """Stop a server; browsers keep their last picture."""
-    with _silent():
+    with printed(_drop, server.threads):
         server.stop()
 
 
-def _silent() -> AbstractContextManager[None]:
-    """Drop what this thread prints."""
-    return printed(lambda line: None, WeakSet())
+def _drop(line: str) -> None:
+    """Drop what viser prints."""
 
 
 def url(server: PageServer) -> str:
