@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from contextlib import nullcontext, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Final
@@ -20,9 +20,6 @@ from minerva_bus.launch.compiling import compile_agents, compile_classes, no_pro
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.regions.division import hosts_of_regions
-from minerva_bus.launch.regions.layout import RegionSpec, region_elsewhere
-from minerva_bus.launch.regions.process import RegionProcess
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.runtime.arrival import ARRIVAL
@@ -31,7 +28,6 @@ from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.member import BACK_WITHIN, MemberProcess
 from minerva_bus.runtime.session import CONNECT_SECONDS, end_at_once
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.wire.keys import number_of_region
 from minerva_bus.world.services import Device
 
 RECONNECT_SECONDS: Final = 600.0
@@ -40,66 +36,44 @@ endpoint, so for it BACK_WITHIN is enough.
 """
 
 
-@dataclass(frozen=True, slots=True)
-class FromFile:
-    """The part of a world file that a member is.
-
-    `process`: its process, or one of its `regions`, which others reach at the endpoint `link`, and
-    hosts of its agents at `listen`; or such a host. A `standby` takes the place of the running one
-    when that has gone.
-    """
-
-    process: str = ""
-    regions: int | None = None
-    link: str = ""
-    listen: str = ""
-    standby: bool = False
-
-
 def attach_member(
-    spec: str, join: JoinOptions, options: dict[str, str], part: FromFile = FromFile()
+    spec: str,
+    join: JoinOptions,
+    options: dict[str, str],
+    process: str = "",
+    *,
+    standby: bool = False,
 ) -> int:
     """Run a member until the world, its source or the user ends it; returns the exit code.
 
-    Without a name in `join`, the member has the name in its certificate.
+    `process`: the process of the world file `spec` that it is. A `standby` takes the place of the
+    running one when that has gone. Without a name in `join`, the member has the name in its
+    certificate.
     """
     # A remote world takes the name from the certificate, so a generated one would be rejected.
-    process = part.process
-    if part.standby and not process:
+    if standby and not process:
         raise MisuseError("--standby is for processes of the world file: add --process NAME")
     shown = identity() if join.connect and not join.name and not process else None
     name = join.name if shown is None else shown.name
     while True:
         # A new participant for each attempt, so that its service begins in its initial state.
-        region = _region_of_file(spec, part, options)
         preferred = ""
-        if region is not None:
-            preferred, participant = region.world_file.world.name, region.participant()
-        elif process:
-            preferred, participant = _of_file(spec, part, name, options)
+        if process:
+            preferred, participant = _of_file(spec, process, name, options)
         else:
             participant = _participant(spec, name, options)
         try:
-            return _attached(participant, join, region, preferred, standby=part.standby)
+            return _attached(participant, join, preferred, standby=standby)
         except WorldRestarted as restarted:
             print_message(f"{participant.name}: {restarted}; joining again")
 
 
-def _attached(
-    participant: Member,
-    join: JoinOptions,
-    region: RegionSpec | None,
-    preferred: str,
-    *,
-    standby: bool,
-) -> int:
+def _attached(participant: Member, join: JoinOptions, preferred: str, *, standby: bool) -> int:
     """Join a world and run the member in it to its end; returns the exit code."""
     own = identity(participant.name) if join.connect else None
     if own is not None and own.name != participant.name:
         raise KeysError(f"the certificate is of {own.name}: attach with --name {own.name}")
     endpoint, world = place(join, own, preferred)
-    if region is not None:
-        region = region.at(world, secured=own is not None)
     there = check_endpoint(endpoint)
     if not there.local:  # Before Ctrl-C is handled as leaving, because this can take long.
         check_reachable(there, CONNECT_SECONDS)
@@ -108,21 +82,15 @@ def _attached(
     if within is None:
         within = BACK_WITHIN if there.local else RECONNECT_SECONDS
     arrival = replace(ARRIVAL, standby=standby, claims=True)
-    member = (
-        MemberProcess(
-            [participant],
-            world,
-            endpoint,
-            print_message,
-            own=own,
-            ends=not isinstance(participant.service, Device),
-            back_within=within,
-            arrival=arrival,
-        )
-        if region is None
-        else RegionProcess(
-            region, endpoint, print_message, own=own, back_within=within, arrival=arrival
-        )
+    member = MemberProcess(
+        [participant],
+        world,
+        endpoint,
+        print_message,
+        own=own,
+        ends=not isinstance(participant.service, Device),
+        back_within=within,
+        arrival=arrival,
     )
     leave_on_signals(member)
     print_message(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
@@ -196,43 +164,12 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
     return Member(name, bind(service, typed_options(service, options), name)())
 
 
-def _region_of_file(spec: str, part: FromFile, options: dict[str, str]) -> RegionSpec | None:
-    """The region of a world file that is named; None if it is something else.
-
-    Raises WorldFileError. `options` are those of the world, as texts.
-    """
-    name = part.process
-    if number_of_region(name) is None:
-        if part.link:
-            raise MisuseError("--link is for regions: --process region-0")
-        if part.listen:
-            raise MisuseError("--listen is for regions: --process region-0")
-        return None
-    file = read_world_file(find_world(spec), Overrides(options=options, regions=part.regions))
-    region = region_elsewhere(file, name, part.link, part.listen)
-    if region is not None:
-        compile_agents(region.world_file.processes, no_progress)
-        return region
-    if any(each.name == name for each in file.processes):
-        return None
-    count = 0 if file.partition is None else file.partition.count
-    there = f"regions are region-0 to region-{count - 1}" if count else "it has no regions"
-    raise WorldFileError(
-        f"{file.path}: there is no {name}: {there}; give their number as for the world, --regions N"
-    )
-
-
-def _of_file(spec: str, part: FromFile, name: str, options: dict[str, str]) -> tuple[str, Member]:
+def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> tuple[str, Member]:
     """Name of a world file, and its process that is named. Raises WorldFileError if none has."""
-    file = read_world_file(find_world(spec), Overrides(options=options, regions=part.regions))
-    process = part.process
-    known = {each.name: each for each in (*file.processes, *hosts_of_regions(file))}
+    file = read_world_file(find_world(spec), Overrides(options=options))
+    known = {each.name: each for each in file.processes}
     if process not in known:
         hint = nearest(process, list(known), f"there are {', '.join(known)}")
-        region, _, host = process.partition(".")
-        if number_of_region(region) is not None and host in known:
-            others = f"with another name: --process {host} --name NAME"
-            hint = f": a region has hosts of this name by `hosts` in [regions]; {others}"
         raise WorldFileError(f"{file.path}: there is no process {process!r}{hint}")
     if known[process].command:
         raise WorldFileError(f"{process} is a command: run it itself, with MINERVA_CONNECT set")

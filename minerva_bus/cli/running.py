@@ -16,9 +16,6 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.regions.layout import in_regions
-from minerva_bus.launch.regions.run import RegionRun
-from minerva_bus.launch.regions.unsupported import check_in_process
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
@@ -38,8 +35,6 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     profiling = Profiling(options.profile, options.profile_member)
     if options.in_process and profiling != NOTHING:
         raise MisuseError("--profile and --profile-member measure the bus: omit --in-process")
-    if options.in_process:
-        check_in_process(file)
     as_json = file.watch.log_format == "json"
     quiet = options.quiet or (options.json and not as_json and not sys.stderr.isatty())
     console = Console(quiet=quiet, json=as_json, world=file.world.name, traceback=options.traceback)
@@ -48,11 +43,10 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
         if options.in_process:
             summary, failure = _run_here(file, console, began, as_json=as_json or options.json)
         else:
-            with in_regions(file) as processes:
-                profiling.check(processes)
-                supervisor = Supervisor(processes, console, began, profiling)
-                summary = supervisor.run()
-                failure = supervisor.failure
+            profiling.check(file)
+            supervisor = Supervisor(file, console, began, profiling)
+            summary = supervisor.run()
+            failure = supervisor.failure
     except MinervaError as error:
         # Someone who reads JSON lines finds every error among them; otherwise `main` prints it.
         if not as_json:
@@ -73,7 +67,7 @@ def _run_here(
     for number in end_signals():
         # Every signal that ends a process becomes KeyboardInterrupt, so the run closes its record.
         signal.signal(number, signal.default_int_handler)
-    run = (InProcessRun if file.partition is None else RegionRun)(file, console, began)
+    run = InProcessRun(file, console, began)
     try:
         summary = run.run()
     except WorldStopped as stopped:

@@ -13,13 +13,7 @@ from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.table import Table
 from minerva_bus.runtime.admission import LOCAL_KIND, Security
 from minerva_bus.runtime.endpoints import check_endpoint, check_listening
-from minerva_bus.security.credentials import (
-    AGENT,
-    Credentials,
-    Rights,
-    family_start,
-    rights_of,
-)
+from minerva_bus.security.credentials import Rights, family_start, rights_of
 from minerva_bus.settings.kinds import whole
 from minerva_bus.settings.tables import BusSettings
 from minerva_bus.wire.keys import COORDINATOR
@@ -96,29 +90,6 @@ def security(access: Access, world: str, started: Iterable[str] = ()) -> Securit
     # `rights` and `stamp` are functions, because certificates are issued and revoked while the
     # world runs.
     return Security(own, local_endpoint(world), keys.rights, keys.stamp)
-
-
-def security_of_region(own: Credentials, world: str, region: str) -> Security:
-    """Security of the session of a region on another machine, which only hosts of agents join.
-
-    The folder of its `own` credentials has their certificates, and the revocation list. Raises
-    KeysError and, for the socket, BusError.
-    """
-    from minerva_bus.security.keys import KeyFolder
-
-    keys, agent = KeyFolder(own.certificate.parent), frozenset({AGENT})
-
-    def rights() -> Mapping[str, Rights]:
-        hosts = [each for each in keys.rights().values() if AGENT in each.roles]
-        # Whatever else they may do in the world, no one operates a region.
-        return {each.name: replace(each, roles=agent) for each in hosts}
-
-    unknown = (
-        f"that is not for agents, or was not in {keys.folder} when {region} began; copy it there,"
-        " and start the region again"
-    )
-    local = local_endpoint(f"{world}.{region}")
-    return Security(own, local, rights, keys.stamp, unknown=unknown)
 
 
 def _check_families(rights: Mapping[str, Rights], started: Iterable[str]) -> None:

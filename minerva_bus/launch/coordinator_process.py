@@ -17,7 +17,6 @@ from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
 from minerva_bus.launch.pipes import LineBuffer, ReportPipe
 from minerva_bus.launch.recording import RunRecord, recording
-from minerva_bus.launch.regions.layout import source_of
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journaled import resume_from
@@ -65,7 +64,7 @@ class CoordinatorRun:
         # The world of a journal begins with its keyframe, so everything below works on that state.
         past = find_past(file, again=start.again)
         world = file.world if past is None else past.world
-        algorithm = FrameAlgorithm(world, source_of(file))
+        algorithm = FrameAlgorithm(world)
         # Before any member starts: one that cannot read its fragments would fail at each restart.
         check_sizes(algorithm.composition.fragments, file.processes)
 

@@ -18,10 +18,8 @@ from minerva_bus.wording import counted, duration
 class CoordinatorReports:
     """Handles each kind of report of `_Reporter` (coordinator_process.py) in a method of its name.
 
-    A region is the coordinator of its hosts, and reports about them in the same way; a member
-    reports why this world does not suit it. `publish`
-    receives the endpoint of the coordinator. `last_line`: the last line that it has printed and
-    that has not been shown.
+    A member reports why this world does not suit it. `publish` receives the endpoint of the
+    coordinator. `last_line`: the last line that it has printed and that has not been shown.
     """
 
     def __init__(self, run: SupervisedRun) -> None:
@@ -54,8 +52,7 @@ class CoordinatorReports:
         if run.ending.deadline is None:
             # Otherwise an interrupt has arrived before the first member was started.
             for process in run.processes:
-                if not process.spec.hub:
-                    run.processes.enqueue(process)
+                run.processes.enqueue(process)
 
     def _inform_successor(self) -> None:
         """Send a new coordinator the states of processes that its predecessor had."""
@@ -67,19 +64,18 @@ class CoordinatorReports:
         for process in run.processes:
             if process.abandoned or (run.ending.reason is not None and process.child is None):
                 run.abandon(process)
-            elif process.child is not None and process.joined_at is None and not process.spec.hub:
+            elif process.child is not None and process.joined_at is None:
                 for name in process.names:
                     run.coordinator.command(f"started {name}")
 
-    def _on_log(self, member: str, text: str, details: str = "", *, keep: bool = False) -> None:
-        """Log a line about a member; `keep`: the coordinator does not have it yet."""
+    def _on_log(self, member: str, text: str, details: str = "") -> None:
         process = self._run.processes.get(member)
         if process is not None and FAILURE_REPORT.match(text):
             # The cause explains the exit that follows, and `repeated` compares it with earlier
             # ones.
             self._run.log.failures.explained.update(process.names)
             process.cause = FailureCause(member, text)
-        self._run.log.reported(member, text, details, keep=keep)
+        self._run.log.reported(member, text, details)
 
     def _on_unready(self, member: str, reason: str) -> None:
         """Note why a process cannot take part; it ends. Further ones for this reason are known."""
@@ -99,7 +95,7 @@ class CoordinatorReports:
         if run.startup.first_frame is not None or status["frame"] or not status["waiting"]:
             console.live(live_line(world.name, status, world.frames, run.startup.began))
             return
-        total = sum(not spec.hub for spec in run.file.processes)
+        total = len(run.file.processes)
         text = starting_line(status, total)
         # The lines about the members that frame 0 waits for, and about restarts, say more.
         is_reported = int(status["members"]) >= total or any(p.failures for p in run.processes)
@@ -119,15 +115,6 @@ class CoordinatorReports:
             run.log.failures.explained.discard(member)
             if not process.awaited:
                 run.processes.queue.free(process.name)
-
-    def _on_hub(self, region: str, endpoint: str) -> None:
-        """Start the hosts of a region that listens for them, unless they run."""
-        run = self._run
-        run.context.hubs[region] = endpoint
-        for host in run.processes:
-            waits = host.child is None and host.restart_at is None and not host.abandoned
-            if host.spec.hub == region and waits:
-                run.processes.enqueue(host)
 
     def _on_timed_out(self, member: str, waited: float) -> None:
         run = self._run

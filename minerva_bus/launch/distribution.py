@@ -46,10 +46,9 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
         processes += own
         if process.automatic:
             notes.append(f"{process.name}: {counted(len(own), 'process')} (auto)")
-    if file.partition is None:
-        processes = [*sharing(processes, members, cores())]
-        if shared := sum(each.shared for each in processes):
-            notes.append(f"{SERVICES}: 1 process for {shared} services (auto)")
+    processes = [*sharing(processes, members, cores())]
+    if shared := sum(each.shared for each in processes):
+        notes.append(f"{SERVICES}: 1 process for {shared} services (auto)")
     expected = frozenset(process.name for process in processes)
     return replace(
         file,

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 from minerva_bus.blame import report, whole
 from minerva_bus.errors import WorldStopped
-from minerva_bus.frame.member import Refusal
 from minerva_bus.launch.console import Console
 from minerva_bus.uncaught import VARIABLE
 
@@ -47,15 +44,3 @@ class CodeFailure:
     @property
     def _failed(self) -> str:
         return f"{self.member} failed in frame {self.frame}"
-
-
-@contextmanager
-def own_members() -> Generator[None]:
-    """Raise WorldStopped if the region refuses a member of its own: no new process would help.
-
-    As the error of a member, it would be read as the world's refusal of the region.
-    """
-    try:
-        yield
-    except Refusal as error:
-        raise WorldStopped(str(error)) from None

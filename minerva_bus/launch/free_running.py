@@ -6,16 +6,15 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from queue import SimpleQueue
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from minerva_bus.blame import blamed, report
 from minerva_bus.errors import UserCodeError
-from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.launch.printed import inherited
-from minerva_bus.runtime.direct import DirectTransport
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.own_threads import Outlet, Published
 from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator
@@ -39,20 +38,6 @@ def close_services(members: Iterable[Member], log: Callable[[str, str], None]) -
                     member.service.close()
             except UserCodeError as error:
                 log(member.name, report(error))
-
-
-class Receiving(Protocol):
-    """What receives the output of services: a runner, or those of several regions."""
-
-    direct: DirectTransport
-
-    def handle(self, stimulus: s.Stimulus) -> None:
-        """Process a stimulus."""
-        ...
-
-    def publish(self, readings: m.Readings) -> None:
-        """Deliver the readings of a free-running publisher."""
-        ...
 
 
 class WaitingOutput:
@@ -83,7 +68,7 @@ class FreeRunning:
     Frames run in the main thread only, so output waits in a queue until `deliver` is called.
     """
 
-    def __init__(self, runner: Receiving, members: Iterable[Member]) -> None:
+    def __init__(self, runner: InProcessRunner, members: Iterable[Member]) -> None:
         self._runner = runner
         self._members = tuple(members)
         self._queue: SimpleQueue[tuple[Member, Any]] = SimpleQueue()

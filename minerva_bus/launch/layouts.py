@@ -92,7 +92,6 @@ def laid_out(
         access=Access(),
         record=RecordSettings(str(record)),
         watch=WatchSettings(),
-        partition=None,
     )
 
 

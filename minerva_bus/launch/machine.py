@@ -128,9 +128,8 @@ REAL: Final = Machine()
 class LaunchContext:
     """One world, and the context that its processes share while it runs.
 
-    `endpoint` is that for local processes ("": not known yet), `hubs` those of regions for their
-    hosts, by name, and `shared` whether large messages use shared memory. `lifeline` is a pipe that
-    closes when the launcher dies.
+    `endpoint` is that for local processes ("": not known yet), and `shared` whether large messages
+    use shared memory. `lifeline` is a pipe that closes when the launcher dies.
     """
 
     file: WorldFile
@@ -140,7 +139,6 @@ class LaunchContext:
     lifeline: tuple[int, int] = field(init=False)
     shared: bool = False
     endpoint: str = ""
-    hubs: dict[str, str] = field(default_factory=dict[str, str])
 
     def __post_init__(self) -> None:
         self.pipes, self.lifeline = self.machine.pipes(), self.machine.lifeline()

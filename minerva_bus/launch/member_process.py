@@ -8,8 +8,6 @@ from minerva_bus.frame.member import Unready
 from minerva_bus.launch.forking import UNREADY
 from minerva_bus.launch.pipes import ReportPipe
 from minerva_bus.launch.profiling import Profiling, profile_path, sampled
-from minerva_bus.launch.regions.layout import RegionSpec
-from minerva_bus.launch.regions.process import RegionProcess
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.member import MemberProcess
@@ -30,9 +28,9 @@ class MemberStart:
 def run_member(start: MemberStart, reports: ReportPipe) -> int:
     """Run members of a world to its end; returns the exit code.
 
-    It sends `reports` if one cannot take part, and a region about its hosts.
+    It reports if one cannot take part.
     """
-    process = _process(start, reports)
+    process = _process(start)
     try:
         named = start.profiling.member in {member.name for member in start.members}
         path = profile_path(start.world, start.profiling.member)
@@ -43,14 +41,10 @@ def run_member(start: MemberStart, reports: ReportPipe) -> int:
         return UNREADY
 
 
-def _process(start: MemberStart, reports: ReportPipe) -> MemberProcess:
-    first = start.members[0]
-
+def _process(start: MemberStart) -> MemberProcess:
     def log(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
-    if isinstance(first, RegionSpec):
-        return RegionProcess(first, start.endpoint, log, shared=start.shared, reports=reports)
     # With STARTED_HERE members wait for their greetings without limit: the launcher takes into
     # account how many processes start at the same time, and kills late ones.
     return MemberProcess(

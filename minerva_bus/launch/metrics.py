@@ -107,9 +107,6 @@ def _members(status: WorldStatus) -> Iterator[Metric]:
     text = "Mean time that a frame waits for a member's answers."
     waits = [((m.name,), m.wait / 1e6) for m in members]  # The status has µs.
     yield _family(GaugeMetricFamily, world, "member_wait_seconds", text, waits, ("member",))
-    text = "Agents that a host of a region evolves."
-    agents = [((m.name,), count) for m in members if (count := _agents(m)) is not None]
-    yield _family(GaugeMetricFamily, world, "member_agents", text, agents, ("member",))
     refused = [((who,), count) for who, count in sorted(status.refused.items())]
     yield _counter(world, "refused", "Refused messages and connections.", refused, "who")
     for name, text, samples in (
@@ -118,13 +115,6 @@ def _members(status: WorldStatus) -> Iterator[Metric]:
         ("restarts", "Times that a member has joined again.", [_restarts(m) for m in members]),
     ):
         yield _counter(world, name, text, samples, "member")
-
-
-def _agents(member: MemberStatus) -> int | None:
-    """The number of agents of a host of a region; None for other members."""
-    count = member.figures.get("agents")
-    # A service may report any figure.
-    return count if "agents" in member.roles and type(count) is int else None
 
 
 def _dropped(member: MemberStatus) -> tuple[tuple[str], float]:

@@ -86,11 +86,8 @@ class ProcessLog:
         for line in text.split("\n"):
             self._command(f"log {level} {name} {line[:MAX_LINE_LENGTH]}")
 
-    def reported(self, name: str, text: str, details: str, *, keep: bool = False) -> None:
-        """Show a line that a coordinator has logged about a member, unless it is known.
-
-        `keep`: that of the world does not have it yet.
-        """
+    def reported(self, name: str, text: str, details: str) -> None:
+        """Show a line that the coordinator has logged about a member, unless it is known."""
         if name in self.failures.explained and GONE.match(text):
             return  # The reason and the line about its restart say more.
         if FAILURE_REPORT.match(text):
@@ -98,8 +95,6 @@ class ProcessLog:
         if text:
             self._console.log(name, text, "warning")
         self._console.details(name, details)
-        if keep:
-            self.keep(name, "\n".join(filter(None, (text, details))), "warning")
 
     def blocked(self, name: str, stacks: Sequence[str], waited: float) -> str:
         """Log that a process does not respond, with the line of user code that it executes.

@@ -11,7 +11,6 @@ from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.pipes import CLOSED, LineReader, parse_report
 from minerva_bus.launch.process_log import ProcessLog
-from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.shared_processes import SERVICES, by_process
 from minerva_bus.launch.starting import STARTS_PER_CORE, StartQueue
 from minerva_bus.launch.traces import STACK_SIGNAL, is_stack
@@ -211,12 +210,10 @@ class ProcessTable:
         if name is None:
             return None
         process, context = self._processes[name], self._context
-        world, spec = context.file.world.name, process.spec
-        endpoint = context.hubs[spec.hub] if spec.hub else context.endpoint
-        if isinstance(spec, RegionSpec):  # Its hosts reconnect to their previous endpoint.
-            spec = replace(spec, hosts_at=context.hubs.get(name, spec.hosts_at))
-        members = (spec, *process.members[1:])
-        start = MemberStart(name, members, world, endpoint, context.shared, context.profiling)
+        world, endpoint = context.file.world.name, context.endpoint
+        start = MemberStart(
+            name, process.members, world, endpoint, context.shared, context.profiling
+        )
         child = self._machine.start_member(start, context.lifeline[0])
         process.started(child)
         process.output = LineReader(

@@ -17,8 +17,6 @@ from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.processes import check_hosts, check_members, read_patience, read_processes
-from minerva_bus.launch.regions.settings import read_hosts, read_regions
-from minerva_bus.launch.regions.unsupported import check_regions
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
@@ -33,7 +31,7 @@ MAX_BYTES: Final = 16 << 20
 
 TABLES: Final = (
     *("world", "options", "choices", "process", "norm", "bus"),
-    *("limits", "placement", "metrics", "log", "collect", "regions"),
+    *("limits", "placement", "metrics", "log", "collect"),
 )
 
 
@@ -98,7 +96,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     completed_by = top.table("world").get("defaults", TEXT, "")
     # Options come first, because the other tables may refer to them as `${name}`.
     options = read_options(top, path, overrides.options, completed_by)
-    for name in ("world", "process", "bus", "norm", "collect", "regions"):
+    for name in ("world", "process", "bus", "norm", "collect"):
         if name in top:
             top.put(name, filled(top.data[name], options, path))
     # Before the description, which compares the agents of processes with the vocabulary.
@@ -114,9 +112,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     watch = top.read(WatchSettings)
     collect = read_collecting(top, world.vocabulary)
-    partition, lag = read_regions(top, path)
-    hosts = read_hosts(top, processes)
-    for name in ("world", "bus", "limits", "metrics", "log", "collect", "regions"):
+    for name in ("world", "bus", "limits", "metrics", "log", "collect"):
         # Every reader has taken its keys, so the remaining ones are unknown.
         top.table(name).done()
     # The views of the command line are in no table.
@@ -125,7 +121,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     check_hosts(processes, world.policy, path)
     file = WorldFile(
         path,
-        replace(world, norms=norms, lag=lag),
+        replace(world, norms=norms),
         settings.rate,
         processes,
         bus,
@@ -137,10 +133,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         text,
         watch,
         collect,
-        partition,
-        hosts,
     )
-    check_regions(file, members)
     file = distributed(file, members)
     file = replace(file, notes=(*file.notes, *unplaced(file)))
     interactive = any(each.service is not None and each.service.interactive for each in members)

@@ -15,7 +15,6 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.event_sources import AGENTS
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent, Events
@@ -26,7 +25,6 @@ from minerva_bus.log.reader import Record
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.world.kinds import Kinds
-from minerva_bus.world.order import collect
 
 SIDES: Final = ("the record", "this run")
 RECORDED: Final = "~record"
@@ -124,11 +122,7 @@ class Rerun:
             return
         events = frame.events, notice.events
         if same_events(*events) and cursor.checkpoint is not None:
-            sent = cursor.checkpoint.emitted, self.algorithm.checkpoint.emitted
-            # In the order of a frame's collection: regions have another one before it.
-            order = self._record.description.world.order
-            first, second = (collect(order, {AGENTS: each}) for each in sent)
-            events = first, second
+            events = cursor.checkpoint.emitted, self.algorithm.checkpoint.emitted
         # Events that agents emit reach the string in the next frame only; comparing them finds the
         # cause a frame earlier.
         same = scene.digest == frame.digest

@@ -18,7 +18,6 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import HALTED, Checkpoint
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import GIVEN_UP
-from minerva_bus.frame.lag import HOMES
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
@@ -115,7 +114,7 @@ def no_frame(record: Record) -> MisuseError:
 
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
     """Messages about saved data of members that are not in the world file."""
-    own = {SOURCE, GIVEN_UP, HALTED, HOMES, *(process.name for process in file.processes)}
+    own = {SOURCE, GIVEN_UP, HALTED, *(process.name for process in file.processes)}
     for name in sorted(checkpoint.saved.keys() - own):
         yield f"what {name} has saved waits for a member of this name: no process has it"
 

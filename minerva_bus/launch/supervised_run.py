@@ -60,6 +60,6 @@ class SupervisedRun:
         self.ending.deadline = self.machine.monotonic() + STOP_SECONDS
 
     def abandon(self, process: SupervisedProcess) -> None:
-        """Tell the coordinator that a process will not be started again; it knows no hosts."""
-        for name in [] if process.spec.hub else process.names:
+        """Tell the coordinator that a process will not be started again."""
+        for name in process.names:
             self.coordinator.command(f"abandoned {name}")

@@ -24,9 +24,8 @@ from minerva_bus.launch.process_log import ProcessLog
 from minerva_bus.launch.process_table import ProcessTable
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.recording import check_record
-from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.registry import WorldLock
-from minerva_bus.launch.stopped import STOPPED_SECONDS, StoppedChildren
+from minerva_bus.launch.stopped import STOPPED_SECONDS, StoppedCoordinator
 from minerva_bus.launch.succession import Succession
 from minerva_bus.launch.summary import RunSummary, Startup
 from minerva_bus.launch.supervised_run import SupervisedRun
@@ -70,7 +69,7 @@ class Supervisor:
         self._run = SupervisedRun(context, console, startup, Ending(), succession, log, processes)
         self._reports = CoordinatorReports(self._run)
         self._exits = ProcessExits(self._run, self._reports)
-        self._stopped = StoppedChildren(machine)
+        self._stopped = StoppedCoordinator(machine)
 
     def run(self) -> RunSummary:
         """Run the world to its end. Raises BusError and MisuseError if it cannot begin."""
@@ -161,19 +160,13 @@ class Supervisor:
             self.kill_all()
 
     def _kill_stopped(self, now: float) -> None:
-        """Kill a coordinator or region that a signal has stopped, because others wait for it."""
+        """Kill a coordinator that a signal has stopped, because all members wait for it."""
         run = self._run
-        children = {
-            process.child.pid: process.name
-            for process in run.processes
-            if process.child is not None and isinstance(process.spec, RegionSpec)
-        }
-        if run.coordinator.child is not None:
-            children[run.coordinator.child.pid] = COORDINATOR
-        for pid in self._stopped.given_up(children, now):
+        child = run.coordinator.child
+        if child is not None and self._stopped.is_given_up(child.pid, now):
             text = f"stopped by a signal for {duration(STOPPED_SECONDS)}: killing it"
-            run.console.log(children[pid], text, "warning")
-            run.machine.kill(pid)
+            run.console.log(COORDINATOR, text, "warning")
+            run.machine.kill(child.pid)
 
     def patience(self) -> float:
         """Seconds until the next deadline, at most 1 s."""
@@ -190,9 +183,8 @@ class Supervisor:
         if run.ending.begun:
             run.processes.queue.clear()
         while (process := run.processes.start_next()) is not None:
-            if not process.spec.hub:  # A host joins its region.
-                for name in process.names:
-                    run.coordinator.command(f"started {name}")
+            for name in process.names:
+                run.coordinator.command(f"started {name}")
 
     # --- stopping ---
 

@@ -14,8 +14,6 @@ from minerva_bus.launch.worldfile import Process, WorldFile
 
 def unplaced(file: WorldFile) -> list[str]:
     """A warning for each rule that keeps agents from all processes of the file."""
-    if file.partition is not None:  # The hosts of regions have other names.
-        return []
     rules = file.world.placement.rules
     return [
         f"placement.{kind}: {problem}; {kind} does not evolve until one attaches"

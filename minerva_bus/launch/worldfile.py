@@ -23,7 +23,6 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.access import Access
 from minerva_bus.launch.collecting import Collecting
-from minerva_bus.regions.partition import Partition
 from minerva_bus.runtime.waiting import Deadlines, Patience
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.world.agent import Agent
@@ -39,7 +38,6 @@ class Process:
     in whose name a generator may send events. `table`: the name of its table in the
     world file, empty for a view of the command line. `automatic`: it stands for as many processes
     as `distribution` chooses. `shared`: it shares a process of the operating system with others.
-    `hub`: the region that it joins as a host of its agents; empty: it joins the world.
     """
 
     name: str
@@ -55,7 +53,6 @@ class Process:
     patience: Patience | None = None
     automatic: bool = False
     shared: bool = False
-    hub: str = ""
 
     def participant(self) -> Member:
         """The member that this process runs."""
@@ -68,8 +65,7 @@ class WorldFile:
     """A world file with the settings of the command line, checked.
 
     `patience` has the time-outs for all members; a process may have its own. `notes` are lines to
-    print at the start. `partition` has the regions as which `minerva run` runs the world, if any.
-    `hosts` are the tables of agents that then have processes of their own in each region.
+    print at the start.
     """
 
     path: Path
@@ -85,8 +81,6 @@ class WorldFile:
     text: str = ""
     watch: WatchSettings = field(default_factory=WatchSettings)
     collect: Collecting = field(default_factory=Collecting)
-    partition: Partition | None = None
-    hosts: tuple[str, ...] = ()
 
     @property
     def deadlines(self) -> Deadlines:

@@ -34,12 +34,6 @@ MODULE: Final = '`"module:function"`'
 MAX_PROCESSES: Final = 1000
 """Processes of one table [process.NAME]."""
 
-MAX_REGIONS: Final = 256
-"""Each region runs the world's generators, and sends a parcel to each other one."""
-
-MAX_LAG: Final = 1000
-"""Checkpoints have all events that wait, so a longer lag makes long records."""
-
 _world = partial(setting, "world")
 _bus = partial(setting, "bus")
 _process = partial(setting, "process.NAME")
@@ -433,87 +427,6 @@ class PlacementSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class RegionSettings:
-    """The table [regions]; docs/howto/regions.md explains it."""
-
-    count: int = setting(
-        "regions",
-        0,
-        "Run the world as this many regions, each a process; 0: with one coordinator.",
-        whole(0, MAX_REGIONS),
-        option="regions",
-        more="The string is the same. See [Run a world as regions](howto/regions.md).",
-        shown="0, or the cells of `grid` or `tree`",
-    )
-    grid: object = setting(
-        "regions",
-        None,
-        "Borders between regions, by one or two attributes of agents.",
-        TABLE,
-        form="`{ x = [8, 16], y = [7] }`",
-        shown="regions by id",
-    )
-    tree: object = setting(
-        "regions",
-        None,
-        "Rectangles that are split at a value of an attribute, any number of times.",
-        TABLE,
-        form="`{ x = 8, below = { y = 4 } }`",
-        shown="none",
-    )
-    balance: int = setting(
-        "regions",
-        0,
-        "Frames after which the borders of a grid or tree move, so that regions have about equally"
-        " many agents; 0: never.",
-        whole(0),
-    )
-    reach: str = setting(
-        "regions",
-        "everywhere",
-        "Which regions get the events without receivers of agents in other ones: all of them, or"
-        " those where the event's condition can hold.",
-        choice("everywhere", "condition"),
-    )
-    halo: bool = setting(
-        "regions",
-        False,
-        "Run services that look around agents, such as `neighbours`, and `physics` with its sensors"
-        " in each region of a grid or tree; otherwise they run in region 0.",
-        BOOLEAN,
-    )
-    hosts: tuple[str, ...] = setting(
-        "regions",
-        (),
-        "Tables `[process.NAME]` of agents that have processes of their own in each region, as"
-        " many as without regions; all other agents evolve in the processes of the regions.",
-        form='`["rabbits", "foxes"]`',
-        shown=" ",
-    )
-    lag: int = setting(
-        "regions",
-        0,
-        "Frames by which events of agents count later if they may cross a border between regions;"
-        " also without processes for the regions, as part of the world's meaning.",
-        whole(0, MAX_LAG),
-    )
-    move_every: int = setting(
-        "regions",
-        1,
-        "With a lag, agents move to other regions only before frames that are multiples of this, as"
-        " part of the world's meaning; between them, regions run up to `lag` frames ahead.",
-        whole(1, MAX_LAG),
-    )
-    function: str = setting(
-        "regions",
-        "",
-        "A function that takes the id and the attributes of an agent, and returns its region.",
-        form=MODULE,
-        shown="none",
-    )
-
-
 TABLES: Final = (
     WorldSettings,
     RecordSettings,
@@ -524,5 +437,4 @@ TABLES: Final = (
     NormSettings,
     PlacementSettings,
     CollectSettings,
-    RegionSettings,
 )

@@ -58,9 +58,7 @@ def issue(
     name: Annotated[str, typer.Argument(help="Name of the member or person.")],
     role: Annotated[
         list[str] | None,
-        typer.Option(
-            help="agent, generator, view, operator, region, coordinator or router; may be repeated."
-        ),
+        typer.Option(help="agent, generator, view, operator, coordinator or router; repeatable."),
     ] = None,
     dir: Dir = _HERE,
     kinds: Annotated[

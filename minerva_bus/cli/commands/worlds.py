@@ -37,7 +37,7 @@ def run(
             *("seed", "rate", "frames", "view", "set_", "name", "until", "compiled"),
             *("record", "record_topics", "flush", "durable", "journal", "collect", "into"),
             *("listen", "connect", "keys", "insecure", "coordinator_only"),
-            *("metrics", "log_format", "processes", "regions"),
+            *("metrics", "log_format", "processes"),
         ),
     ],
     options: RunOptions,
@@ -169,7 +169,6 @@ def graph(
 @grouped
 def attach(
     context: typer.Context,
-    overrides: Annotated[Overrides, Takes("regions")],
     spec: Annotated[
         str,
         typer.Argument(
@@ -177,31 +176,20 @@ def attach(
         ),
     ],
     join: JoinOptions,
-    process: Annotated[
-        str, typer.Option(help="Run this process or region of the world file SPEC.")
-    ] = "",
-    link: Annotated[
-        str, typer.Option(help="Endpoint where other regions reach this one: tls/HOST:PORT.")
-    ] = "",
-    listen: Annotated[
-        str, typer.Option(help="Endpoint where hosts of a region's agents join: tls/0.0.0.0:PORT.")
-    ] = "",
+    process: Annotated[str, typer.Option(help="Run this process of the world file SPEC.")] = "",
     standby: Annotated[
         bool, typer.Option("--standby", help="Wait, and take the place of the process if it goes.")
     ] = False,
 ) -> None:
-    """Attach agents, a service, a view or a region to a world.
+    """Attach agents, a service or a view to a world.
 
     It stays until Ctrl-C. Other options are passed to the service: `attach svg --every 5`. With
     --process they are options of the world: `attach robot --process physics --map house.yaml`.
-    A region needs their number and the options of the world: `attach meadow --process region-0
-    --regions 2`.
     """
-    from minerva_bus.cli.attaching import FromFile, attach_member
+    from minerva_bus.cli.attaching import attach_member
 
-    regions = overrides.values.get("regions")
-    part = FromFile(process, None if regions is None else int(regions), link, listen, standby)
-    raise typer.Exit(attach_member(spec, join, options_of(context.args), part))
+    options = options_of(context.args)
+    raise typer.Exit(attach_member(spec, join, options, process, standby=standby))
 
 
 @examples(

@@ -1,1 +1,0 @@
-"""Runs a world as regions: settings, member processes, journals, and terms that all share."""
