@@ -5,9 +5,8 @@
 
 The number is that of the next frame. The data saved by members (msgpack in bytes) and the agents
 that reached `until` are changes since the previous checkpoint; a `whole` one contains everything.
-The events wait for the frame: those of agents, then those of other sources; the source `#N` has
-those of agents that wait for frame N. If a frame has no checkpoint, nothing changed and no events
-wait.
+The events wait for the frame: those of agents, then those of other sources. If a frame has no
+checkpoint, nothing changed and no events wait.
 """
 
 from __future__ import annotations

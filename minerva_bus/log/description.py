@@ -16,7 +16,6 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.errors import RecordError
-from minerva_bus.log.lag import plain_lag, read_lag
 from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import (
     as_int,
@@ -96,7 +95,6 @@ def encode_description(description: Description, *, string: bool = True) -> byte
         "expected": sorted(world.expected),
         "speaks_for": {name: list(kinds) for name, kinds in world.speaks_for.items()},
         "norms": [plain_norm(norm) for norm in world.norms],
-        "lag": plain_lag(world.lag),
         "file": description.file,
         "rate": description.rate,
         "options": dict(description.options),
@@ -130,6 +128,11 @@ def decode_description(data: bytes) -> tuple[Description, bool]:
 
 
 def _description(plain: Mapping[str, Any]) -> Description:
+    if plain.get("lag") is not None:
+        raise RecordError(
+            "its world has regions with a lag, which version 0.6 has removed: read it with version"
+            " 0.5"
+        )
     vocabulary = read_vocabulary(plain["vocabulary"])
     reader = Reader(vocabulary, ON_DISK)
     world = World(
@@ -145,7 +148,6 @@ def _description(plain: Mapping[str, Any]) -> Description:
         give_up=as_text(plain["give_up"], "give_up"),
         expected=frozenset(as_texts(plain["expected"], "expected")),
         norms=read_norms(plain["norms"], reader),
-        lag=read_lag(plain["lag"]),
         speaks_for={
             name: as_texts(kinds, "speaks_for")
             for name, kinds in as_map(plain["speaks_for"], "speaks_for").items()

@@ -27,9 +27,8 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint, entry_items
-from minerva_bus.regions.part import PartCodec
 from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.limits import ON_DISK, Limits
+from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import (
     as_bytes,
     as_int,
@@ -84,10 +83,7 @@ def encode_inputs(inputs: FrameInputs) -> bytes:
         if reply.events or reply.saved is not None
     ]
     # In an in-process run messages are objects, so there are no received bytes.
-    replies = [
-        [reply.member, reply.received or encode(reply)]
-        for reply in (*inputs.replies, *inputs.reports)
-    ]
+    replies = [[reply.member, reply.received or encode(reply)] for reply in inputs.replies]
     taken, waiting = plain_by_source(inputs.taken), plain_by_source(inputs.waiting)
     head = ["inputs", inputs.frame, inputs.due, ticked, taken, inputs.layout]
     return pack([*head, replies, waiting, inputs.people, inputs.answers, inputs.left_out])
@@ -141,7 +137,6 @@ class EntryDecoder:
         """The inputs of a frame."""
         items = entry_items(data, 11, "inputs")
         number, due, ticked, taken, layout, replies, waiting, people, answers, left_out = items
-        results = self._received(replies, "replies")
         return FrameInputs(
             _number(number),
             as_texts(due, "event types"),
@@ -152,12 +147,15 @@ class EntryDecoder:
             },
             self.events(taken),
             _layout(layout),
-            [reply for reply in results if isinstance(reply, m.EvolveReply)],
+            [
+                reply
+                for reply in self._received(replies, "replies")
+                if isinstance(reply, m.EvolveReply)
+            ],
             self.events(waiting),
             as_texts(people, "sources"),
             tuple(as_int(count, "replies") for count in as_list(answers, "counts of replies")),
             as_texts(left_out, "fragments"),
-            tuple(reply for reply in results if isinstance(reply, m.TickReply)),
         )
 
     def _received(self, plain: Any, what: str) -> list[m.FromMember]:
@@ -171,13 +169,6 @@ class EntryDecoder:
         return {
             source: self.reader.events(sent) for source, sent in as_map(plain, "events").items()
         }
-
-
-def part_codec(vocabulary: Vocabulary, limits: Limits) -> PartCodec:
-    """Coding of the reports of regions; `limits` are those of messages."""
-    saved = Decoder(vocabulary, ON_DISK).part
-    inputs = EntryDecoder(vocabulary).inputs
-    return PartCodec(encode, Decoder(vocabulary, limits).part, saved, inputs)
 
 
 def entry_number(data: bytes) -> int:

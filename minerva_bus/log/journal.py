@@ -21,7 +21,6 @@ import os
 import struct
 import zlib
 from collections.abc import Iterable
-from dataclasses import replace
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any, Final
@@ -171,17 +170,14 @@ class Journal:
         self._put(self._encoded_state())
         if self._description:
             self._put(self._description)
-        # The checkpoint has the events that wait for the next frame, but not those for later ones.
-        waiting = plain_by_source(algorithm.ordered)
-        self._noted["waiting"] = [waiting]
-        for name in ("members", "pace", *(["waiting"] if waiting else [])):
+        # Waiting events are part of the checkpoint.
+        for name in ("members", "pace"):
             self._put(pack([name, *self._noted[name]]))
 
     def _encoded_state(self) -> bytes:
         algorithm = self._algorithm
         checkpoint = algorithm.checkpoint
-        saved = {**checkpoint.saved, **algorithm.source.journaled()}
-        kept = Kept.of(replace(checkpoint, saved=saved))
+        kept = Kept.of(checkpoint)
         return encode_keyframe(algorithm.frame, algorithm.scene, kept, algorithm.shown)
 
     def _put(self, data: bytes) -> None:
@@ -209,5 +205,4 @@ class Journal:
 def key_of(world: World) -> bytes:
     """Digest of the properties that a world must share with a journal's to continue it."""
     rules = [world.seed, world.dt, list(world.order.types), world.policy.value]
-    rules += [] if world.lag is None else [repr(world.lag)]
     return blake2b(pack([plain_vocabulary(world.vocabulary), *rules]), digest_size=16).digest()

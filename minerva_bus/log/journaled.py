@@ -221,6 +221,6 @@ def resume_from(
             if isinstance(instruction, s.FrameDone):
                 watch(instruction)
     if journaled.waiting is not None:
-        algorithm.source.wait_with(journaled.waiting)
+        algorithm.inbox.replace(journaled.waiting)
     # Guests keep their sessions and reconnect by themselves.
     algorithm.expect(journaled.members)

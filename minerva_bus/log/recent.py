@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
-from minerva_bus.frame.live import FrameSource
 from minerva_bus.log.checkpoints import Kept
-from minerva_bus.log.entries import part_codec
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journaled import read_described, resume_from
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
-from minerva_bus.regions.whole import PARTS, WholeSource
-from minerva_bus.wire.limits import ON_DISK
-from minerva_bus.world.kinds import kinds_of
-
-
-def _source_of(world: World) -> Callable[[FrameAlgorithm], FrameSource] | None:
-    """The source of a journal's frames: the reports of its regions, or None for its members."""
-    parts = world.past.saved.get(PARTS)
-    if parts is None:
-        return None
-    codec = part_codec(world.vocabulary, ON_DISK)
-    return partial(WholeSource, names=list(parts), kinds=kinds_of(()), codec=codec)
 
 
 @contextmanager
@@ -51,7 +35,7 @@ def recent_record(journal: Path, folder: Path, begin: int = 0) -> Generator[Reco
         raise RecordError(f"{journal}: no frame has ended since it was begun; try again")
     description = replace(described, world=journaled.world, frame=journaled.keyframe.number)
     path = folder / f"{description.world.name}.mcap"
-    algorithm = FrameAlgorithm(journaled.world, _source_of(journaled.world))
+    algorithm = FrameAlgorithm(journaled.world)
     with path.open("wb") as stream:
         writer = RecordWriter(stream, description)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
-from minerva_bus.frame.event_sources import AGENTS, is_people, postponed_to
+from minerva_bus.frame.event_sources import is_people
 from minerva_bus.frame.norms import Norms
 from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
@@ -23,7 +23,7 @@ def rejected_events(world: World, past: PastFrame, name: str) -> Iterator[str]:
     types = {event_type for norm in norms for event_type in norm.on}
     kept = {each: _of_type(past, each) for each in types}
     composition: Composition | None = None
-    for source, events in (*sorted(sources_of(past).items()), (AGENTS, _later(world, past))):
+    for source, events in sorted(sources_of(past).items()):
         for event in single(each for each in events if each.type in types):
             concerned = name == event.sender or not event.receivers or name in event.receivers
             if not concerned or any(event == other for other in single(kept[event.type])):
@@ -39,14 +39,6 @@ def rejected_events(world: World, past: PastFrame, name: str) -> Iterator[str]:
                         whom = person_behind(source, past.frame.number).text
                     yield f"{_begin(past, norm)} {short(str(event))}, sent by {whom}"
                     break
-
-
-def _later(world: World, past: PastFrame) -> Sequence[AnyEvent]:
-    """Events that agents had sent for a later frame, and that norms judged in this one."""
-    if world.lag is None or past.checkpoint is None:
-        return ()
-    source = postponed_to(past.frame.number + world.lag.frames)
-    return past.checkpoint.inbox.get(source, ())
 
 
 def rejected_step(world: World, past: PastFrame, name: str, result: Scene) -> str:

@@ -11,7 +11,6 @@ from minerva_bus.frame.event_sources import (
     is_people,
     name_of,
     person_of,
-    postponed_to,
 )
 from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.digest import same_values
@@ -30,10 +29,8 @@ def sources_of(past: PastFrame) -> dict[str, list[AnyEvent]]:
         for source, events in inputs.taken.items():
             if not is_handed_over(source):
                 sent.setdefault(source, []).extend(events)
-    if past.checkpoint is not None:
-        due = past.checkpoint.inbox.get(postponed_to(past.checkpoint.frame), ())
-        if events := [*due, *past.checkpoint.emitted]:
-            sent[AGENTS] = events
+    if past.checkpoint is not None and past.checkpoint.emitted:
+        sent[AGENTS] = list(past.checkpoint.emitted)
     return sent
 
 
@@ -53,21 +50,11 @@ def source_of(
         order, person = _order_before(event, frames, number)
         return EventSource("generator", source, number, order, person)
     if event.sender:
-        return EventSource("agent", event.sender, _sent_in(event, frames, number))
+        return EventSource("agent", event.sender, number - 1)
     sanctions = {norm.sanction.type for norm in norms if norm.sanction is not None}
     if event.type in sanctions or (norms and event.type == REFUSED):
         return EventSource("norm", str(event.data.get("norm", "")), number - 1)
     return EventSource("generator" if not sent else "unknown", "", number)
-
-
-def _sent_in(event: Event, frames: Mapping[int, PastFrame], number: int) -> int:
-    """The frame in which an agent has sent an event of frame `number`; a lag postpones some."""
-    sent = number - 1
-    while (past := frames.get(sent)) is not None and past.checkpoint is not None:
-        if not _has(past.checkpoint.inbox.get(postponed_to(number), ()), event):
-            break
-        sent -= 1
-    return sent
 
 
 def person_behind(source: str, number: int) -> EventSource:

@@ -32,15 +32,13 @@ NO_NAME: Final = "a member's name has up to 64 letters, digits and _ . ~ -"
 class Security:
     """Security of a world: its credentials, the known certificates and the local endpoint.
 
-    `stamp` changes when `rights` have to be read again; both may raise KeysError. `unknown` says of
-    a certificate why it has no rights.
+    `stamp` changes when `rights` have to be read again; both may raise KeysError.
     """
 
     own: Credentials
     local: str
     rights: Callable[[], Mapping[str, Rights]]
     stamp: Callable[[], object]
-    unknown: str = "that was issued after the world began; it is valid from the next start on"
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,10 +150,12 @@ class Admission:
         # TLS accepts every certificate of the authority, but Zenoh's rules do not mention this one.
         # The member would be connected and receive nothing, without knowing why.
         if name not in self._known:
-            security = self._where.security
-            unknown = "" if security is None else security.unknown
             self.rules.count(name)
-            self._say_once(name, f"connected from {linked.address} with a certificate {unknown}")
+            self._say_once(
+                name,
+                f"connected from {linked.address} with a certificate that was issued after the"
+                " world began; it is valid from the next start on",
+            )
         elif self._rights[name].revoked:
             self._cut(linked)
 

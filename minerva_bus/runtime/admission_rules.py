@@ -16,7 +16,6 @@ from minerva_bus.security.credentials import (
     AGENT,
     GENERATOR,
     OPERATOR,
-    REGION,
     VIEW,
     Rights,
     rights_of,
@@ -185,9 +184,7 @@ class AdmissionRules:
             return ""
         if own.revoked:
             return self.shut_out(hello.member)
-        makes = hello.generates or hello.publishes or hello.orders
-        # A region is in step, and generates nothing itself.
-        makes = makes or (hello.ticks and not own.may(REGION))
+        makes = hello.generates or hello.publishes or hello.orders or hello.ticks
         kinds = [kind.name for kind in hello.kinds]
         faces = ((AGENT, kinds), (GENERATOR, makes), (VIEW, hello.draws))
         for role, shown in faces:

@@ -29,7 +29,6 @@ from minerva_bus.errors import MinervaError, ProtocolError, nearest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.fragments import PART
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.regions.hosts import hosts_in
 from minerva_bus.runtime.operated import Command, Operated, person_of
 from minerva_bus.runtime.publishing import order, publish
 from minerva_bus.runtime.world_status import status_of
@@ -152,9 +151,7 @@ def _accepted(refused: str) -> dict[str, Any]:
 def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) -> str:
     """The name of a process of the world file. Raises ProtocolError."""
     member = as_text(asked.get("member"), "the member")
-    members = running.algorithm.members
-    expected = {entry.name: entry.expected for entry in members}
-    expected |= {host.name: host.expected for host in hosts_in(members)}
+    expected = {entry.name: entry.expected for entry in running.algorithm.members}
     if member not in expected:
         hint = nearest(member, list(expected), f"there are {', '.join(expected)}")
         raise ProtocolError(f"there is no member {member[:64]!r}{hint}")
@@ -165,11 +162,6 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
 
 def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member, offers = as_text(asked.get("member"), "the member"), running.algorithm.offers()
-    if of_regions := [host.name for host in hosts_in(running.algorithm.members)]:
-        raise ProtocolError(
-            f"hosts of regions ({', '.join(of_regions)}) are not drained: end one that has attached"
-            " where it runs (Ctrl-C or SIGTERM), and its agents move to others"
-        )
     if member not in offers:
         hosts = ", ".join(offers) or "none"
         raise ProtocolError(f"{member[:64]!r} hosts no agents now; hosts are {hosts}")

@@ -20,7 +20,6 @@ from minerva_bus.frame.description import World
 from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.control import COMMANDS
-from minerva_bus.runtime.direct import DirectTransport, JointTransport
 from minerva_bus.runtime.inbox import HubInbox, Question, TimerTick
 from minerva_bus.runtime.large import Decoded
 from minerva_bus.runtime.links import Linked
@@ -72,8 +71,6 @@ class Coordinator(Sink):
         keep: Whether to measure every frame for a profile.
         commands: Questions that operators may ask, by name.
         sinks: Further sinks of the runner.
-        direct: Members in this process, beside those on the bus.
-        inbox: Passes what arrives to another loop, which calls `take`; by default `life` does.
         system: Clock, threads and sessions.
 
     """
@@ -93,15 +90,13 @@ class Coordinator(Sink):
         keep: bool = False,
         commands: Mapping[str, Command] = COMMANDS,
         sinks: Iterable[Sink | Callable[[Notice], None]] = (),
-        direct: DirectTransport | None = None,
-        inbox: HubInbox | None = None,
         system: System = REAL,
     ) -> None:
         algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
         algorithm.inbox.max_single_events = limits.single_events
         keys, clock = Keys(world.name), system.monotonic
         self.system, self.watchers = system, watchers
-        self.inbox = HubInbox(STATUS_EVERY, system) if inbox is None else inbox
+        self.inbox = HubInbox(STATUS_EVERY, system)
         self.metrics = Metrics(algorithm, clock, keep)
         self.log = log = WorldLog(algorithm, watchers.said, system, self.metrics)
         self.admission = Admission(keys, limits, where or ListenConfig(), log.warn, system)
@@ -109,8 +104,7 @@ class Coordinator(Sink):
         self.transport = ZenohTransport(keys, epoch, self.metrics, clock, self._note_sent)
         self.status = StatusMeter(algorithm, self.schedule.pace, clock())
         own = (self.schedule, self.metrics, log, self.status, self)
-        joint = self.transport if direct is None else JointTransport(direct, self.transport)
-        self.runner = Runner(algorithm, joint, [*own, *sinks])
+        self.runner = Runner(algorithm, self.transport, [*own, *sinks])
         self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
         self._postponed = receiver.postponed
@@ -118,10 +112,6 @@ class Coordinator(Sink):
             self._operated(), self.admission, limits, watchers.operated, system, commands
         )
         self._handlers = self._handlers_with(receiver)
-
-    def outlook(self, member: str) -> str:
-        """What the world does if a frame waits for a member any longer, and when."""
-        return self._monitor.outlook(member)
 
     def _operated(self) -> Operated:
         """What operators may ask for."""
@@ -137,7 +127,7 @@ class Coordinator(Sink):
             watchers.restart,
             watchers.stack,
             watchers.collected,
-            self.outlook,
+            self._monitor.outlook,
             watchers.files,
             self._note_operation,
         )
@@ -176,7 +166,7 @@ class Coordinator(Sink):
     def life(self) -> Generator[None, None, s.Ended]:
         """`run` as a generator that yields after each iteration, for simulations."""
         with self.admission.session(self.inbox.put) as (session, endpoint):
-            declared = self.declare(session)
+            declared = self._declare(session)
             self.watchers.listening(endpoint)
             # Opening the session takes time that must not count as a slow frame.
             self.status.at = self.system.monotonic()
@@ -194,13 +184,6 @@ class Coordinator(Sink):
         """Handle a stimulus, or another item of the inbox; from the main thread only."""
         self._handlers.get(item.__class__, self.runner.handle)(item)
 
-    def take(self, item: Any) -> None:
-        """Handle an item of the inbox, and what otherwise waits until nothing else has arrived."""
-        self.handle(item)
-        while self._postponed:
-            self._postponed.process_next()
-        self._answers.answer_due()
-
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         """Answer a question from another thread. Raises BusError, as a client does."""
         asked = LocalQuestion({"ask": question, **details})
@@ -213,8 +196,7 @@ class Coordinator(Sink):
             raise BusError(str(reply["error"]))
         return reply
 
-    def declare(self, session: zenoh.Session) -> list[Any]:
-        """Begin to receive over a session; returns the declarations to undeclare at the end."""
+    def _declare(self, session: zenoh.Session) -> list[Any]:
         handler, keys, epoch = self.inbox.handler, self.keys, self.transport.epoch
         liveliness = session.liveliness()
         admit = self._answers.admit
@@ -323,10 +305,6 @@ class Coordinator(Sink):
     def _note_operation(self, operation: PersonOperation) -> None:
         self.log.operated(operation)
         self.watchers.noted(operation)
-
-    def fixed(self, notice: s.Fixed) -> None:
-        """Write the outside events of a frame into the journal, before regions have them."""
-        self.watchers.operated()
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Pass a frame to the launcher, and to observers of the world."""

@@ -35,22 +35,6 @@ def check_reachable(endpoint: Endpoint, patience: float) -> None:
         return
 
 
-def refuses(endpoint: Endpoint, patience: float) -> bool:
-    """Whether a machine answers that no process listens at an endpoint.
-
-    A machine that is off or out of reach does not answer; this blocks for up to `patience` seconds.
-    """
-    if endpoint.path or endpoint.kind not in _PROBED:
-        return False
-    try:
-        socket.create_connection((endpoint.host, endpoint.port), timeout=patience).close()
-    except ConnectionRefusedError:
-        return True
-    except (OSError, UnicodeError):
-        return False
-    return False
-
-
 def _connected(endpoint: Endpoint, patience: float) -> socket.socket:
     text, host, port = endpoint.text, endpoint.host, endpoint.port
     try:

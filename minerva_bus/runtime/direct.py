@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from itertools import chain
 from typing import TypeAlias
 
 from minerva_bus.frame import messages as m
@@ -11,7 +10,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.overruns import Overruns
-from minerva_bus.runtime.runner import Notice, Runner, Sink, Transport
+from minerva_bus.runtime.runner import Notice, Runner, Sink
 
 Deliver: TypeAlias = Callable[
     [Member, m.ToMember | m.Readings], Iterable[m.FromMember | m.Readings]
@@ -123,25 +122,6 @@ class DirectTransport:
                     yield answer
 
 
-class JointTransport:
-    """Delivers to members in this process, and by another transport to the hosts elsewhere."""
-
-    def __init__(self, direct: DirectTransport, elsewhere: Transport) -> None:
-        self._direct = direct
-        self._elsewhere = elsewhere
-
-    def send(self, to: str, message: m.ToMember) -> Iterable[s.Stimulus]:
-        """Deliver a message; those elsewhere have it while the members of this process answer."""
-        if to in self._direct.members:
-            return self._direct.send(to, message)
-        answers = self._elsewhere.send(to, message)
-        return chain(answers, self._direct.send(to, message))
-
-    def show(self, event_type: str, message: m.ToMember, to: str) -> Iterable[s.Stimulus]:
-        """Deliver a view to its observers, which are all in this process."""
-        return self._direct.show(event_type, message, to)
-
-
 class InProcessRunner(Runner):
     """A runner whose members are all in this process."""
 
@@ -160,10 +140,6 @@ class InProcessRunner(Runner):
         """Let all members join, in the order of their names."""
         for name in sorted(self.direct.members):
             self.handle(s.Appeared(name))
-
-    def outlook(self, member: str) -> str:
-        """Nothing: a member in this process has no time-out."""
-        return ""
 
     def publish(self, readings: m.Readings) -> None:
         """Deliver the readings of a free-running publisher."""

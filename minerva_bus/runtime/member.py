@@ -296,14 +296,11 @@ class MemberProcess:
             participant.leave()
         return False
 
-    def _described(self, error: Exception) -> str:
-        return report(error)
-
     def _report_failure(self, error: Exception) -> int:
         """Report that user code raised; returns the exit code."""
         self.failure = error
         member, link = self._running.member, self._running.link
-        link.send(m.Failed(member.name, member.frame, self._described(error), whole(error)))
+        link.send(m.Failed(member.name, member.frame, report(error), whole(error)))
         # UserCodeError wraps the exception of the user's code, which is its cause.
         outside = isinstance(error.__cause__ or error, OSError)
         return RAISED_BY_CHANCE if outside or member.frame < 0 else RAISED

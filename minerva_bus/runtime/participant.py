@@ -18,7 +18,6 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.arrival import Arrival, GreetingTimer, Ungreeted
 from minerva_bus.runtime.asking import AskingOperator, ask, question_key
 from minerva_bus.runtime.own_threads import Leave, OwnThreads, Published, Pulse, ReportFigures
-from minerva_bus.runtime.predecessor import Predecessor
 from minerva_bus.runtime.reconnect import CheckConnection, Diagnosed, ReconnectMonitor
 from minerva_bus.runtime.rejoin import ReclaimName, Rejoin
 from minerva_bus.runtime.system import System
@@ -150,8 +149,7 @@ class Participant:
         within = self._connect.arrival.named
         if self._connect.arrival.standby:
             self._notify(f"{self.member.name}: stands by until the member of this name has gone")
-            predecessor = Predecessor(self.member.name, self.link.keys, self._system)
-            yield from self._rejoin.stand_by(session, predecessor)
+            yield from self._rejoin.stand_by(session)
         yield from self._rejoin.name.until_free(session, self._system.monotonic, within)
 
     def subscriptions(self) -> list[str]:

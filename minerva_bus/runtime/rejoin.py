@@ -12,7 +12,6 @@ import zenoh
 
 from minerva_bus.errors import BusError
 from minerva_bus.runtime.name_claim import NameClaim
-from minerva_bus.runtime.predecessor import Predecessor
 from minerva_bus.runtime.reconnect import ReconnectMonitor
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.world_link import WorldLink
@@ -130,28 +129,22 @@ class Rejoin:
             self.name.release()
             self._link.lost()
 
-    def stand_by(self, session: zenoh.Session, predecessor: Predecessor) -> Iterator[None]:
+    def stand_by(self, session: zenoh.Session) -> Iterator[None]:
         """Wait until the member of this name has gone; yields before each further check.
 
-        A predecessor that is known to have ended does not return, so its name is taken at once; of
-        several that stand by, one takes it, and the others wait until that has gone. Raises
-        BusError if the world is unreachable for longer than a member waits for it.
+        Of several that stand by, one takes the name, and the others wait until that has gone.
+        Raises BusError if the world is unreachable for longer than a member waits for it.
         """
         clock, world = self._system.monotonic, self._link.keys.alive(COORDINATOR)
         present = free = clock()
-        has_ended = False
         while True:
             is_there = bool(list(session.liveliness().get(world, timeout=1.0)))
             # While a successor of the coordinator begins, no member has its name.
             if not is_there or self.name.is_taken(session):
-                free, has_ended = clock(), False
+                free = clock()
                 self.name.withdraw()
-                predecessor.note(session)
-            else:
-                has_ended = has_ended or predecessor.has_ended
-                due = free + (0.0 if has_ended else STANDBY_SECONDS)
-                if clock() >= due and self.name.is_ours(session):
-                    return
+            elif clock() >= free + STANDBY_SECONDS and self.name.is_ours(session):
+                return
             if is_there:
                 present = clock()
             elif clock() > present + self.monitor.patience:

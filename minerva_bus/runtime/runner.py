@@ -16,9 +16,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.runtime.memory import keep_freed_memory
 
-Notice: TypeAlias = (
-    s.Notify | s.OrderJudged | s.Fixed | s.Ready | s.FrameDone | s.Stopping | s.Ended
-)
+Notice: TypeAlias = s.Notify | s.OrderJudged | s.Ready | s.FrameDone | s.Stopping | s.Ended
 """Instructions that deliver nothing and go to the sinks."""
 
 Hook: TypeAlias = Callable[[s.Stimulus], None]
@@ -72,9 +70,6 @@ class Sink:
     def order_judged(self, notice: s.OrderJudged) -> None:
         """Called when an order of a person counts in a frame, or a norm rejects it."""
 
-    def fixed(self, notice: s.Fixed) -> None:
-        """Called before the outside events of a frame are sent to regions."""
-
     def ready(self, notice: s.Ready) -> None:
         """Called when the next frame may begin."""
 
@@ -88,7 +83,6 @@ class Sink:
 _METHODS: Final[Mapping[type[Notice], str]] = {
     s.Notify: "notify",
     s.OrderJudged: "order_judged",
-    s.Fixed: "fixed",
     s.Ready: "ready",
     s.FrameDone: "frame_done",
     s.Stopping: "stopping",

@@ -143,7 +143,7 @@ def open_hub(
         options["access_control"] = secured.access
         options["low_pass_filter"] = list(secured.filters)
     if routers:
-        options |= connecting(list(routers), CONNECT_SECONDS)
+        options |= _connecting(list(routers), CONNECT_SECONDS)
     try:
         # Zenoh reports a time-out only; this check names the reason.
         for router in routers:
@@ -155,18 +155,18 @@ def open_hub(
         for router in routers:
             why = why_unreachable(check_endpoint(router), own, CONNECT_SECONDS)
             raise BusError(f"no router can be joined: {why}") from None
-        raise BusError(f"cannot listen at {listen}: {brief(error)}") from None
+        raise BusError(f"cannot listen at {listen}: {_brief(error)}") from None
     let_dead_links_go(session, lease())
     if secured is not None:
         return session, secured.local
     return session, own_endpoint(listen, listening_at(session, listen))
 
 
-def listening_at(session: zenoh.Session, listen: str, mode: str = "router") -> str:
-    """The endpoint of a session in a mode, with the actual port instead of 0."""
+def listening_at(session: zenoh.Session, listen: str) -> str:
+    """The endpoint of a session, with the actual port instead of 0."""
     if not listen.endswith(":0"):
         return listen
-    for reply in session.get(f"@/{session.zid()}/{mode}", timeout=5.0):
+    for reply in session.get(f"@/{session.zid()}/router", timeout=5.0):
         if reply.ok is not None:
             locators: list[str] = json.loads(reply.ok.payload.to_string())["locators"]
             kind = listen.split("/", 1)[0]
@@ -199,7 +199,7 @@ def open_client(
     os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
     try:
         session = open_session(
-            session_config("client", name, connecting([connect], within) | _CLIENT, shared, own)
+            session_config("client", name, _connecting([connect], within) | _CLIENT, shared, own)
         )
     except zenoh.ZError:
         raise BusError(why_unreachable(asked, own, patience)) from None
@@ -248,7 +248,7 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
     return zenoh.open(config)
 
 
-def connecting(endpoints: list[str], within: float) -> dict[str, Any]:
+def _connecting(endpoints: list[str], within: float) -> dict[str, Any]:
     """Options of a session that tries for `within` seconds to reach endpoints."""
     return {
         "connect/endpoints": endpoints,
@@ -304,6 +304,6 @@ def session_config(
     return config
 
 
-def brief(error: Exception) -> str:
+def _brief(error: Exception) -> str:
     """The text of Zenoh's error without its place in Zenoh's source."""
     return str(error).split(" at ", 1)[0][:200]

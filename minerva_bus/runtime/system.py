@@ -16,7 +16,7 @@ from typing import Final, Protocol, TypeVar
 
 import zenoh
 
-from minerva_bus.runtime.diagnosis import obstacle, refuses
+from minerva_bus.runtime.diagnosis import obstacle
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.session import Secured, closed_in_time, open_client, open_hub
 from minerva_bus.security.credentials import Credentials
@@ -94,10 +94,6 @@ class System:
     def obstacle(self, endpoint: str, own: Credentials | None) -> str:
         """Reason why an endpoint is unreachable; blocks for DIAGNOSIS_SECONDS at most."""
         return obstacle(check_endpoint(endpoint), own, DIAGNOSIS_SECONDS)
-
-    def refuses(self, endpoint: str) -> bool:
-        """Whether a machine answers that nothing listens at an endpoint; blocks for 1 s at most."""
-        return refuses(check_endpoint(endpoint), 1.0)
 
 
 class _Repeated:

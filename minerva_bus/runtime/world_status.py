@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from minerva_bus.frame.member_states import MemberEntry
-from minerva_bus.regions.hosts import awaited, hosts_in, without_hosts
 from minerva_bus.runtime.operated import Operated
 from minerva_bus.world.operator import MemberStatus, WorldStatus
-
-if TYPE_CHECKING:
-    pass
 
 
 def status_of(running: Operated, since: int = 0) -> WorldStatus:
@@ -23,7 +18,7 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         for name in sorted(measured)
         if name.startswith("wait for ")
     }
-    waiting = tuple(awaited(algorithm.members, algorithm.waiting_for()))
+    waiting = tuple(algorithm.waiting_for())
     members = [_member(entry, waits.get(entry.name, 0.0)) for entry in algorithm.members]
     return WorldStatus(
         world=algorithm.world.name,
@@ -38,14 +33,11 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         waiting=waiting,
         # Measured a moment ago, when the frame may have waited for members that have answered.
         waited=running.status.waited if waiting else 0.0,
-        members=(
-            *hosts_in(algorithm.members),
-            *(
-                replace(member, outlook=running.outlook(member.name))
-                if member.name in waiting
-                else member
-                for member in members
-            ),
+        members=tuple(
+            replace(member, outlook=running.outlook(member.name))
+            if member.name in waiting
+            else member
+            for member in members
         ),
         events={name: count * hz for name, count in running.event_log.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
@@ -82,8 +74,5 @@ def _member(member: MemberEntry, wait: float) -> MemberStatus:
         expected=member.expected,
         joins=member.joins,
         wait=wait,
-        figures={
-            **without_hosts(member.figures),
-            **({"dropped": member.dropped} if member.dropped else {}),
-        },
+        figures={**member.figures, **({"dropped": member.dropped} if member.dropped else {})},
     )

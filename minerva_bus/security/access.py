@@ -16,21 +16,13 @@ from minerva_bus.security.credentials import (
     GENERATOR,
     HUB,
     OPERATOR,
-    REGION,
     ROUTER,
     SECURED,
     VIEW,
     Rights,
     family_start,
 )
-from minerva_bus.wire.keys import (
-    ANY_WORLD,
-    COORDINATOR,
-    Keys,
-    asking_key,
-    control_key,
-    name_of_region,
-)
+from minerva_bus.wire.keys import ANY_WORLD, COORDINATOR, Keys, asking_key, control_key
 
 _PUT: Final = ("put", "delete")
 _SUBSCRIBE: Final = ("declare_subscriber",)
@@ -75,7 +67,13 @@ def access_control(
             policies.append({"rules": [rule["id"] for rule in own], "subjects": [holder.name]})
     if open_to:
         policies.append({"rules": [_OPEN], "subjects": [subject["id"] for subject in open_to]})
-    return _denied_otherwise(rules, subjects, policies)
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
 
 
 def _rules(keys: Keys, holder: Rights) -> list[Rule]:
@@ -91,10 +89,6 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
     # that it is gone; the names of other members stay hidden.
     declared = [keys.alive(own), keys.claim(own)]
     tokens = [keys.alive(COORDINATOR), *declared]
-    if holder.may(REGION):
-        # Regions exchange the endpoints at which they receive parcels.
-        tokens.append(keys.link())
-        declared.append(keys.link(own))
     sent = [keys.sent_by("*"), f"{keys.base}/topic/*/*"]
     return [
         _rule(f"{name} publishes", (_IN,), _PUT, _sent(keys, holder, own)),
@@ -108,24 +102,6 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
         _rule(f"{name} asks", (_IN,), ("query",), asked),
         _rule(f"{name} receives answers", (_OUT,), ("reply",), asked),
     ]
-
-
-def region_access(keys: Keys, number: int, others: Iterable[int]) -> dict[str, Any]:
-    """Zenoh's `access_control` for the links of a region: others may send it their own parcels."""
-    own, rules, subjects, policies = number, list[Rule](), list[Any](), list[Any]()
-    for other in others:
-        name = name_of_region(other)
-        of_other = [
-            _rule(f"{name} sends", (_IN,), _PUT, [keys.parcel(other, own)]),
-            _rule(f"{name} is sent", (_OUT,), _PUT, [keys.parcel(own, other)]),
-            _rule(f"{name} subscribes", (_IN,), _SUBSCRIBE, [keys.parcel("*", other)]),
-            _rule(f"{name} is subscribed to", (_OUT,), _SUBSCRIBE, [keys.parcel("*", own)]),
-        ]
-        rules += of_other
-        subject = {"id": name, "cert_common_names": [name], "link_protocols": list(SECURED)}
-        subjects.append(subject)
-        policies.append({"rules": [rule["id"] for rule in of_other], "subjects": [name]})
-    return _denied_otherwise(rules, subjects, policies)
 
 
 def _own_chunk(holder: Rights) -> str:
@@ -143,26 +119,13 @@ def _sent(keys: Keys, holder: Rights, own: str) -> list[str]:
 def _received(keys: Keys, holder: Rights, own: str) -> list[str]:
     by_roles = (
         ((AGENT,), keys.evolve),
-        ((GENERATOR, REGION), keys.tick),
+        ((GENERATOR,), keys.tick),
         ((GENERATOR, VIEW), f"{keys.base}/topic/*/*"),
         ((VIEW,), keys.view("*")),
         ((VIEW, OPERATOR), keys.record),
     )
     own_keys = [f"{keys.base}/to/{own}", keys.all]
     return own_keys + [key for roles, key in by_roles if holder.may(*roles)]
-
-
-def _denied_otherwise(
-    rules: list[Rule], subjects: list[dict[str, Any]], policies: list[dict[str, Any]]
-) -> dict[str, Any]:
-    """Zenoh's access control with these rules; what none of them allows is denied."""
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
 
 
 def _rule(id: str, flows: tuple[str, ...], messages: tuple[str, ...], keys: list[str]) -> Rule:

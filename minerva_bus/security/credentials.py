@@ -8,19 +8,18 @@ from pathlib import Path
 from typing import Final
 
 AGENT, GENERATOR, VIEW, OPERATOR = "agent", "generator", "view", "operator"
-HUB, ROUTER, REGION = "coordinator", "router", "region"
+HUB, ROUTER = "coordinator", "router"
 ROLES: Final = {
     AGENT: "evolves agents",
     GENERATOR: "generates events, publishes and receives readings",
     VIEW: "draws views, reads the state of the world",
     OPERATOR: "reads the state of the world and sends commands: pause, stop, pub ...",
     HUB: "runs the world as its coordinator",
-    REGION: "runs a region of the world, and receives parcels of other regions",
     ROUTER: "Zenoh router between networks; it is trusted with everything it carries",
 }
 """The roles of certificates."""
 
-SERVERS: Final = frozenset({HUB, ROUTER, REGION})
+SERVERS: Final = frozenset({HUB, ROUTER})
 """Roles of processes that accept connections."""
 
 SECURED: Final = ("tls", "quic")

@@ -7,8 +7,8 @@ from typing import Final
 
 from minerva_bus.errors import KeysError, MisuseError, nearest
 from minerva_bus.security.certificates import Wanted
-from minerva_bus.security.credentials import HUB, REGION, ROLES, SERVERS, overlap
-from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name, number_of_region
+from minerva_bus.security.credentials import HUB, ROLES, SERVERS, overlap
+from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name
 
 AUTHORITY: Final = "ca"
 REVOKED: Final = "crl"
@@ -28,11 +28,6 @@ def check_wanted(name: str, wanted: Wanted) -> None:
         raise KeysError(f"--role is missing; roles are {', '.join(ROLES)}")
     if (name == COORDINATOR) != (HUB in wanted.roles) or name in (AUTHORITY, REVOKED):
         raise KeysError(f"{name} cannot be {', '.join(wanted.roles)}: choose another name")
-    if REGION in wanted.roles and number_of_region(name) is None:
-        raise KeysError(
-            f"{name} cannot be a {REGION}: certificates of regions are named"
-            " region-0, region-1 and so on"
-        )
     if wanted.family and not SERVERS.isdisjoint(wanted.roles):
         raise KeysError(f"{', '.join(wanted.roles)}: this role cannot have a family")
     if wanted.family and not is_name(f"{name}-a"):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
 
 import msgpack
 
@@ -18,9 +17,6 @@ from minerva_bus.grammar.scene import Piece, Scene, Value
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.wire.values import PLAIN_TYPES, plain_scene
 
-PLACE_BYTES: Final = 8
-"""Bytes of a number of a place."""
-
 
 @dataclass(frozen=True, slots=True)
 class BeyondLimits:
@@ -29,11 +25,8 @@ class BeyondLimits:
     own: OwnAgents
 
     def values(self) -> int:
-        """Values: four times those of the agents, which may grow and show every part.
-
-        A number of a place is two of four bytes.
-        """
-        return 4 * (weight_of(self.own.pieces()) + 2 * self.own.places())
+        """Values: four times those of the agents, which may grow and show every part."""
+        return 4 * weight_of(self.own.pieces())
 
     def rows(self) -> int:
         """Rows of columns: some for each agent, to change, show and send events."""
@@ -42,8 +35,7 @@ class BeyondLimits:
     def bytes(self) -> int:
         """Bytes."""
         pieces = tuple(self.own.pieces())
-        size = len(msgpack.packb(plain_scene(Scene(pieces)))) if pieces else 0
-        return 4 * (size + PLACE_BYTES * self.own.places())
+        return 4 * len(msgpack.packb(plain_scene(Scene(pieces)))) if pieces else 0
 
 
 def weight_of(pieces: Iterable[Piece]) -> int:

@@ -6,7 +6,7 @@ which it is published. Messages are declared in minerva_bus.frame.messages.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final, get_args
 
@@ -15,24 +15,18 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.regions.messages import ParcelMessage, RegionMessage
-from minerva_bus.regions.part import PartMessage
 from minerva_bus.wire.beyond import BeyondLimits
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
-from minerva_bus.wire.limits import DEFAULT, Limits, check
+from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_list, as_text, uncollected, unpack
 from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.weighing import check_weight, lightest, name_in, raised, values_in
+from minerva_bus.wire.weighing import check_weight, lightest, name_in, raised
 
 _EMPTY: Final = Vocabulary()
 
 FROM_MEMBER: Final = by_name(get_args(m.FromMember))
 TO_MEMBER: Final = by_name(get_args(m.ToMember))
 FOR_ALL: Final = by_name((m.Readings, m.FrameRecord))
-FROM_REGION: Final = by_name(get_args(RegionMessage))
-PARTS: Final = by_name((PartMessage,))
-_PARCEL: Final = ParcelMessage.WIRE
-_PART: Final = PartMessage.WIRE
 _READINGS: Final = by_name((m.Readings,))
 _RECORD: Final = by_name((m.FrameRecord,))
 
@@ -49,7 +43,7 @@ _ENCODERS: Final = _Encoders()
 _UNKNOWN: Final = Wire("", ("from",), "an unknown message")
 
 
-def encode(message: m.Message | RegionMessage | PartMessage) -> bytes:
+def encode(message: m.Message) -> bytes:
     """A message as bytes. Raises ProtocolError for values that MessagePack cannot represent."""
     try:
         return _ENCODERS[type(message)](message)
@@ -97,38 +91,6 @@ class Decoder:
         """The record of a frame."""
         return self.decode(_RECORD, (), data)
 
-    def parcel(self, data: bytes, own: OwnAgents = NO_AGENTS) -> RegionMessage:
-        """A message from a region to another one, checked against its limits.
-
-        It may have more for `own` agents, of which it may have some.
-        """
-        beyond = BeyondLimits(own)
-        check_weight(data, _PARCEL, self._limits, beyond)
-        message = self.decode(FROM_REGION, (), data, own)
-        if isinstance(message, ParcelMessage):
-            packed = (message.places, message.senders, message.shown, message.sizes)
-            self._check_packed("parcel", packed, beyond)
-        return message
-
-    def part(self, data: bytes, own: OwnAgents = NO_AGENTS) -> PartMessage:
-        """A region's report to the coordinator, checked against its limits.
-
-        It may have more for the region's `own` agents.
-        """
-        beyond = BeyondLimits(own)
-        check_weight(data, _PART, self._limits, beyond)
-        message: PartMessage = self.decode(PARTS, (), data, own)
-        packed = (message.places, message.senders, message.rejected)
-        self._check_packed("part", packed, beyond)
-        # A piece that is kept is a call, however few bytes it takes.
-        self._check_packed("part", (message.kept,), beyond)
-        most = self._limits.tick_values
-        if len(message.inputs) > most and values_in(message.inputs, most) > most:
-            most += beyond.values()
-            count, limit = values_in(message.inputs, most), raised("tick_values")
-            check("part", count, most, "values of events of generators", limit)
-        return message
-
     def decode(
         self,
         codecs: Mapping[str, MessageCodec],
@@ -140,7 +102,7 @@ class Decoder:
     ) -> Any:
         """A message of one of these types; `key` are the values in the key, such as the sender.
 
-        A message of a member or region may have as many rows and events as the limits allow, or
+        A message of a member may have as many rows and events as the limits allow, or
         more for its `own` agents; that of the coordinator (None) has those of all members.
         `weighed`: check its size against the limits of its declaration first.
         """
@@ -157,13 +119,6 @@ class Decoder:
         except Exception as error:  # Invalid data must raise nothing else.
             kind = type(error).__name__
             raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
-
-    def _check_packed(self, what: str, packed: Iterable[bytes], beyond: BeyondLimits) -> None:
-        """Raise ProtocolError for more packed numbers than values, since they are read singly."""
-        numbers, most = sum(map(len, packed)) // 4, self._limits.region_values
-        if numbers > most:
-            most += beyond.values()
-            check(what, numbers, most, "numbers of four bytes", raised("region_values"))
 
     def _reader_for(self, wire: Wire, own: OwnAgents | None) -> Reader:
         limits = self._limits

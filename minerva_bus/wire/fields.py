@@ -20,7 +20,6 @@ from minerva_bus.wire.field_codec import DeclaredField, FieldCodec
 from minerva_bus.wire.limits import check
 from minerva_bus.wire.plain import (
     as_bool,
-    as_bytes,
     as_int,
     as_list,
     as_map,
@@ -105,15 +104,6 @@ def _texts(of: DeclaredField) -> FieldCodec:
         return tuple([as_text(item, what) for item in items])
 
     return FieldCodec("[text]", read, list)
-
-
-def _binaries(of: DeclaredField) -> FieldCodec:
-    def read(reader: Reader, plain: Any) -> tuple[bytes, ...]:
-        items = as_list(plain, of.what)
-        of.check_count(reader, len(items))
-        return tuple([as_bytes(item, of.what) for item in items])
-
-    return FieldCodec("[binary]", read, list)
 
 
 # --- maps of plain values ---
@@ -253,7 +243,6 @@ _CODECS: Final[dict[Any, Callable[[DeclaredField], FieldCodec]]] = {
     str: _text,
     bytes: _bytes,
     tuple[str, ...]: _texts,
-    tuple[bytes, ...]: _binaries,
     m.Saved: _saved,
     m.Figures: _figures,
     Mapping[str, tuple[str, ...]]: _text_lists,

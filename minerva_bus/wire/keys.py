@@ -11,8 +11,6 @@ minerva/<world>/alive/<member>          liveliness tokens
 minerva/<world>/claim/<member>/<number> liveliness tokens of processes that are about to take a name
 minerva/<world>/epoch/<number>          liveliness tokens of coordinators
 minerva/<world>/record                  coordinator → watchers, one message per frame
-minerva/<world>/parcel/<from>/<to>      coordinator of a region → that of another one
-minerva/<world>/link/<region>/<endpoint>  liveliness tokens: where a region receives parcels
 minerva/<world>/control                 queries by commands on the coordinator's machine
 minerva/<world>/control/<name>          queries by an operator with a certificate of this name
 minerva/<world>/ask/<name>              queries by others with a certificate: read only
@@ -23,7 +21,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import lru_cache
-from urllib.parse import quote, unquote
 
 from minerva_bus.errors import MisuseError
 
@@ -33,7 +30,6 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.~-]{0,63}")
 ROOT = "minerva"
 COORDINATOR = "coordinator"
 ANY_WORLD = "*"
-LINK = "link"
 
 
 @lru_cache(4096)  # The name in the key of each message is checked, and the names recur.
@@ -116,14 +112,6 @@ class Keys:
         """The liveliness token of the coordinator of an epoch (`*`: of any)."""
         return f"{self.base}/epoch/{number}"
 
-    def parcel(self, source: int | str, target: int | str) -> str:
-        """From the coordinator of a region (`*`: of any) to that of another one."""
-        return f"{self.base}/parcel/{source}/{target}"
-
-    def link(self, region: str = "*", endpoint: str = "") -> str:
-        """The liveliness token of a region (`*`: of any) that receives parcels at an endpoint."""
-        return f"{self.base}/{LINK}/{region}/{quote(endpoint, safe=':[]') or '*'}"
-
     def view(self, event_type: str) -> str:
         """Views for one visual event type (`*`: for any)."""
         return f"{self.base}/view/{event_type}"
@@ -150,24 +138,6 @@ def who_asks(key: str, world: str) -> tuple[str, bool, str]:
     """
     kind, _, who = key.split("/", 2)[2].partition("/")
     return who, kind == "control", f"{ROOT}/{world}/{kind}/{who}".rstrip("/")
-
-
-def name_of_region(number: int) -> str:
-    """The name of a region as a member of its world."""
-    return f"region-{number}"
-
-
-def number_of_region(name: str) -> int | None:
-    """The number of the region with this name; None for any other name."""
-    _, _, number = name.rpartition("-")
-    # Only ASCII digits without leading zeros.
-    return int(number) if number.isdecimal() and name_of_region(int(number)) == name else None
-
-
-def linked_at(key: str) -> tuple[int | None, str]:
-    """The region and the endpoint in the key of a `link` token."""
-    _, region, endpoint = key.rsplit("/", 2)
-    return number_of_region(region), unquote(endpoint)
 
 
 def last_part(key: str) -> str:

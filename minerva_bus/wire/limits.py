@@ -55,20 +55,14 @@ class Limits:
         Note("values of an `evolved` beyond four times those of the agents of its sender"),
         Configurable(1000),
     ] = 40_000
-    # Lower, because a region also has a place for each node, and checks where it belongs.
-    region_values: Annotated[
-        int,
-        Note("values of a `part`, `parcel` or `replies` beyond four times those of the agents"),
-        Configurable(1000),
-    ] = 20_000
     answer_rows: Annotated[
         int,
-        Note("rows of all columns of one of these beyond the values of the agents"),
+        Note("rows of all columns of an `evolved` beyond the values of those agents"),
         Configurable(1),
     ] = 300_000
     answer_bytes: Annotated[
         int,
-        Note("bytes of one of these beyond four times those of the agents"),
+        Note("bytes of an `evolved` beyond four times those of those agents"),
         Configurable(1024),
     ] = 8 << 20
     items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
@@ -163,7 +157,6 @@ ON_DISK: Final = Limits(
     values=1 << 31,
     tick_values=1 << 31,
     answer_values=1 << 31,
-    region_values=1 << 31,
     answer_rows=1 << 31,
     answer_bytes=1 << 31,
     # Lower than on the bus: a file may have an unknown origin, and each item takes memory.

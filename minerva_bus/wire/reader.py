@@ -105,9 +105,6 @@ class Reader:
 
     def scene(self, plain: Any) -> Scene:
         """A string of the vocabulary, in which ids are unique."""
-        # A report of a region has a string for each node.
-        if plain.__class__ is list and len(plain) == 2 and (node := self._single(*plain)):
-            return Scene((node,))
         # A string that is a value within another one has ids of its own.
         outer, self._ids, self._columns_ids = (self._ids, self._columns_ids), set(), []
         try:
@@ -116,20 +113,6 @@ class Reader:
             return scene
         finally:
             self._ids, self._columns_ids = outer
-
-    def _single(self, count: Any, plain: Any) -> Node | None:
-        """The only node of a string if it is an agent with plain values, otherwise None."""
-        if count.__class__ is not int or count != 1 or plain.__class__ is not list:
-            return None
-        if len(plain) != _ITEMS["A"] or self._slots:
-            return None
-        symbol, agent_id, values, inner = plain
-        kind = self.vocabulary.kinds.get(symbol) if symbol.__class__ is str else None
-        if kind is None or inner.__class__ is not int or inner or values.__class__ is not list:
-            return None
-        if not kind.fields.is_final(values):
-            return None
-        return AgentNode(symbol, self._id(agent_id), kind.fields.names, tuple(values))
 
     def _check_ids(self) -> None:
         """Raise ProtocolError for an id that is in several columns, or in columns and a node."""

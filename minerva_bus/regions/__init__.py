@@ -1,1 +1,0 @@
-"""Regions: parts of one world's string that evolve independently, each with its own algorithm."""
