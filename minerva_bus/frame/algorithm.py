@@ -17,17 +17,17 @@ from minerva_bus.frame.collection import visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.description import World
+from minerva_bus.frame.event_sources import is_handed_over, is_people
 from minerva_bus.frame.goal import WorldGoal
 from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.joining import MemberLifecycle
-from minerva_bus.frame.lag import saved_homes
 from minerva_bus.frame.live import FrameSource, LiveSource
 from minerva_bus.frame.member_states import MemberChange
 from minerva_bus.frame.members import Members
-from minerva_bus.frame.norms import BROKEN, Norms
+from minerva_bus.frame.norms import Norms
 from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
 from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.shutdown import Shutdown
@@ -181,7 +181,6 @@ class FrameAlgorithm:
 
     def _stop(self, awaited: Awaited) -> None:
         """Request the reports of all members."""
-        self.source.stop(self.phase)
         self._enter(awaited)
         # The interrupted frame is never committed, so its replies are no longer needed.
         self.in_flight.pending = set()
@@ -195,12 +194,12 @@ class FrameAlgorithm:
         self._enter(awaited)
         if self.norms.broken:
             counts = sorted(self.norms.broken.items())
-            self.shutdown.add_figures(SOURCE, {BROKEN + name: count for name, count in counts})
+            self.shutdown.add_figures(SOURCE, {f"norm_{name}": count for name, count in counts})
         self.out.add(s.Ended(self.shutdown.reason, self.shutdown.total()))
 
     def _report_unknown_receivers(self) -> None:
         # Repeated frames have reported theirs.
-        if self.source.has_all_agents and self.in_flight.logged is None:
+        if self.in_flight.logged is None:
             events = self.in_flight.events.ordered
             for problem in self.inbox.unknown.problems(events, self.composition):
                 self.out.log(EVENTS, problem)
@@ -309,9 +308,7 @@ class FrameAlgorithm:
         return sorted(names)
 
     def awaits(self, member: str) -> bool:
-        """Whether this frame or the next one waits for an answer of a member."""
-        if self.source.early_replies(member):
-            return True
+        """Whether this frame waits for an answer of a member."""
         if self.phase in (Phase.TICK, Phase.STOPPING):
             return self.awaits_answer(member)
         requests = self.in_flight.requests
@@ -346,7 +343,7 @@ class FrameAlgorithm:
         index = self.members.index
         # A device with `every` shows the latest change only in one frame of that many.
         unseen = self.frame - self.views.last_change < index.every
-        busy = unseen or not self.source.at_rest or index.joining or self._fading
+        busy = unseen or not index.tickers <= self.members.resting or index.joining or self._fading
         return not (busy or self.inbox)
 
     @property
@@ -389,10 +386,9 @@ class FrameAlgorithm:
     @property
     def checkpoint(self) -> Checkpoint:
         """State besides the string from which the world can resume; valid between frames."""
-        homes = saved_homes(self.world.lag, self.frame, self.inbox.homes, self.composition)
         return Checkpoint(
             self.frame,
-            {**self.members.saved, **homes},
+            dict(self.members.saved),
             tuple(self.inbox.emitted),
             self.inbox.waiting(),
             self.goal.reached,
@@ -407,7 +403,21 @@ class FrameAlgorithm:
     @property
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
         """Events outside of all complete frames, by source, if people have sent any of them."""
-        return self.source.ordered()
+        events = self.in_flight.events
+        # `collect` has moved the events of the frame out of the inbox, but they only count when the
+        # frame is complete: until then a successor needs them from here.
+        taken: dict[str, Sequence[AnyEvent]] = {}
+        if self.phase is Phase.EVOLVE:
+            taken |= events.taken
+        for source, orders in events.orders.items() if self.in_frame else ():
+            taken[source] = [*orders, *taken.get(source, ())]
+        # The same events as `events.orders`, which have been added as people's.
+        taken = {name: each for name, each in taken.items() if not is_handed_over(name)}
+        waiting = self.inbox.events
+        if not any(map(is_people, (*taken, *waiting))):
+            return {}
+        sources = sorted({*taken, *waiting})
+        return {name: [*taken.get(name, ()), *waiting.get(name, ())] for name in sources}
 
     def expect(self, members: Iterable[str]) -> None:
         """Also wait for these members before the next frame."""

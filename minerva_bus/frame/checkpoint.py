@@ -18,8 +18,7 @@ class Checkpoint:
 
     `saved`: data saved by lockstep members in their last complete frame, by member.
     `emitted`: events that agents sent, and `inbox`: events from other sources, by source; both
-    count in the next frame. `inbox` also has events of agents that were postponed to a frame, as
-    `#FRAME`.
+    count in the next frame.
     `reached`: agents that reached the event of `until`; `reaching`: kinds that can reach it.
     """
 

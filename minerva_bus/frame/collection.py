@@ -206,7 +206,6 @@ class CollectionStep:
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
         if emitted:
             sources[AGENTS] = emitted
-        due_now = algorithm.inbox.take_postponed(algorithm.frame)
         self._add_ticked(sources)
         if algorithm.world.speaks_for:
             # The rights were checked on arrival, but the string may have changed since then.
@@ -217,8 +216,6 @@ class CollectionStep:
             logged = algorithm.in_flight.logged
             events.people = algorithm.members.standing_for_people(sources, logged)
         allowed = self._permitted(sources)
-        if due_now:  # Norms have judged them before they were postponed; older events first.
-            allowed = {**allowed, AGENTS: [*due_now, *allowed.get(AGENTS, ())]}
         if allowed:
             ordered = collect(algorithm.world.order, allowed)
             events.split(ordered, algorithm.world.vocabulary.events)
@@ -261,20 +258,9 @@ class CollectionStep:
         if algorithm.world.norms:
             people = algorithm.in_flight.events.people
             sources = dict(algorithm.norms.events(algorithm.frame, sources, people))
-            self._judge_postponed()
             algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
         report_orders(algorithm, sources)
         return {**sources, SOURCE: sanctions} if sanctions else sources
-
-    def _judge_postponed(self) -> None:
-        """Judge the events that agents have sent in the last frame, and that count later."""
-        algorithm, lag = self._algorithm, self._algorithm.world.lag
-        if lag is None:
-            return
-        frame = algorithm.frame + lag.frames
-        late = algorithm.inbox.take_postponed(frame)
-        permitted = algorithm.norms.events(algorithm.frame, {AGENTS: late})[AGENTS]
-        algorithm.inbox.postpone(frame, permitted)
 
     def _permitted_orders(self, orders: Orders) -> tuple[AnyEvent, ...]:
         """People's orders that norms permit, before a generator takes them."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.constraints import PlacementRules
-from minerva_bus.frame.lag import Lag
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -28,7 +27,7 @@ class World:
     `norms`: the norms of the world. `people`: event types that people may send although a generator
     makes them. `speaks_for`: by generator, the kinds and `#id`s of agents in whose name it may send
     events. `placement`: which hosts may evolve which agents; it affects the string only if an
-    agent has no host. `lag`: events of agents that cross borders count some frames later.
+    agent has no host.
 
     A resumed world starts from the checkpoint `past` and the string of that frame; `shown` are the
     last views as keyframes, on which coupled devices still have to act.
@@ -53,7 +52,6 @@ class World:
     people: tuple[str, ...] = ()
     speaks_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     placement: PlacementRules = field(default_factory=PlacementRules)
-    lag: Lag | None = None
     past: Checkpoint = field(default_factory=Checkpoint)
     shown: Sequence[ViewShown] = ()
 

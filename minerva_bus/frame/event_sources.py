@@ -23,11 +23,6 @@ def source_of(person: str) -> str:
     return f"{PEOPLE}:{person}" if person else PEOPLE
 
 
-def postponed_to(frame: int) -> str:
-    """Source in a checkpoint of the events of agents that count in this later frame."""
-    return f"{AGENTS}{frame}"
-
-
 def is_people(source: str) -> bool:
     """Whether events of a source are sent by people."""
     return source.partition(":")[0] == PEOPLE

@@ -11,7 +11,6 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import HALTED
 from minerva_bus.frame.collection import note_answer
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.lag import note_homes, note_sent
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replies import duplicate_agent, foreign_fragment, foreign_sender, patched
 from minerva_bus.grammar.batch import AnyEvent
@@ -279,7 +278,6 @@ class EvolutionStep:
         algorithm.goal.note(result.sent, algorithm.out)
         # Before the replacement, because an agent that died in this frame has no place after it.
         sent = self.sent_in_order()
-        note_homes(algorithm)
         try:
             algorithm.placement.outdated |= algorithm.composition.replace(result.changed)
         except VocabularyError as error:
@@ -290,7 +288,7 @@ class EvolutionStep:
         record = frame_record(algorithm)
         algorithm.out.add(s.FrameDone(algorithm.frame, record, in_flight.events.ordered, inputs))
         algorithm.frame += 1
-        note_sent(algorithm, sent)
+        inbox.emitted = sent
         if result.changed:
             algorithm.views.last_change = algorithm.frame
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 from minerva_bus.frame.composition import Composition
@@ -47,16 +47,14 @@ class WorldGoal:
     @property
     def finished(self) -> str:
         """Reason for the end if every agent has sent `until` or given up, otherwise empty."""
-        return self.finished_in((self._composition,))
-
-    def finished_in(self, parts: Iterable[Composition]) -> str:
-        """Reason for the end if every agent of these parts of the string has sent either."""
         if not self._until:
             return ""
         done = self.reached.union(self.given_up)
         # Kinds count once one of their agents has sent an event. Before that no agent strives for
         # the goal, and the empty set would seem complete.
-        if not (done and all(map(done.issuperset, map(self._striving, parts)))):
+        composition = self._composition
+        striving = (who for who in composition.agents() if composition.kind(who) in self.striving)
+        if not (done and done.issuperset(striving)):
             return ""
         given_up = self.given_up
         reasons = [f"#{agent} has given up: {given_up[agent]}" for agent in sorted(given_up)]
@@ -64,30 +62,10 @@ class WorldGoal:
         more = [f"and {over} more"] if over > 0 else []
         return "; ".join([*reasons[:_MAX_REASONS], *more]) or all_sent(self._until)
 
-    def _striving(self, part: Composition) -> Iterable[str]:
-        return (agent for agent in part.agents() if part.kind(agent) in self.striving)
-
     @property
     def given_up(self) -> Mapping[str, Any]:
         """Agents that have sent `give_up` and not `until` since, with the event as text."""
         return self._saved.get(GIVEN_UP, {})
-
-    def learn(
-        self, reached: Iterable[str], striving: Iterable[str], given_up: Mapping[str, Any]
-    ) -> None:
-        """Note what agents of a region have sent in a frame, as this goal notes it."""
-        self.reached = self.reached.union(reached)
-        self.striving = self.striving.union(striving)
-        if self.given_up or given_up:
-            # Reaching the goal later supersedes giving up, perhaps in another region.
-            done = frozenset(reached)
-            before = {who: why for who, why in self.given_up.items() if who not in done}
-            self._saved[GIVEN_UP] = {**before, **given_up}
-
-    def forget(self) -> None:
-        """Forget what has been noted; the agents of a region are known to its coordinator."""
-        self.reached, self.striving = frozenset[str](), frozenset[str]()
-        self._saved.pop(GIVEN_UP, None)
 
     def note(self, sent: Mapping[str, tuple[AnyEvent, ...]], out: Instructions) -> None:
         """Note the agents that have sent `until` or `give_up`; `sent` is by agent or fragment.

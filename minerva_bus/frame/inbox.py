@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate
 from typing import Final, TypeAlias
 
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.event_sources import AGENTS, is_people, person_of, postponed_to, source_of
-from minerva_bus.frame.lag import Homes, saved_strays
+from minerva_bus.frame.event_sources import is_people, person_of, source_of
 from minerva_bus.frame.unknown_receivers import UnknownReceivers
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
@@ -40,9 +39,8 @@ def _receivers(event: AnyEvent) -> list[str]:
 class FrameInbox:
     """Events that wait for the next frame, by source.
 
-    `emitted`: events that agents have sent for the next frame; `postpone` queues those for later
-    ones, and with a lag depends on the `homes` of agents. `sanctions`: events from norms. `unknown`
-    finds events for agents that have never been in the string.
+    `emitted`: events that agents have sent. `sanctions`: events from norms. `unknown` finds events
+    for agents that have never been in the string.
     """
 
     def __init__(self, past: Checkpoint, scene: Scene) -> None:
@@ -51,39 +49,22 @@ class FrameInbox:
             source: list(events) for source, events in past.inbox.items()
         }
         self.sanctions: list[AnyEvent] = self.events.pop(SOURCE, [])
-        # A checkpoint names these as no generator can be named.
-        self._postponed: dict[int, list[AnyEvent]] = {
-            int(source.removeprefix(AGENTS)): self.events.pop(source)
-            for source in sorted(self.events)
-            if source.startswith(AGENTS) and source.removeprefix(AGENTS).isdecimal()
-        }
         self.emitted: list[AnyEvent] = list(past.emitted)
         self.max_single_events: int = MAX_SINGLE_EVENTS
         self.max_waiting: int = MAX_WAITING
-        self.homes = Homes(scene, saved_strays(past.saved))
         self.unknown = UnknownReceivers(scene)
         self._counts: dict[str, int] = {}
 
     def __bool__(self) -> bool:
-        return bool(self.events or self.emitted or self.sanctions or self._postponed)
-
-    def postpone(self, frame: int, events: Iterable[AnyEvent]) -> None:
-        """Queue events of agents for a frame after the next one."""
-        if waiting := [*events]:
-            self._postponed[frame] = waiting
-
-    def take_postponed(self, frame: int) -> list[AnyEvent]:
-        """Remove and return the events of agents that have waited for a frame."""
-        return self._postponed.pop(frame, [])
+        return bool(self.events or self.emitted or self.sanctions)
 
     def waiting(self) -> dict[str, tuple[AnyEvent, ...]]:
-        """Events for the next frame by source, and postponed ones, for a checkpoint."""
+        """Events for the next frame by source, for a checkpoint."""
         waiting = {source: tuple(events) for source, events in self.events.items()}
-        waiting |= {postponed_to(n): tuple(events) for n, events in self._postponed.items()}
         return {**waiting, SOURCE: tuple(self.sanctions)} if self.sanctions else waiting
 
     def take_sanctions(self) -> list[AnyEvent]:
-        """Remove and return the sanctions, by their receivers: regions have no other order."""
+        """Remove and return the sanctions, sorted by receivers; those of one keep their order."""
         taken, self.sanctions = self.sanctions, []
         return sorted(taken, key=_receivers)
 

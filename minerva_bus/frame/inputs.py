@@ -26,7 +26,6 @@ class FrameInputs:
     `answers`: number of replies to the first request, and to each repeated request after a norm
     rejected an outcome.
     `left_out`: fragments without a reply.
-    `reports`: replies of regions, in a world whose agents evolve in regions instead of hosts.
     """
 
     frame: int
@@ -39,18 +38,17 @@ class FrameInputs:
     people: tuple[str, ...] = ()
     answers: tuple[int, ...] = ()
     left_out: tuple[str, ...] = ()
-    reports: tuple[TickReply, ...] = ()
 
     @property
     def complete(self) -> bool:
         """Whether these inputs include all replies, so that the frame awaits no member."""
-        return bool(self.answers or self.reports)
+        return bool(self.answers)
 
     @property
     def without_replies(self) -> FrameInputs:
         """These inputs without the results of agents, so that hosts have to compute them again."""
         # Empty `answers` mark the inputs as incomplete, so the frame sends requests to its hosts.
-        return replace(self, layout=(), replies=(), waiting={}, answers=(), left_out=(), reports=())
+        return replace(self, layout=(), replies=(), waiting={}, answers=(), left_out=())
 
 
 @passed

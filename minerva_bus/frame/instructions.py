@@ -44,10 +44,6 @@ def plain_form(message: m.ToMember) -> m.ToMember:
             return replace(message, parts=_scenes(message.parts), skeleton=skeleton)
         case m.Orders():
             return replace(message, events=_events(message.events))
-        case m.RegionRequest():
-            return replace(
-                message, events={name: _events(sent) for name, sent in message.events.items()}
-            )
         case _:
             return message
 

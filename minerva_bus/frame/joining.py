@@ -45,7 +45,6 @@ class MemberLifecycle:
         if member.state is not MemberState.JOINING or member.greeted:
             return
         reason = incompatibility(hello, algorithm.world.vocabulary)
-        reason = reason or algorithm.source.objection(hello)
         reason = reason or refusal_of_guest(algorithm, hello, hello.generates)
         reason = reason or self._refusal_of_second_host(hello)
         if reason:
@@ -56,7 +55,7 @@ class MemberLifecycle:
         # A host that joins while the generators answer can evolve agents in this frame already.
         in_time = algorithm.phase is Phase.TICK and hello.kinds
         awaited = algorithm.awaits_answer(member.name) or algorithm.in_flight.requests.unassigned
-        if between or in_time or awaited or algorithm.source.admits_at_once:
+        if between or in_time or awaited:
             self._admit(member, hello)
         algorithm.start_if_complete()
 
@@ -102,7 +101,7 @@ class MemberLifecycle:
         # A newcomer has not shown the string, so the world is not at
         # rest even if nothing has changed.
         member.last_reply = algorithm.views.last_change = algorithm.frame
-        saved = algorithm.source.saved_for(member.name)
+        saved = algorithm.members.saved.get(member.name)
         # The welcome is first, because a member ignores all messages that need a world before it.
         algorithm.out.send(
             member.name,
@@ -177,16 +176,10 @@ class MemberLifecycle:
         return waits or "; no other host can take its agents over"
 
     def leaving(self, leaving: m.Leaving) -> None:
-        """Continue without a member that leaves voluntarily, or wait for another process of it."""
+        """Continue without a member that leaves voluntarily."""
         algorithm = self._algorithm
         member = algorithm.members.get(leaving.member)
-        over = algorithm.phase in (Phase.STOPPING, Phase.ENDED)
-        if member.expected and algorithm.source.awaits_leavers and not over:
-            if member.state is not MemberState.LOST:
-                algorithm.members.change(member, MemberChange.VANISHED)
-                algorithm.out.log(member.name, f"has left{self._outlook_without(member)}")
-                self._lose(member)
-        elif member.state is not MemberState.LEFT:
+        if member.state is not MemberState.LEFT:
             algorithm.members.change(member, MemberChange.WENT)
             algorithm.out.log(member.name, "has left")
             self._continue_without(member)

@@ -56,8 +56,6 @@ class Members:
         """The lockstep publishers of each sensor topic, as last announced to all members."""
         self.saved: dict[str, Mapping[str, Any]] = {}
         """Data saved by members in their last complete frame; ~names are the coordinator's."""
-        self.inside: tuple[Hello, ...] = ()
-        """The hellos of services that run in regions, which are members there and not here."""
         self.strangers: int = 0
         """Number of messages from senders that never appeared."""
 
@@ -170,8 +168,8 @@ class Members:
         return member.name in self._named
 
     def is_process(self, name: str) -> bool:
-        """Whether this is the name of a process of the world file, here or in regions."""
-        return name in self._named or any(hello.member == name for hello in self.inside)
+        """Whether this is the name of a process of the world file."""
+        return name in self._named
 
     def missing_guests(self) -> list[str]:
         """Guests of the previous coordinator that have not returned yet, sorted."""
@@ -249,14 +247,14 @@ class Members:
         hellos = [m.hello for m in self if m.hello is not None and (m.active or m.expected)]
         return [
             hello.member
-            for hello in (*self.inside, *hellos)
+            for hello in hellos
             if event_type in hello.generates and event_type not in hello.orders and not hello.people
         ]
 
     def takers(self, event_type: str) -> list[str]:
         """The active generators that take people's orders for an event type."""
         hellos = [m.hello for m in self.active() if m.hello is not None]
-        return [hello.member for hello in (*self.inside, *hellos) if event_type in hello.orders]
+        return [hello.member for hello in hellos if event_type in hello.orders]
 
 
 def _rates(hellos: Iterable[Hello]) -> dict[str, float]:

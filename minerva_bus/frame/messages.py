@@ -388,47 +388,6 @@ class Orders:
 
 
 @passed
-class RegionRequest:
-    """For regions: request a frame, with the events of people and of free generators for it."""
-
-    WIRE: ClassVar = Wire("advance", ("tick", "to"), "requests the frame of regions")
-
-    frame: int
-    parcels: Annotated[
-        tuple[bytes, ...],
-        Note(
-            "for each frame whose parcels this one needs and the one before did not: source and"
-            " target of each, as uint16, little-endian"
-        ),
-    ] = ()
-    events: Annotated[
-        SentBy,
-        Note("from outside of all regions, by source: the name of the generator or of the people"),
-    ] = field(default_factory=dict[str, tuple[AnyEvent, ...]])
-    people: Annotated[tuple[str, ...], Note("the sources that stand for people, for norms")] = ()
-    borders: Annotated[
-        bytes, Note("between regions, for agents that move after the frame; empty: as before")
-    ] = b""
-    for_all: Annotated[
-        tuple[bytes, ...],
-        Note(
-            "`for_all` of the frame before, by the number of the region that has reported it; none"
-            " if all are empty"
-        ),
-    ] = ()
-    views: Annotated[
-        bool, Note("the world is over: no agent evolves, and the frame makes the last views")
-    ] = False
-    last: Annotated[
-        bool,
-        Note(
-            "the world ends: the frame does not begin, and services see what has arrived; with"
-            " `views`, the region reports that they have"
-        ),
-    ] = False
-
-
-@passed
 class Repeat:
     """Request a publisher's last readings again, for a subscriber that has just joined."""
 
@@ -490,7 +449,6 @@ ToMember: TypeAlias = (
     | EvolveRequest
     | ViewShown
     | Orders
-    | RegionRequest
     | Repeat
     | Stop
 )

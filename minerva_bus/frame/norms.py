@@ -24,8 +24,6 @@ from minerva_bus.world.operator import NormStatus
 
 NORMS: Final = "norms"
 """The name under which violations are logged."""
-BROKEN: Final = "norm_"
-"""Prefix of a norm's name in the figures of a run: how often it was broken."""
 
 Sources = Mapping[str, Sequence[AnyEvent]]
 RejectedOrder = tuple[str, Event, str]
@@ -74,10 +72,6 @@ class Norms:
             ]
         )
 
-    def count_from(self, saved: Mapping[str, Any]) -> None:
-        """Continue with these counts, as `saved` has returned them."""
-        self._counts = ViolationCounts(saved)
-
     def saved(self) -> dict[str, Any]:
         """The counts as plain data, from which a resumed world continues."""
         return self._counts.saved(self._norms, self._frame)
@@ -91,10 +85,6 @@ class Norms:
         inbox.sanctions += self._sanctions
         self._lines, self._sanctions = [], []
         saved[SOURCE] = self.saved()
-
-    def forget_effects(self) -> None:
-        """Forget the log lines and sanctions of violations that another process has judged, too."""
-        self._lines, self._sanctions = [], []
 
     # --- events ---
 

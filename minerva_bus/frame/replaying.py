@@ -123,10 +123,9 @@ class RecordedSource(FrameSource):
     def commit(self) -> None:
         """Step 8: continue with the recorded string."""
         algorithm = self._algorithm
-        inputs = None if self._cursor.ahead is None else self._cursor.ahead.inputs
         algorithm.in_flight.result.changed = self._slots.become(self._cursor.advance())
-        events, record = algorithm.in_flight.events.ordered, frame_record(algorithm)
-        algorithm.out.add(s.FrameDone(algorithm.frame, record, events, inputs))
+        events = algorithm.in_flight.events.ordered
+        algorithm.out.add(s.FrameDone(algorithm.frame, frame_record(algorithm), events))
         algorithm.frame += 1
 
     def why_over(self) -> str:

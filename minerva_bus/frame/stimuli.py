@@ -165,13 +165,6 @@ class OrderJudged:
 
 
 @passed
-class Fixed:
-    """The events from outside of all regions are fixed for this frame, and not yet sent."""
-
-    frame: int
-
-
-@passed
 class Ready:
     """All required members are present, and no frame is in progress: send `Begin` when due."""
 
@@ -214,6 +207,4 @@ class Ended:
     figures: Figures
 
 
-Instruction: TypeAlias = (
-    Send | Show | Notify | OrderJudged | Fixed | Ready | FrameDone | Stopping | Ended
-)
+Instruction: TypeAlias = Send | Show | Notify | OrderJudged | Ready | FrameDone | Stopping | Ended

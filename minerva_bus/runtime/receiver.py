@@ -170,9 +170,7 @@ class Receiver:
         self._pass_on(member, body, message)
 
     def _decode_aside(self, member: str, body: bytes) -> None:
-        if self._large.behind(member) >= MAX_BEHIND + self._algorithm.inbox.early.outstanding(
-            member
-        ):
+        if self._large.behind(member) >= MAX_BEHIND:
             self._drop(member)
             return
         # The thread must not look at the agents, which the main thread replaces.

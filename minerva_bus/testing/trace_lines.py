@@ -43,7 +43,7 @@ def trace_line(what: object) -> str:  # noqa: C901
             return f"order: {event}"
         case s.End(reason=reason):
             return f"end: {reason}"
-        case s.OrderJudged() | s.Fixed():
+        case s.OrderJudged():
             return ""  # The log has a line about orders, and members get the events.
         case s.Begin() | s.Silent() | s.Stopping():
             return type(what).__name__.lower()

@@ -11,10 +11,10 @@ it may name
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Final, TypeAlias, cast
+from typing import Any, Final, cast
 
 from minerva_bus.errors import VocabularyError
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition
@@ -32,10 +32,6 @@ REFUSED: Final = "eRefused"
 
 WAS: Final = "was."
 EVENT: Final = "event."
-
-
-Lately: TypeAlias = dict[str, dict[str, list[int]]]
-"""Frames of recent acts, by norm and agent."""
 
 
 class Then(Enum):
@@ -165,7 +161,7 @@ class ViolationCounts:
     def __init__(self, saved: Mapping[str, Any]) -> None:
         """Continue from the state that `saved` returned."""
         self.broken: dict[str, int] = dict(saved.get("broken", {}))
-        self._lately: Lately = {
+        self._lately: dict[str, dict[str, list[int]]] = {
             norm: {who: list(frames) for who, frames in of.items()}
             for norm, of in saved.get("lately", {}).items()
         }
@@ -193,20 +189,6 @@ class ViolationCounts:
         # evolved by fewer events.
         count = sum(frame - norm.per < past < frame for past in lately)
         return count >= norm.most
-
-    def remove(self, agents: Iterable[str]) -> Lately:
-        """Remove and return the recent acts of these agents, by norm."""
-        removed: Lately = {}
-        for norm, of in self._lately.items():
-            for who in agents:
-                if who in of:
-                    removed.setdefault(norm, {})[who] = of.pop(who)
-        return removed
-
-    def add(self, lately: Lately) -> None:
-        """Add the recent acts of agents that were counted elsewhere."""
-        for norm, of in lately.items():
-            self._lately.setdefault(norm, {}).update(of)
 
     def saved(self, norms: tuple[Norm, ...], frame: int) -> dict[str, Any]:
         """The counts needed to continue from a frame, as plain data; expired ones are dropped."""

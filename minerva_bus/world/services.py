@@ -17,12 +17,10 @@ from __future__ import annotations
 import threading
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import Any, ClassVar, Final, cast
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.world.halo import Halo, OwnFigures
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_inputs import Emit, Tick, View, WorldInfo
 from minerva_bus.world.signatures import check_overridden
@@ -56,9 +54,6 @@ class Service:
 
     interactive: bool = False
     """Whether it has a user interface; a world with it as a view runs in real time, without end."""
-
-    halo: Halo | None = None
-    """With it, a generator in step runs in each region of a world with `halo = true`."""
 
     pulse_every: float = 0.0
     """Seconds between calls of `pulse`; 0 disables it."""
@@ -208,10 +203,6 @@ class Device(Service):
 
     draws: tuple[str, ...] = ()
     coupled: bool = False
-    own: OwnFigures | None = None
-    """In a region, the agents of the view to show for which it answers; others are near them."""
-    others: Mapping[str, str] = MappingProxyType({})
-    """In a region, what is saved of these others, by id, if its halo asks for it."""
     every: int = 0
     rate: float = 0.0
 

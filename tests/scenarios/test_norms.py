@@ -420,7 +420,7 @@ def test_an_order_that_is_handed_over_is_obeyed_once_whenever_the_coordinator_di
     waits, whole = bus.algorithm.ordered, len(bus.records)
     bus.kill_coordinator()
     if waits:
-        bus.algorithm.source.wait_with(waits)
+        bus.algorithm.inbox.replace(waits)
     bus.settle()
     bus.run(3)
     shouts = [e.loud for record in bus.records for e in single(record.events) if e.type == "eShout"]

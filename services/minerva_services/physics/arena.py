@@ -113,14 +113,8 @@ class Arena:
         self._obstacles.put_disc(name, body.centre, body.radius)
 
     def put_body(self, name: str, body: Body) -> None:
-        """Add a body where another arena had it, or move it there, without checks."""
-        before = self._bodies.get(name)
+        """Add a body where another arena had it, without checks."""
         self._bodies[name] = body
-        if before is not None and before.radius == body.radius:
-            self._obstacles.move_disc(name, body.centre)
-            return
-        if before is not None:
-            self._obstacles.remove_disc(name)
         self._obstacles.put_disc(name, body.centre, body.radius)
 
     def body(self, name: str) -> Body:

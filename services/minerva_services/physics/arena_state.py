@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from minerva_services.physics.arena import Arena
 from minerva_services.physics.body import Body, Odometer
@@ -19,7 +19,6 @@ class ArenaState:
 
     Attributes:
         arena: the arena.
-        others: bodies for which another arena answers; this one has them for one view only.
         retired_um: metres driven by bodies that were removed, in whole micrometres, so that the
             order in which they are added up does not matter.
         retired_collisions: their collisions.
@@ -28,29 +27,13 @@ class ArenaState:
 
     def __init__(self) -> None:
         self.arena = Arena()
-        self.others = frozenset[str]()
         self.retired_um = 0
         self.retired_collisions = 0
         self._floors: tuple[FloorPlan, ...] = ()
         self._markers: dict[str, Point] = {}
 
-    @property
-    def own(self) -> list[str]:
-        """The names of the bodies for which this arena answers, sorted."""
-        return [name for name in self.arena.bodies if name not in self.others]
-
-    def set(
-        self,
-        seen: PhysicalGeometry,
-        others: Collection[str] = (),
-        known: Mapping[str, Body] | None = None,
-    ) -> None:
+    def set(self, seen: PhysicalGeometry) -> None:
         """Update the arena to the contents of a view.
-
-        Args:
-            seen: the contents.
-            others: names of bodies for which another arena answers.
-            known: those of them that it had before this view, as it had them.
 
         Raises:
             PhysicsError: something cannot stand where the view shows it.
@@ -59,26 +42,18 @@ class ArenaState:
         # Walls first, because new bodies are checked against the walls of this view.
         self._set_floors(seen.floors)
         self._set_markers(seen.markers)
-        known = known or {}
-        for name in sorted(self.others.difference(known)):
-            self.arena.remove_body(name)
-        for name, body in sorted(known.items()):
-            self.arena.put_body(name, body)
-        self.others = frozenset(others)
         self._set_bodies(seen.robots)
 
     def restore(self, bodies: Mapping[str, Body]) -> None:
         """Replace all bodies."""
         for name in self.arena.bodies:
-            if name not in bodies:
-                self.arena.remove_body(name)
+            self.arena.remove_body(name)
         for name, body in sorted(bodies.items()):
             self.arena.put_body(name, body)
-        self.others = frozenset()
 
     def total(self) -> Odometer:
-        """Totals over the bodies for which it answers, including removed ones."""
-        odometers = [self.arena.odometer(name) for name in self.own]
+        """Totals over all bodies, including removed ones."""
+        odometers = [self.arena.odometer(name) for name in self.arena.bodies]
         driven = self.retired_um + sum(_micrometres(each) for each in odometers)
         collisions = sum(odometer.collisions for odometer in odometers)
         return Odometer(driven / 1e6, self.retired_collisions + collisions)

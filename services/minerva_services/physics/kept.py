@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
-from minerva_bus.world.halo import AGENTS, by_agent
+from minerva_services.physics.agent_lines import AGENTS, by_agent
 from minerva_services.physics.body import Body, body_of, row_of
 from minerva_services.physics.errors import PhysicsError
 

@@ -7,17 +7,16 @@ same.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from math import inf
 from typing import Any
 
 import numpy as np
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.halo import AGENTS, Halo, agent_lines
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.service_inputs import Tick, View, WorldInfo
 from minerva_bus.world.services import Device, Generator
+from minerva_services.physics.agent_lines import AGENTS, agent_lines
 from minerva_services.physics.arena_state import ArenaState
 from minerva_services.physics.body import DriveCommand, DriveOutcome
 from minerva_services.physics.collision_events import Collision, CollisionEvents
@@ -60,9 +59,6 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
     """
 
     publishes = ("scan", "sightings")
-    # Bodies have poses that the string lacks, and one that is stopped may stop the next one in the
-    # same step, so no radius contains all that a body depends on.
-    halo = Halo(inf, who="name", scenery=True, figure="PRobot", kept=True)
 
     def __init__(
         self,
@@ -111,7 +107,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         self._stage = ArenaState()
         self._commands: dict[str, DriveCommand] = {}
         self._shown: int | None = None
-        self._answers: tuple[str, ...] = ()
+        self._seen: tuple[str, ...] = ()
         self._carried_out: dict[str, int] = {}
         self._stopped: dict[str, str] = {}
 
@@ -130,29 +126,15 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         """
         seen = PhysicalGeometry()
         interpret(view.scene, seen)
-        others, known = self._of_others(seen)
-        self._stage.set(seen, others, {name: each.body for name, each in known.items()})
+        self._stage.set(seen)
         self._shown = view.frame
-        self._answers = tuple([name for name in seen.robots if name not in others])
-        carried_out = {name: each.carried_out for name, each in known.items()}
-        carried_out |= self._carried_out
+        self._seen = tuple(seen.robots)
         # A successor receives the last view again, which its predecessor may have executed.
         self._commands = {
             name: robot.command
             for name, robot in seen.robots.items()
-            if name not in view.halted and view.frame > carried_out.get(name, -1)
+            if name not in view.halted and view.frame > self._carried_out.get(name, -1)
         }
-
-    def _of_others(self, seen: PhysicalGeometry) -> tuple[set[str], dict[str, KeptBody]]:
-        """The bodies for which other regions answer, and what these had saved of them."""
-        if self.own is None:
-            return set(), {}
-        others = {*seen.robots}.difference(self.own.ids)
-        if len(others) == len(seen.robots):  # There is nobody to answer for.
-            seen.robots.clear()
-            return set(), {}
-        known = self.others.items()
-        return others, {name: KeptBody.of(text) for name, text in known if name in others}
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         """Drive, then measure; nothing before the first view."""
@@ -160,25 +142,23 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
             return ()
         outcomes = self._drive(tick)
         # In the order of the string, which is that of the events.
-        own = dict.fromkeys(self._stage.own, self._shown)
-        answers = [name for name in self._answers if name in own]
-        for name in answers:
+        for name in self._seen:
             tick.publish("scan", self._scan(name, tick))
-        for name in answers:
+        for name in self._seen:
             tick.publish("sightings", self._sightings(name, tick))
         commands, self._commands = self._commands, {}
         stopped, self._stopped = self._stopped, {}
-        self._carried_out = own
+        self._carried_out = dict.fromkeys(self._seen, self._shown)
         return [
             self._collision(commands[name], outcomes[name], stopped)
-            for name in answers
+            for name in self._seen
             if name in outcomes and outcomes[name].collided
         ]
 
     def save(self) -> Mapping[str, Any]:
         """State that views do not contain: poses of bodies, and the last executed view."""
         stage = self._stage
-        lines = {name: self._kept(name).text for name in stage.own}
+        lines = {name: self._kept(name).text for name in stage.arena.bodies}
         return {
             AGENTS: agent_lines(lines),
             "retired_um": stage.retired_um,
@@ -214,7 +194,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         return {"distance_driven": round(total.driven_m, 6), "collisions": total.collisions}
 
     def _drive(self, tick: Tick) -> Mapping[str, DriveOutcome]:
-        """Drive all bodies, also those of others, which may stop each other; outcomes by name."""
+        """Drive all bodies, which may stop each other; outcomes by name."""
         arena, after = self._stage.arena, dict[str, float]()
         for name, command in sorted(self._commands.items()):
             step = self._errors.drive(name, command.turn_deg, command.forward_m, tick)

@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Degrees, Metres
-from minerva_bus.world.halo import OWN_READINGS
 from minerva_bus.world.readings import Sightings
 from minerva_bus.world.service_inputs import Tick, WorldInfo
 from minerva_bus.world.services import Generator
@@ -31,7 +30,6 @@ class Camera(Generator, events=("eCamera",)):
     """
 
     topics = ("sightings",)
-    halo = OWN_READINGS
 
     checked = True
 

@@ -24,7 +24,6 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.packing import MANY
 from minerva_bus.grammar.types import Degrees, Metres, Seconds
 from minerva_bus.world.beams import Reals, hits, no_returns
-from minerva_bus.world.halo import OWN_READINGS
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.service_inputs import Tick, WorldInfo
 from minerva_bus.world.services import Generator
@@ -56,7 +55,6 @@ class Laser(Generator, events=("eLaser",)):
     """
 
     topics = ("scan",)
-    halo = OWN_READINGS
 
     checked = True
 

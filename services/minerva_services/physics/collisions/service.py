@@ -8,7 +8,6 @@ scene geometry ... Then, it would generate the events needed to react to such co
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -19,12 +18,12 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.semantics.volumes import Bodies, Texts, Volumes
-from minerva_bus.world.halo import AGENTS, Halo, OwnFigures, agent_lines, by_agent
 from minerva_bus.world.service_inputs import Tick, View, WorldInfo
 from minerva_bus.world.services import Device, Generator
+from minerva_services.physics.agent_lines import AGENTS, agent_lines, by_agent
 from minerva_services.physics.collision_events import CollisionEvents
 from minerva_services.physics.collisions.contacts import ANYTHING, Owners, Pair, contacts
-from minerva_services.physics.collisions.touching import TOLERANCE, Touches
+from minerva_services.physics.collisions.touching import Touches
 
 _SAME_COSINE: Final = 0.7
 """Cosine of the angle (about 45 degrees) within which two touches of scenery count as the same."""
@@ -97,11 +96,6 @@ class Collisions(Device, Generator, coupled=True):
         persist: notify in each view while a contact lasts, not only when it begins.
         ignore: pairs to skip, each a list of two agent kinds or primitives; `*` matches anything.
         who: the name of the agent's id in the view.
-        x: the name of the x coordinate in the view, for `reach`.
-        y: the name of the y coordinate in the view, for `reach`.
-        reach: how far any agent's figure extends from its coordinates, in metres. With it, the
-            service runs in each region of a world with `halo = true`, unless `ignore` names kinds
-            of agents; figures then need `who`. 0: it runs in one region for all.
 
     """
 
@@ -115,12 +109,7 @@ class Collisions(Device, Generator, coupled=True):
         persist: bool = False,
         ignore: tuple[Any, ...] = (),
         who: str = "who",
-        x: str = "x",
-        y: str = "y",
-        reach: float = 0.0,
     ) -> None:
-        if not 0 <= reach < math.inf:
-            raise MisuseError(f"collisions: reach is {reach}; expected a number of metres from 0")
         if every < 1:
             raise MisuseError(f"collisions: every is {every}; expected a number of frames from 1")
         self.every = every
@@ -129,10 +118,6 @@ class Collisions(Device, Generator, coupled=True):
         self._persist = persist
         self._ignored = _pairs(ignore)
         self._who = who
-        self._reach = reach
-        names_kinds = any(name.startswith("A") for pair in self._ignored for name in pair)
-        if reach and not names_kinds:
-            self.halo = Halo(2 * reach + TOLERANCE, x, y, who, scenery=True)
         self._memory = ContactMemory()
         self._count = 0
         self._shown: int | None = None
@@ -152,12 +137,7 @@ class Collisions(Device, Generator, coupled=True):
         except MisuseError as error:
             raise MisuseError(f"collisions: {error}") from None
         owners = Owners.among(self._volumes)
-        touches = contacts(self._volumes, owners, self._ignored)
-        if self.own is not None:
-            _check_reach(self._volumes, self.own, self._reach)
-            own = self.own.ids.rows_of(Ids.of(list(owners.names))) >= 0
-            touches = touches.take(np.flatnonzero(own[owners.of[touches.first]]))
-        self._touches = touches
+        self._touches = contacts(self._volumes, owners, self._ignored)
         self._shown = view.frame
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
@@ -211,23 +191,6 @@ class Collisions(Device, Generator, coupled=True):
             return touches, begins
         new_rows = np.flatnonzero(begins)
         return touches.take(new_rows), begins[new_rows]
-
-
-def _check_reach(volumes: Volumes, own: OwnFigures, reach: float) -> None:
-    """Check that no figure of an agent extends too far. Raises MisuseError."""
-    if not len(own.ids):
-        return
-    rows = own.ids.rows_of(Ids.of(volumes.owners.tolist()))
-    points = np.repeat(rows, volumes.sizes)
-    ends = np.repeat(volumes.radius, volumes.sizes)
-    dx, dy = volumes.points[:, 0] - own.x[points], volumes.points[:, 1] - own.y[points]
-    far = np.where(points >= 0, np.sqrt(dx * dx + dy * dy) + ends, 0.0)
-    if len(far) and far.max() > reach + TOLERANCE:
-        row = int(far.argmax())
-        raise MisuseError(
-            f"collisions: the figure of #{own.ids[int(points[row])]} extends {far[row]:.6g} m from"
-            f" its coordinates, but reach is {reach:g}; set reach to the greatest such distance"
-        )
 
 
 def _check_known(ignored: Iterable[Pair], world: WorldInfo) -> None:

@@ -10,7 +10,6 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import EventType
-from minerva_bus.world.halo import Halo
 from minerva_bus.world.service_inputs import Tick, View, WorldInfo
 from minerva_bus.world.services import Device, Generator
 from minerva_services.event_factory import event_type
@@ -96,8 +95,6 @@ class Neighbours(Device, Generator, coupled=True):
         self._lattice = Lattice(width, height, radius, hood, periodic) if grid else None
         if not grid:
             tree()  # a missing library must fail here, not in the first frame
-        lattice = (width, height) if periodic and grid else None
-        self.halo = Halo(radius, x, y, who, self._size or lattice)
         self._same = same
         self._reader = SpotReader("neighbours", Names(x, y, who))
         # The events depend on the last view alone, which a successor receives again, so there is
