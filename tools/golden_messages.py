@@ -218,11 +218,6 @@ MESSAGES: Mapping[str, m.Message] = {
     ),
     "orders.empty": m.Orders(0, ()),
     "orders.full": m.Orders(8, (*EVENTS, MIXED)),
-    "advance.empty": m.RegionRequest(0),
-    "advance.full": m.RegionRequest(
-        8, (b"", bytes(8)), {"gulls": EVENTS, "~order:anna": (MIXED,)}, NAMES, bytes(8),
-        (b"", bytes(9)), views=True, last=True,
-    ),
     "repeat.empty": m.Repeat(""),
     "repeat.full": m.Repeat("scan"),
     "stop.empty": m.Stop(""),

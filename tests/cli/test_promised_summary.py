@@ -97,7 +97,7 @@ def failing_world(folder, service, more=""):
     return path
 
 
-@pytest.mark.parametrize("words", [(), ("--in-process",), ("--in-process", "--regions", "2")])
+@pytest.mark.parametrize("words", [(), ("--in-process",)])
 def test_failing_members(tmp_path, words):
     """The summary has the frames before the failure, wherever the members run."""
     done = minerva(tmp_path, "run", failing_world(tmp_path, "FailsAtFrame"), "--json", *words)

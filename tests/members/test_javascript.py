@@ -152,18 +152,3 @@ def test_without_a_world_it_says_what_is_missing() -> None:
     assert done.returncode == 1
     assert "no world at tcp/127.0.0.1:9" in done.stderr
     assert len(done.stderr.splitlines()) == 1
-
-
-def test_snails_are_hosts_of_regions(tmp_path: Path) -> None:
-    """Each region starts the program; snails move between regions, and their children with them."""
-    steps = "".join(
-        f'[process.{name}]\nservice = "each"\nevent = "{event}"\n'
-        for name, event in (("rain", "eRain"), ("sun", "eSun"))
-    )
-    snails = " · ".join(f"ASnail#s{n}<water={1 + n % 7 / 2}>" for n in range(20))
-    python = '[process.snails]\nagents = "garden:Snail"\n'
-    alone = garden(tmp_path, steps + python, snails)
-    regions = '[regions]\ncount = 2\nhosts = ["snails"]\n'
-    divided = garden(tmp_path, steps + scripts("snails") + regions, snails)
-    assert divided["digest"] == alone["digest"]
-    assert (divided["regions"], divided["frames"]) == (2, 60)

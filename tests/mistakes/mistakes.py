@@ -293,8 +293,6 @@ MISTAKES = (
     Mistake("file of a module", AGENTS, 'agents = "garden.py:Plant"', _says("garden.toml:7", "such as 'garden:Plant'"), at=False, in_file=True),
     Mistake("an event type twice in the order", "frames = 5", 'frames = 5\norder = ["eSun", "eWind", "eSun"]',
             _says("garden.toml:5", "world.order has eSun twice"), at=False, in_file=True),
-    Mistake("unknown key of regions", "[bus]", "[regions]\nwidth = 3\n[bus]",
-            _says("regions.width is unknown; [regions] has count, grid, ", ", function\n"), at=False, in_file=True),
     Mistake("misspelt key", "frames = 5", "fraems = 5", _says("fraems", "frames", "garden.toml:4"), at=False, in_file=True),
     Mistake("unit that is none", "APlant#a ", "APlant#a<height=3 ft> ", _says("ft"), at=False, in_file=True),
     Mistake("wrong unit", "APlant#a ", "APlant#a<height=3 s> ", _says("height", "s"), at=False, in_file=True),

@@ -1,7 +1,7 @@
-"""Large reports of a region that runs ahead wait for the thread that decodes them."""
+"""Large answers to early requests wait for the thread that decodes them."""
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
@@ -33,22 +33,22 @@ def receiver_of(algorithm: FrameAlgorithm, put: Any) -> Receiver:
 
 
 @pytest.mark.parametrize("ahead", [0, 3])
-def test_as_many_more_large_reports_wait_as_a_region_runs_ahead(
+def test_as_many_more_large_answers_wait_as_frames_are_requested_early(
     ahead: int, monkeypatch: pytest.MonkeyPatch
 ):
     algorithm = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop)))
-    algorithm.receive(s.Appeared("region-0"))
-    hello = m.Hello("region-0", PROTOCOL_VERSION, generates=("eDrop",), lockstep=True)
+    algorithm.receive(s.Appeared("sonar"))
+    hello = m.Hello("sonar", PROTOCOL_VERSION, generates=("eDrop",), lockstep=True)
     algorithm.receive(hello)
     algorithm.receive(s.Begin())
-    assert algorithm.awaits("region-0")
+    assert algorithm.awaits("sonar")
     receiver, waiting, dropped = receiver_of(algorithm, None), list[Any](), list[str]()
     large = SimpleNamespace(add=waiting.append, behind=lambda member: len(waiting))
     monkeypatch.setattr(receiver, "_large", large)
     monkeypatch.setattr(receiver, "_drop", dropped.append)
-    monkeypatch.setattr(cast("Any", algorithm.source), "early_replies", lambda member: ahead)
-    report = pack(["ticked", 0, [], {"part": b"0" * 2 * IN_COLUMNS}])
+    monkeypatch.setattr(algorithm.inbox.early, "outstanding", lambda member: ahead)
+    report = pack(["ticked", 0, [], {"map": b"0" * 2 * IN_COLUMNS}])
     for _ in range(MAX_BEHIND + ahead + 2):
-        receiver.receive(("region-0", report))
+        receiver.receive(("sonar", report))
     assert len(waiting) == MAX_BEHIND + ahead
-    assert dropped == ["region-0"] * 2
+    assert dropped == ["sonar"] * 2

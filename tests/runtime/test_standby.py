@@ -1,7 +1,6 @@
-"""A standby takes the name of a member as soon as that cannot return; of several, one does."""
+"""A standby takes the name of a member that has gone; of several, one does."""
 
 import random
-import socket
 import threading
 from contextlib import suppress
 from types import SimpleNamespace
@@ -10,34 +9,28 @@ from typing import Any, cast
 import pytest
 
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.predecessor import Predecessor
 from minerva_bus.runtime.reconnect import ReconnectMonitor
 from minerva_bus.runtime.rejoin import NAME_FREE_AGAIN, STANDBY_SECONDS, NameToken, Rejoin
-from minerva_bus.runtime.system import REAL, System
+from minerva_bus.runtime.system import System
 from minerva_bus.runtime.world_link import WorldLink
 from minerva_bus.wire.keys import COORDINATOR, Keys
 
 KEYS = Keys("w")
-AT = "tls/a.example:7450"
 
 
 class Clock(System):
-    """Seconds that pass with each look at the clock, and a machine that may refuse links."""
+    """Seconds that pass with each look at the clock."""
 
-    def __init__(self, refusing):
-        self.now, self.refusing = 0.0, refusing
+    def __init__(self):
+        self.now = 0.0
 
     def monotonic(self):
         self.now += 0.01
         return self.now
 
-    def refuses(self, endpoint):
-        assert endpoint == AT
-        return self.refusing
-
 
 class Session:
-    """Liveliness tokens: those of the coordinator, and of a region until it ends."""
+    """Liveliness tokens: those of the coordinator, and of a member until it ends."""
 
     def __init__(self, clock, ends):
         self.clock, self.ends = clock, ends
@@ -48,25 +41,21 @@ class Session:
     def get(self, key, timeout):
         there = [KEYS.alive(COORDINATOR)]
         if self.clock.now < self.ends:
-            there += [KEYS.alive("region-1"), KEYS.link("region-1", AT)]
+            there.append(KEYS.alive("robot"))
         about = key.rpartition("/")[0] if key.endswith("*") else key
         keys = [each for each in there if each == key or each.startswith(about + "/")]
         return [SimpleNamespace(ok=SimpleNamespace(key_expr=each)) for each in keys]
 
 
-@pytest.mark.parametrize(("refusing", "least", "most"), [
-    (True, 0.0, 0.5),
-    (False, STANDBY_SECONDS - 0.5, STANDBY_SECONDS + 0.5),
-])  # fmt: skip
-def test_a_standby_waits_only_for_a_process_that_may_return(refusing, least, most):
-    clock = Clock(refusing)
+def test_a_standby_waits_for_a_process_that_may_return():
+    clock = Clock()
     session = cast("Any", Session(clock, 3.0))
-    link = WorldLink(KEYS, "region-1", print, clock.monotonic)
+    link = WorldLink(KEYS, "robot", print, clock.monotonic)
     monitor = ReconnectMonitor("w", 5.0, str, print, print, clock)
-    rejoin = Rejoin("region-1", monitor, link, print, print, clock)
-    for _ in rejoin.stand_by(session, Predecessor("region-1", KEYS, clock)):
+    rejoin = Rejoin("robot", monitor, link, print, print, clock)
+    for _ in rejoin.stand_by(session):
         pass
-    assert least <= clock.now - session.ends <= most
+    assert STANDBY_SECONDS - 0.5 <= clock.now - session.ends <= STANDBY_SECONDS + 0.5
 
 
 class Hub:
@@ -135,7 +124,7 @@ class Link:
 
 
 class Ticking(System):
-    """The clock of the hub, on whose turns it depends; no machine refuses links."""
+    """The clock of the hub, on whose turns it depends."""
 
     def __init__(self, hub):
         self.hub = hub
@@ -148,9 +137,6 @@ class Ticking(System):
         while self.hub.now < until:
             self.hub.turn()
 
-    def refuses(self, endpoint):
-        return True
-
 
 def _includes(pattern, key):
     start, star, _ = pattern.partition("*")
@@ -162,7 +148,7 @@ def test_of_processes_that_find_a_name_free_one_takes_it(seed):
     """Those that stand by wait until it has gone; then another one takes it."""
     hub, draw = Hub(seed), random.Random(seed)
     holders, most, standbys = [], [0], draw.randint(1, 4)
-    name = KEYS.alive("region-1")
+    name = KEYS.alive("robot")
 
     def hold(number, session, token):
         token.declare(session)
@@ -174,15 +160,15 @@ def test_of_processes_that_find_a_name_free_one_takes_it(seed):
 
     def stand_by(number):
         session, clock = cast("Any", Link(hub)), Ticking(hub)
-        link = WorldLink(KEYS, "region-1", print, clock.monotonic)
+        link = WorldLink(KEYS, "robot", print, clock.monotonic)
         monitor = ReconnectMonitor("w", 60.0, str, print, print, clock)
-        rejoin = Rejoin("region-1", monitor, link, print, print, clock, claims=True)
-        for _ in rejoin.stand_by(session, Predecessor("region-1", KEYS, clock)):
+        rejoin = Rejoin("robot", monitor, link, print, print, clock, claims=True)
+        for _ in rejoin.stand_by(session):
             hub.turn()
         hold(number, session, rejoin.name)
 
     def join(number):
-        session, token = cast("Any", Link(hub)), NameToken("region-1", KEYS, claims=True)
+        session, token = cast("Any", Link(hub)), NameToken("robot", KEYS, claims=True)
         Ticking(hub).sleep(STANDBY_SECONDS + draw.uniform(-0.5, 0.5))
         for _ in token.until_free(session, lambda: hub.now, NAME_FREE_AGAIN):
             hub.turn()
@@ -195,12 +181,3 @@ def test_of_processes_that_find_a_name_free_one_takes_it(seed):
     assert most[0] == 1
     assert set(range(standbys)) <= set(holders)
     assert hub.tokens == [KEYS.alive(COORDINATOR)]
-
-
-def test_only_a_machine_that_answers_refuses_links():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        at = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        assert not REAL.refuses(at)
-    assert REAL.refuses(at)
-    assert not REAL.refuses("tcp/no-such-host.invalid:7450")
-    assert not REAL.refuses("unixsock-stream//tmp/none.sock")

@@ -200,7 +200,6 @@ def test_a_line_reader_finishes_with_an_unterminated_line_although_the_pipe_stay
 
 
 def test_the_reason_of_a_coordinator_is_the_first_line_of_its_last_error():
-    """Views of regions are made by the coordinator, so the report of an error may be its output."""
     shown = []
     console = SimpleNamespace(log=lambda _, line: shown.append(line))
     context = SimpleNamespace(endpoint="tcp/127.0.0.1:1")

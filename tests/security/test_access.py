@@ -4,7 +4,7 @@ import zenoh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus.security.access import access_control, region_access
+from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import HUB, ROLES, ROUTER, Rights
 from minerva_bus.wire.keys import COORDINATOR, Keys, asking_key, control_key
 
@@ -84,10 +84,7 @@ def test_every_member_does_what_its_roles_allow(holders):
             ("egress", "put", KEYS.all, there),
             ("egress", "declare_subscriber", KEYS.sent_by("*"), there),
             ("ingress", "put", topic, has("generator") and confined),
-            ("ingress", "declare_subscriber", KEYS.tick, has("generator", "region")),
-            ("ingress", "liveliness_token", KEYS.link(name, "tls/a:1"), has("region")),
-            ("ingress", "declare_liveliness_subscriber", KEYS.link(), has("region")),
-            ("egress", "liveliness_token", KEYS.link("region-9", "tls/a:1"), has("region")),
+            ("ingress", "declare_subscriber", KEYS.tick, has("generator")),
             ("egress", "put", KEYS.evolve, has("agent")),
             ("egress", "put", KEYS.view("eShow"), has("view")),
             ("egress", "put", KEYS.record, has("view", "operator")),
@@ -97,24 +94,6 @@ def test_every_member_does_what_its_roles_allow(holders):
         ]
         for flow, message, key, allowed in expected:
             assert may(access, name, flow, message, key) == allowed, (flow, message, key)
-
-
-def test_a_region_accepts_only_what_its_neighbours_may_send():
-    access = region_access(KEYS, 1, [0, 2])
-    for key, allowed in (
-        (KEYS.parcel(0, 1), True),
-        (KEYS.parcel(2, 1), False),
-        (KEYS.parcel(0, 2), False),
-        (KEYS.sent_by("region-0"), False),
-        (KEYS.tick, False),
-        ("**", False),
-    ):
-        assert may(access, "region-0", "ingress", "put", key) == allowed
-        assert not may(access, "region-3", "ingress", "put", key)
-    assert may(access, "region-0", "egress", "put", KEYS.parcel(1, 0))
-    assert not may(access, "region-0", "egress", "put", KEYS.parcel(1, 2))
-    assert not may(access, "region-0", "ingress", "declare_subscriber", KEYS.parcel("*", 2))
-    zenoh.Config().insert_json5("access_control", str(access).replace("True", "true"))
 
 
 @given(MANY, st.booleans())

@@ -18,7 +18,6 @@ ORDER = [
     "world",
     "space",
     "frame",
-    "regions",
     "collect",
     "wire",
     "log",

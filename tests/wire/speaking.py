@@ -115,7 +115,6 @@ def to_member(vocabulary):
             m.ViewShown, names(), numbers, numbers, views, st.none() | strings.map(with_slots)
         ),
         st.builds(m.Orders, numbers, event_tuples),
-        st.builds(m.RegionRequest, numbers, st.lists(st.binary(max_size=8), max_size=3).map(tuple), st.dictionaries(names(), event_tuples, max_size=3), few),
         st.builds(m.Repeat, names()),
         st.builds(m.Stop, texts()),
     )  # fmt: skip

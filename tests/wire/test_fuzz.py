@@ -159,7 +159,6 @@ def entries():
 @example(path=[5, 0, 0], new=7)
 @example(path=[3], new=7)
 def test_entries_of_a_log_with_one_part_replaced(name, path, new):
-    """The coordinator of regions reads such an entry from a member."""
     data, read = entries()[name]
     read(data)
     with suppress(ProtocolError, SceneError):
