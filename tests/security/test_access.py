@@ -50,8 +50,6 @@ def test_a_message_in_another_name_is_rejected(holders):
             assert not may(access, holder.name, "ingress", "put", KEYS.sent_by(other))
             assert not may(access, holder.name, "ingress", "liveliness_token", KEYS.alive(other))
             assert not may(access, holder.name, "ingress", "put", KEYS.topic("scan", other))
-            link = KEYS.link(other, "tls/a:1")
-            assert not may(access, holder.name, "ingress", "liveliness_token", link)
             for key in (control_key("w", other), asking_key("w", other), control_key("w")):
                 assert not may(access, holder.name, "ingress", "query", key)
         for key in (

@@ -85,7 +85,6 @@ def test_a_run_is_read_like_its_nodes(what, monkeypatch):
     counts = [len(plain), len(plain) - 1, len(plain) + 1, 1]
     together = [result(plain, count) for count in counts]
     monkeypatch.setattr(reader, "end_of_run", lambda flat, begin, most: begin)
-    monkeypatch.setattr(reader.Reader, "_single", lambda *_: None)
     assert together == [result(plain, count) for count in counts]
     if what in ("alike at 0", "figures", "transformations", "inner"):
         assert any(not isinstance(each, str) for each in together)
