@@ -22,8 +22,7 @@ IN_COLUMNS: Final = 256 * 1024
 """Bytes above which one with few values is, too, since ids in a column are decoded one by one."""
 
 MAX_BEHIND: Final = 4
-"""Messages of one member that may wait for the thread, since a frame asks for one at a time; and as
-many more as frames have been requested that have not begun."""
+"""Messages of one member that may wait for the thread: a frame asks for one at a time."""
 
 
 def is_slow(body: bytes) -> bool:

@@ -1,4 +1,4 @@
-"""Large answers to early requests wait for the thread that decodes them."""
+"""Large answers wait for the thread that decodes them, a few of each member."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -32,10 +32,7 @@ def receiver_of(algorithm: FrameAlgorithm, put: Any) -> Receiver:
     return Receiver(coordinator, DEFAULT, lambda member: None)
 
 
-@pytest.mark.parametrize("ahead", [0, 3])
-def test_as_many_more_large_answers_wait_as_frames_are_requested_early(
-    ahead: int, monkeypatch: pytest.MonkeyPatch
-):
+def test_only_a_few_large_answers_of_a_member_wait(monkeypatch: pytest.MonkeyPatch):
     algorithm = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop)))
     algorithm.receive(s.Appeared("sonar"))
     hello = m.Hello("sonar", PROTOCOL_VERSION, generates=("eDrop",), lockstep=True)
@@ -46,9 +43,8 @@ def test_as_many_more_large_answers_wait_as_frames_are_requested_early(
     large = SimpleNamespace(add=waiting.append, behind=lambda member: len(waiting))
     monkeypatch.setattr(receiver, "_large", large)
     monkeypatch.setattr(receiver, "_drop", dropped.append)
-    monkeypatch.setattr(algorithm.inbox.early, "outstanding", lambda member: ahead)
     report = pack(["ticked", 0, [], {"map": b"0" * 2 * IN_COLUMNS}])
-    for _ in range(MAX_BEHIND + ahead + 2):
+    for _ in range(MAX_BEHIND + 2):
         receiver.receive(("sonar", report))
-    assert len(waiting) == MAX_BEHIND + ahead
+    assert len(waiting) == MAX_BEHIND
     assert dropped == ["sonar"] * 2
