@@ -15,6 +15,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.event_sources import AGENTS
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent, Events
@@ -25,6 +26,7 @@ from minerva_bus.log.reader import Record
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.order import collect
 
 SIDES: Final = ("the record", "this run")
 RECORDED: Final = "~record"
@@ -122,7 +124,12 @@ class Rerun:
             return
         events = frame.events, notice.events
         if same_events(*events) and cursor.checkpoint is not None:
-            events = cursor.checkpoint.emitted, self.algorithm.checkpoint.emitted
+            sent = cursor.checkpoint.emitted, self.algorithm.checkpoint.emitted
+            # In the order of a frame's collection: a difference in the order before it has no
+            # effect, and records of earlier versions may have one.
+            order = self._record.description.world.order
+            first, second = (collect(order, {AGENTS: each}) for each in sent)
+            events = first, second
         # Events that agents emit reach the string in the next frame only; comparing them finds the
         # cause a frame earlier.
         same = scene.digest == frame.digest
