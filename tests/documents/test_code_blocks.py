@@ -26,7 +26,6 @@ ELSEWHERE = {
 
 EXCERPTS = {
     "docs/howto/datasets.md": ["from lerobot."],
-    "docs/howto/regions.md": ["moment.emit"],
     "docs/norms.md": ["moment.emit"],
     "docs/worlds.md": ["from minerva_bus import portable\n\nself."],
 }
