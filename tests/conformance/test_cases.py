@@ -29,8 +29,6 @@ NO_CASE = {
     "takes ten seconds": "P6.8",
     "of another run": "P6.19",
     "permissions": "P9.20 P9.23",
-    "between regions": "P20.1 P20.2 P20.3 P20.4 P20.5 P20.6 P20.7 P20.8 P20.9 P20.10 P20.11 P20.12 P20.13"
-    " P20.14 P20.15 P20.16 P20.17 P20.18 P20.19 P20.20",
 }
 """Requirements without a case, by the reason."""
 
