@@ -19,7 +19,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.mutation.assignment import names_nodes
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.resuming import option_text
-from minerva_bus.launch.specs import load
+from minerva_bus.launch.specs import folder_of, load
 from minerva_bus.study.executor_pool import Workers
 from minerva_bus.study.grid import key_and_values, parts_of
 from minerva_bus.study.results import ResultTable, check_table, option_value, write
@@ -137,7 +137,7 @@ def _objective(spec: str, folder: Path) -> Objective:
     """The objective of a column or of `module:function`. Raises WorldFileError and MisuseError."""
     if ":" not in spec:
         return spec
-    objective = load(spec, folder)
+    objective = load(spec, folder_of(spec, folder))
     if not callable(objective):
         raise MisuseError(f"--objective {spec} is not a function")
     return cast("Objective", objective)

@@ -11,7 +11,7 @@ from minerva_bus.api.evolving import EvolutionRun, EvolutionStudy
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.specs import load
+from minerva_bus.launch.specs import folder_of, load
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.plotting import check_picture
 from minerva_bus.settings.overrides import Overrides
@@ -47,7 +47,7 @@ class EvolveOptions:
 
 def read_fitness(spec: str, file: WorldFile) -> Fitness:
     """Load the fitness function, `module:function`. Raises WorldFileError and MisuseError."""
-    fitness = cast("Fitness", load(spec, file.path.parent))
+    fitness = cast("Fitness", load(spec, folder_of(spec, file.path.parent)))
     if not callable(fitness):
         raise MisuseError(f"--fitness {spec} is not a function")
     return fitness
