@@ -166,15 +166,14 @@ def saved(state: Any) -> Message:
     return framed("ticked", [], {"x": state})
 
 
-OWN = 7 * AGENTS
-"""Values of the agents of the host: their number, and two attributes and five others for each."""
-
-MOST_VALUES = DEFAULT.answer_values + 4 * OWN - 20
-MOST_ROWS = DEFAULT.answer_rows + OWN
+MOST_VALUES = DEFAULT.answer_values - 20
 MOST_AGENTS = MOST_VALUES // 7
-MOST_EVENTS = min(DEFAULT.host_events, (MOST_VALUES - OWN) // 9)
+MOST_EVENTS = min(DEFAULT.host_events, (MOST_VALUES - 7 * AGENTS) // 9)
 MOST_FIGURES = MOST_VALUES // 5
 """Agents, events and figures, of seven, nine and five values each, in the largest `evolved`."""
+
+MOST_ROWS = DEFAULT.message_bytes // 24
+"""Rows with two numbers, or with a number and two ids."""
 
 
 def foxes(agents: int, name: str = "x") -> list[Any]:
@@ -202,9 +201,9 @@ def evolved_single(events: int) -> Message:
 
 def evolved_batch() -> Message:
     """All agents send each other events, in columns."""
-    rows = min(MOST_ROWS, DEFAULT.answer_bytes // 24)
-    ids = plain_ids(Ids.numbered("f", np.arange(rows) % AGENTS))
-    return evolved(foxes(AGENTS), {FRAGMENT: [["eStep", rows, [reals(rows)], "", ids, ids]]})
+    ids = plain_ids(Ids.numbered("f", np.arange(MOST_ROWS) % AGENTS))
+    sent = [["eStep", MOST_ROWS, [reals(MOST_ROWS)], "", ids, ids]]
+    return evolved(foxes(AGENTS), {FRAGMENT: sent})
 
 
 def newborn_columns() -> list[Any]:
@@ -278,7 +277,7 @@ CASES = {
     "evolved, newborn agents": Case(HOST, lambda: evolved(foxes(MOST_AGENTS)), "evolve"),
     "evolved, newborn in columns": Case(HOST, lambda: evolved(newborn_columns()), "evolve"),
     "evolved, text": Case(
-        HOST, lambda: evolved(foxes(AGENTS, "x" * (DEFAULT.answer_bytes - 9_000))), "evolve"
+        HOST, lambda: evolved(foxes(AGENTS, "x" * (DEFAULT.message_bytes - 9_000))), "evolve"
     ),
     "evolved, view": Case(
         SHOWN, lambda: evolved([0], view=figures_shown()), "evolve"
@@ -295,7 +294,7 @@ CASES = {
     "over: 300,000 receivers": Case(
         {}, lambda: single("emitted", count=300_000, receivers=lambda n: [f"r{n}"]), refused=True
     ),
-    "over: 40,000 agents": Case(HOST, lambda: evolved(foxes(40_000)), "evolve", refused=True),
+    "over: 200,000 agents": Case(HOST, lambda: evolved(foxes(200_000)), "evolve", refused=True),
     "over: 200,000 figures": Case(
         {}, lambda: unframed("doing", {str(n): n for n in range(200_000)}), refused=True
     ),

@@ -36,10 +36,9 @@ import zenoh
 
 from benchmarks.command import Table
 from benchmarks.forked import task
-from benchmarks.large_message_cases import CASES, STRING, VOCABULARY, Case, hello
+from benchmarks.large_message_cases import CASES, VOCABULARY, Case, hello
 from benchmarks.large_message_world import NAME, RATE, Raw, running
 from minerva_bus.errors import MinervaError
-from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.runtime.session import open_client
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import Keys
@@ -140,10 +139,10 @@ def encoded(case: Case) -> bytes:
 
 def alone(case: Case) -> float:
     """Milliseconds to decode the message on its own."""
-    data, own = encoded(case), OwnAgents(lambda: STRING.pieces)
+    data = encoded(case)
     began = time.thread_time()
     with suppress(MinervaError):
-        Decoder(VOCABULARY).from_member("large", data, own)
+        Decoder(VOCABULARY).from_member("large", data)
     return 1e3 * (time.thread_time() - began)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 from minerva_bus.frame import messages as m
@@ -10,8 +9,6 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import CollectionStep
 from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.member_states import MemberEntry
-from minerva_bus.frame.own_agents import OwnAgents
-from minerva_bus.grammar.scene import Piece
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -65,15 +62,6 @@ class FrameSource:
     def evolve_reply(self, reply: m.EvolveReply) -> None:
         """Accept a host's results for its fragments."""
         self._algorithm.members.get(reply.member).late += 1
-
-    def agents_of(self, member: str) -> OwnAgents:
-        """The agents about which a member answers: those of a host."""
-        return OwnAgents(partial(self._hosted_by, member))
-
-    def _hosted_by(self, member: str) -> list[Piece]:
-        composition, placement = self._algorithm.composition, self._algorithm.placement
-        fragments = composition.fragments
-        return [fragments[name] for name in placement.fragments_of(member) if name in fragments]
 
     def emitted(self, emitted: m.Emitted) -> None:
         """Accept events of a free-running generator."""

@@ -161,9 +161,8 @@ class EvolveReply:
         ("from",),
         "what has changed",
         "evolve",
-        max_bytes="answer_bytes",
+        max_bytes="message_bytes",
         max_values="answer_values",
-        max_rows="answer_rows",
         awaited=True,
     )
 

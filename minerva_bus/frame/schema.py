@@ -19,8 +19,7 @@ class Wire:
     """Form of a message: `[name, item, ...]`, or `[name, {field: value}]` if `keyed`.
 
     `on`: keys on which it is published. `answers`: the message to which it replies.
-    `max_bytes`, `max_values`, `max_rows`: names of the limits (minerva_bus.wire.limits) if a member
-    sends it.
+    `max_bytes`, `max_values`: names of the limits (minerva_bus.wire.limits) if a member sends it.
     `awaited`: a frame may wait for it, so it is exempt from limits per second.
     """
 
@@ -31,7 +30,6 @@ class Wire:
     keyed: bool = False
     max_bytes: str = "small_bytes"
     max_values: str = "values"
-    max_rows: str = "rows"
     awaited: bool = False
 
 

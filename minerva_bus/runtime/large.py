@@ -9,7 +9,6 @@ from typing import Final
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.weighing import values_in
@@ -37,15 +36,11 @@ def is_slow(body: bytes) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LargeMessage:
-    """The bytes of a member's message; `joins` counts how often the member has joined so far.
-
-    It may have more than the limits of its type, for its `own` agents.
-    """
+    """The bytes of a member's message; `joins` counts how often the member has joined so far."""
 
     member: str
     joins: int
     body: bytes
-    own: OwnAgents = NO_AGENTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +99,7 @@ class LargeMessages:
         began = self._system.monotonic()
         message, problem = None, ""
         try:
-            message = self._decoder.from_member(large.member, large.body, large.own)
+            message = self._decoder.from_member(large.member, large.body)
         except (ProtocolError, SceneError) as error:
             problem = str(error)
         return Decoded(large, message, problem, self._system.monotonic() - began)

@@ -162,8 +162,7 @@ class Receiver:
             if self._large.behind(member) or is_slow(body):
                 self._decode_aside(member, body)
                 return
-            own = self._algorithm.source.agents_of(member)
-            message = self._metrics.timed("decode", self._decoder.from_member, member, body, own)
+            message = self._metrics.timed("decode", self._decoder.from_member, member, body)
         except (ProtocolError, SceneError) as error:
             self._handle(s.Violation(member, str(error)))
             return
@@ -173,9 +172,7 @@ class Receiver:
         if self._large.behind(member) >= MAX_BEHIND:
             self._drop(member)
             return
-        # The thread must not look at the agents, which the main thread replaces.
-        own = self._algorithm.source.agents_of(member).captured()
-        self._large.add(LargeMessage(member, self._members.get(member).joins, body, own))
+        self._large.add(LargeMessage(member, self._members.get(member).joins, body))
 
     def _pass_on(self, member: str, body: bytes, message: m.FromMember) -> None:
         if isinstance(message, m.EvolveReply):

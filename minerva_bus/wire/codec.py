@@ -12,15 +12,13 @@ from typing import Any, Final, get_args
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.beyond import BeyondLimits
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_list, as_text, uncollected, unpack
 from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.weighing import check_weight, lightest, name_in, raised
+from minerva_bus.wire.weighing import check_weight, lightest, name_in
 
 _EMPTY: Final = Vocabulary()
 
@@ -72,12 +70,9 @@ class Decoder:
         self._limits = limits
         self._light = lightest(limits)
 
-    def from_member(self, member: str, data: bytes, own: OwnAgents = NO_AGENTS) -> m.FromMember:
-        """A message from a member to the coordinator, checked against the limits of its type.
-
-        An answer may have more for the member's `own` agents.
-        """
-        return self.decode(FROM_MEMBER, (member,), data, own, weighed=True)
+    def from_member(self, member: str, data: bytes) -> m.FromMember:
+        """A message from a member to the coordinator, checked against the limits of its type."""
+        return self.decode(FROM_MEMBER, (member,), data, limited=True)
 
     def to_member(self, data: bytes) -> m.ToMember:
         """A message from the coordinator."""
@@ -96,48 +91,31 @@ class Decoder:
         codecs: Mapping[str, MessageCodec],
         key: tuple[str, ...],
         data: bytes,
-        own: OwnAgents | None = None,
         *,
-        weighed: bool = False,
+        limited: bool = False,
     ) -> Any:
         """A message of one of these types; `key` are the values in the key, such as the sender.
 
-        A message of a member may have as many rows and events as the limits allow, or
-        more for its `own` agents; that of the coordinator (None) has those of all members.
-        `weighed`: check its size against the limits of its declaration first.
+        `limited`: check its size and its number of events against the limits for members.
         """
         try:
             # A message with fewer bytes than every limit cannot exceed one, and most are so small.
-            if weighed and len(data) > self._light:
-                wire = declaration(data)
-                beyond = BeyondLimits(own if own and wire.awaited else NO_AGENTS)
-                check_weight(data, wire, self._limits, beyond)
+            if limited and len(data) > self._light:
+                check_weight(data, declaration(data), self._limits)
             with uncollected(len(data)):
-                return self._message(codecs, key, data, own)
+                return self._message(codecs, key, data, limited)
         except (ProtocolError, SceneError):
             raise
         except Exception as error:  # Invalid data must raise nothing else.
             kind = type(error).__name__
             raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
 
-    def _reader_for(self, wire: Wire, own: OwnAgents | None) -> Reader:
-        limits = self._limits
-        if own is None or wire.max_rows == "rows":
-            reader = self._reader if own is not None else self._reader_of_all
-            reader.columns.begin(limits.rows)
-            return reader
-        # Agents in columns may send as many events as they are, so rows are counted instead.
-        reader = self._reader_of_all
-        most = min(getattr(limits, wire.max_rows), limits.rows)
-        reader.columns.begin(most, BeyondLimits(own).rows, raised(wire.max_rows))
-        return reader
-
     def _message(
         self,
         codecs: Mapping[str, MessageCodec],
         key: tuple[str, ...],
         data: bytes,
-        own: OwnAgents | None,
+        limited: bool,
     ) -> Any:
         plain = as_list(unpack(data, self._limits), "a message")
         name = as_text(plain[0] if plain else None, "a message's name")
@@ -150,4 +128,8 @@ class Decoder:
         # length (PROTOCOL.md, section 16).
         if len(plain) - 1 != codec.size:
             raise ProtocolError(f"{name} has {codec.size} items, not {len(plain) - 1}")
-        return codec.decode(self._reader_for(codec.wire, own), key, plain)
+        # All agents of a host may send an event at once.
+        few = limited and codec.wire is not m.EvolveReply.WIRE
+        reader = self._reader if few else self._reader_of_all
+        reader.columns.begin()
+        return codec.decode(reader, key, plain)

@@ -12,7 +12,6 @@ patch   = ["patch", count, [symbol, ...], [[level, place, rows, column], ...]]
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -102,18 +101,14 @@ class ColumnsReader:
     def __init__(self, vocabulary: Vocabulary, limits: Limits) -> None:
         self._vocabulary = vocabulary
         self._limits = limits
-        self._most = 0
         self._rows: int | None = None
-        self._more: Callable[[], int] | None = None
-        self._advice = ""
 
-    def begin(self, rows: int, more: Callable[[], int] | None = None, advice: str = "") -> None:
-        """Allow `rows` rows in the message that begins, or `more` of them; `advice` for an error.
+    def begin(self) -> None:
+        """Allow as many rows as the limit in the message that begins.
 
         Without a call, any number of rows may be read.
         """
-        self._most = self._rows = rows
-        self._more, self._advice = more, advice
+        self._rows = self._limits.rows
 
     def column(self, plain: Any, count: int) -> Column:
         """A column of `count` values."""
@@ -159,13 +154,8 @@ class ColumnsReader:
         if self._rows is None:
             return
         self._rows -= rows
-        if self._rows < 0 and self._more is not None:
-            more, self._more = self._more(), None
-            self._most += more
-            self._rows += more
         if self._rows < 0:
-            advice = self._advice and f"; {self._advice}"
-            raise ProtocolError(f"columns of more than {self._most} rows in a message{advice}")
+            raise ProtocolError(f"columns of more than {self._limits.rows} rows in a message")
 
     def _level(self, plain: Any, count: int, ids: Any, scope: Columns | None) -> Columns:
         items = as_list(plain, "a level of columns")

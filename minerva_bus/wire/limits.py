@@ -47,24 +47,14 @@ class Limits:
         ),
         Configurable(100),
     ] = 50_000
-    # A frame waits for these. A generator's saved state may be bytes, which are one value; the
-    # changes of a host are as many as its agents require, with newborn agents and views.
+    # A frame waits for these. A generator's saved state may be bytes, which are one value. A host
+    # reports changes of all of its agents, newborn agents and views.
     tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 50_000
     answer_values: Annotated[
         int,
-        Note("values of an `evolved` beyond four times those of the agents of its sender"),
+        Note("values of an `evolved`"),
         Configurable(1000),
-    ] = 40_000
-    answer_rows: Annotated[
-        int,
-        Note("rows of all columns of an `evolved` beyond the values of those agents"),
-        Configurable(1),
-    ] = 300_000
-    answer_bytes: Annotated[
-        int,
-        Note("bytes of an `evolved` beyond four times those of those agents"),
-        Configurable(1024),
-    ] = 8 << 20
+    ] = 400_000
     items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
     # Scopes are read without recursion, so this is far beyond Python's own limit.
@@ -157,8 +147,6 @@ ON_DISK: Final = Limits(
     values=1 << 31,
     tick_values=1 << 31,
     answer_values=1 << 31,
-    answer_rows=1 << 31,
-    answer_bytes=1 << 31,
     # Lower than on the bus: a file may have an unknown origin, and each item takes memory.
     items=16_000_000,
     nodes=50_000_000,

@@ -6,7 +6,7 @@ cannot be interrupted. Counting the values is cheap, allocates nothing and stops
 
 from __future__ import annotations
 
-from typing import Final, Protocol
+from typing import Final
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.schema import Wire
@@ -97,19 +97,7 @@ def name_in(data: bytes, offset: int = 0) -> str:
     return data[begin:end][:64].decode(errors="replace")
 
 
-class Beyond(Protocol):
-    """What a message may have beyond the limits of its declaration."""
-
-    def values(self) -> int:
-        """Values."""
-        ...
-
-    def bytes(self) -> int:
-        """Bytes."""
-        ...
-
-
-def check_weight(data: bytes, wire: Wire, limits: Limits, beyond: Beyond) -> None:
+def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
     """Raise ProtocolError if a member's message is larger than its declaration allows."""
     size = len(data)
     # The name is read without decoding, so that the error can mention it.
@@ -120,14 +108,10 @@ def check_weight(data: bytes, wire: Wire, limits: Limits, beyond: Beyond) -> Non
     if size > most:
         if not name:
             raise ProtocolError("this is not a msgpack list that begins with a message's name")
-        check(name, size, most + beyond.bytes(), "bytes", raised(wire.max_bytes))
+        check(name, size, most, "bytes", raised(wire.max_bytes))
     most = getattr(limits, wire.max_values)
     if size <= most:  # A value has at least one byte.
         return
-    # Most large answers are few values, such as matrices, so the agents are weighed last.
-    if values_in(data, most) <= most:
-        return
-    most += beyond.values()
     if (count := values_in(data, most)) > most:
         raise ProtocolError(
             f"{name or 'a message'} has at least {count} values, over {most}; {_FEW[wire.awaited]},"
@@ -144,4 +128,4 @@ def lightest(limits: Limits) -> int:
     """Bytes up to which a message is within all limits, since a value has at least one byte."""
     values = min(limits.values, limits.tick_values, limits.answer_values)
     in_bytes = min(limits.message_bytes, limits.tick_bytes, limits.emitted_bytes)
-    return min(in_bytes, limits.small_bytes, limits.answer_bytes, values)
+    return min(in_bytes, limits.small_bytes, values)

@@ -10,7 +10,6 @@ import pytest
 from minerva_bus import EventType, Vocabulary
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.own_agents import NO_AGENTS
 from minerva_bus.frame.schema import AtLeast, Mark, Note, Wire
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.wire.codec import Decoder, encode
@@ -46,7 +45,7 @@ DECODER = Decoder(Vocabulary.of(eNear), Limits(names=2, single_events=1))
 
 
 def decoded(plain):
-    return DECODER.decode(by_name([Probe]), ("x",), pack(plain), NO_AGENTS)
+    return DECODER.decode(by_name([Probe]), ("x",), pack(plain), limited=True)
 
 
 def test_a_declared_message_goes_through_the_codec():
