@@ -128,11 +128,6 @@ def decode_description(data: bytes) -> tuple[Description, bool]:
 
 
 def _description(plain: Mapping[str, Any]) -> Description:
-    if plain.get("lag") is not None:
-        raise RecordError(
-            "its world has regions with a lag, which version 0.6 has removed: read it with version"
-            " 0.5"
-        )
     vocabulary = read_vocabulary(plain["vocabulary"])
     reader = Reader(vocabulary, ON_DISK)
     world = World(
