@@ -21,8 +21,7 @@ from prometheus_client.parser import text_string_to_metric_families
 STATUS = WorldStatus(
     "pond", frame=7, dt=0.1, phase="events", rate=30.0, hz=29.5, agents=4,
     members=(
-        MemberStatus("host", "present", ("agents",), joins=3, late=2, wait=1500.0,
-                     ),
+        MemberStatus("host", "present", ("agents",), joins=3, late=2, wait=1500.0),
         MemberStatus("water", "late", ("generator", "device"), joins=1,
                      figures={"dropped": 5}),
         MemberStatus("lost", "lost"),
