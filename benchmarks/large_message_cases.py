@@ -140,10 +140,10 @@ def values(name: str, value: Any, count: int) -> Message:
 
 def hello(**more: Any) -> dict[str, Any]:
     return {
-        "version": PROTOCOL_VERSION, "service": "", "kinds": [],
-        "generates": ["eBare", "eList", "eLists", "eNear", "eStep"],
-        "lockstep": False, "orders": [], "draws": [], "coupled": False, "every": 0, "topics": [],
-        "publishes": [], "pid": 0, "host": "", **more,
+        "version": PROTOCOL_VERSION, "kinds": [],
+        "generates": ["eBare", "eList", "eLists", "eNear", "eStep"], "when": "freely",
+        "orders": [], "draws": [], "coupled": False, "topics": [], "publishes": [], "about": {},
+        **more,
     }  # fmt: skip
 
 
@@ -243,7 +243,7 @@ def questions(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) ->
         time.sleep(0.001)
 
 
-LOCKSTEP = {"lockstep": True}
+IN_STEP = {"when": "in step"}
 HOST = {
     "kinds": [["AFox", [["x", "real", "0"], ["name", "text", '""']], ["eStep"], [], []]],
     "generates": [],
@@ -252,15 +252,15 @@ HOST = {
 SHOWN = HOST | {"draws": ["eShow"]}
 CASES = {
     "hello": Case(hello=large_hello()),
-    "ticked, single events": Case(LOCKSTEP, lambda: single("ticked"), "tick"),
-    "ticked, columns": Case(LOCKSTEP, lambda: columns("ticked"), "tick"),
+    "ticked, single events": Case(IN_STEP, lambda: single("ticked"), "tick"),
+    "ticked, columns": Case(IN_STEP, lambda: columns("ticked"), "tick"),
     "ticked, nested values": Case(
-        LOCKSTEP, lambda: values("ticked", [], DEFAULT.tick_values - 20), "tick"
+        IN_STEP, lambda: values("ticked", [], DEFAULT.tick_values - 20), "tick"
     ),
     "ticked, saved values": Case(
-        LOCKSTEP, lambda: saved([[]] * (DEFAULT.tick_values - 10)), "tick"
+        IN_STEP, lambda: saved([[]] * (DEFAULT.tick_values - 10)), "tick"
     ),
-    "ticked, saved bytes": Case(LOCKSTEP, lambda: saved(bytes(DEFAULT.tick_bytes - 99)), "tick"),
+    "ticked, saved bytes": Case(IN_STEP, lambda: saved(bytes(DEFAULT.tick_bytes - 99)), "tick"),
     "emitted, single events": Case({}, lambda: single("emitted")),
     "emitted, receivers": Case(
         {}, lambda: single("emitted", count=1,

@@ -177,7 +177,7 @@ class Raw:
             self.welcome.set()
         elif name == "refused":
             self.refused.set()
-        elif name == "tick" and self.epoch and self.case.hello.get("lockstep"):
+        elif name == "tick" and self.epoch and self.case.hello["when"] == "in step":
             self._answer("tick", items[0], lambda: pack(["ticked", items[0], [], None]))
         elif name == "evolve" and "large" in items[1]:
             self._answer(

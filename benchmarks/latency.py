@@ -70,7 +70,7 @@ class Touched(Agent, symbol="ATouched"):
         return PTouched(self.times)
 
 
-class Finger(Generator, events=("eTouch", "eShow"), lockstep=False):
+class Finger(Generator, events=("eTouch", "eShow"), when="freely"):
     """Emits an event on request through a pipe, and reports the time."""
 
     def __init__(self, event: EventType, delivered: int, stamps: int) -> None:

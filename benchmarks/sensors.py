@@ -54,7 +54,7 @@ class Watcher(Agent, symbol="AWatcher"):
 VOCABULARY = Vocabulary.of(eLaser, eStamp, eLook, Watcher)
 
 
-class Lidar(Generator, lockstep=False):
+class Lidar(Generator, when="freely"):
     """Publishes the scans of a lidar."""
 
     def __init__(self, topic: str, beams: int, hertz: float) -> None:
@@ -70,7 +70,7 @@ class Lidar(Generator, lockstep=False):
             emit.publish(self.publishes[0], Scan("a", ranges, 0.0, step, 8.0, now))
 
 
-class Eye(Generator, lockstep=False):
+class Eye(Generator, when="freely"):
     """Publishes images."""
 
     publishes = ("image",)

@@ -57,7 +57,7 @@ class MessageDigests:
 
     def add(self, message: Any) -> None:
         if isinstance(message, m.Hello):  # Process id and machine are not properties of the run.
-            message = replace(message, pid=0, host="")
+            message = replace(message, about={"service": message.service})
         if isinstance(message, m.Report):  # Figures can depend on time, such as calls under way.
             message = replace(message, figures={})
         name = type(message).__name__

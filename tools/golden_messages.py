@@ -44,6 +44,7 @@ from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.types import parse_type
 from minerva_bus.wire.codec import encode
 from minerva_bus.world import readings as r
+from minerva_bus.world.when import Participation, When
 
 GOLDEN = Path(__file__).resolve().parents[1] / "tests" / "golden" / "messages.toml"
 LONGEST_HEX = 600
@@ -138,10 +139,10 @@ FIGURES = {"count": LAST_FRAME, "load": 0.5, "late": False, "note": "é", "": -(
 SAVED = {"=": None, "bytes": b"\0\xff", "list": [1, [2.5, {"deep": True}]], "é": "text"}
 NAMES = tuple(f"name{n}" for n in range(40))
 FULL_HELLO = m.Hello(
-    "hosts", 6, "a service, é", kinds=(FOX, FISH, STONE), generates=NAMES, lockstep=True,
-    orders=("eNear",), draws=("eShow",), coupled=True, every=12, rate=0.1,
-    topics=("scan",), publishes=("scan", "image"), pid=1 << 31, host="machine", people=True,
-    plain=True,
+    "hosts", 7, kinds=(FOX, FISH, STONE), generates=NAMES,
+    when=When(Participation.IN_STEP, every=12), orders=("eNear",), draws=("eShow",),
+    coupled=True, topics=("scan",), publishes=("scan", "image"), people=True, plain=True,
+    about={"service": "a service, é", "pid": 1 << 31, "host": "machine"},
 )  # fmt: skip
 READINGS: tuple[r.Reading, ...] = (
     r.Scan("r", np.array([0.0, 1.5, np.inf], np.float32), -90.0, 0.5, 30.0, 0.1, 0.1, -0.2, 180.0),
@@ -160,7 +161,9 @@ READINGS: tuple[r.Reading, ...] = (
 MESSAGES: Mapping[str, m.Message] = {
     "hello.empty": m.Hello("", 0),
     "hello.full": FULL_HELLO,
-    "hello.extreme": m.Hello("h", LAST_FRAME, every=LAST_FRAME, rate=1.7976931348623157e308),
+    "hello.extreme": m.Hello(
+        "h", LAST_FRAME, when=When(Participation.FREELY, rate=1.7976931348623157e308)
+    ),
     "ticked.empty": m.TickReply("g", 0),
     "ticked.full": m.TickReply("g", 200, (*EVENTS, MIXED), SAVED),
     "ticked.extreme": m.TickReply("g", LAST_FRAME, EVENTS * 280, {}),

@@ -112,10 +112,15 @@ class Weather(Generator, events=("eRain",)):
         self.wet = saved["wet"]
 
 
-class Ground(Generator, Device, events=("eCrowded", "eLay"), draws=("eShow",), coupled=True):
+class Ground(
+    Generator,
+    Device,
+    events=("eCrowded", "eLay"),
+    draws=("eShow",),
+    coupled=True,
+    when="each frame",
+):
     """Counts the ants in its views and emits events that limit their number."""
-
-    every = 1
 
     def __init__(self) -> None:
         self.ants = 0
@@ -129,10 +134,8 @@ class Ground(Generator, Device, events=("eCrowded", "eLay"), draws=("eShow",), c
         return (eCrowded(self.ants),) if self.ants > 220 else (eLay(),) if self.ants < 200 else ()
 
 
-class Screen(Device, draws=("eShow",)):
+class Screen(Device, draws=("eShow",), when="each frame"):
     """An observer."""
-
-    every = 1
 
     def show(self, view: View) -> None:
         self.frame = view.frame

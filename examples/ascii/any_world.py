@@ -35,9 +35,7 @@ class Paper(PlaneGeometry):
                 self.put(self.pose.then(x + row * cell, y + column * cell, 0.0, 0.0), "#")
 
 
-class Ascii(Device, draws=("ePicture",)):
-    every = 10
-
+class Ascii(Device, draws=("ePicture",), when="each 10 frames"):
     def joined(self, world):
         self.vocabulary = world.vocabulary
 

@@ -33,9 +33,7 @@ class Paper(Geometry):
         self.at = before  # δ, at ")"
 
 
-class Ascii(Device, draws=("ePicture",)):
-    every = 10
-
+class Ascii(Device, draws=("ePicture",), when="each 10 frames"):
     def show(self, view):
         paper = Paper()
         interpret(view.scene, paper)  # φ

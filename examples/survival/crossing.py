@@ -122,10 +122,15 @@ class Car(Agent, symbol="ACar", rest=("speed",)):
         return TPlace(x, y, 90.0 * across)(PCar(1.7))
 
 
-class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), coupled=True):
+class Street(
+    Generator,
+    Device,
+    events=("eAhead", "eCrash"),
+    draws=("eWhere",),
+    coupled=True,
+    when="each frame",
+):
     """Notifies each car of the next one, and of crashes on the crossing."""
-
-    every = 1
 
     def __init__(self):
         self.bodies = []

@@ -48,10 +48,8 @@ class Snail(Agent, symbol="ASnail"):
         return PShell(self.water)
 
 
-class Picture(Device, draws=("eShow",)):
+class Picture(Device, draws=("eShow",), when="each 10 frames"):
     """Draws the shells as circles in garden.svg, beside this file."""
-
-    every = 10
 
     def __init__(self) -> None:
         self.shells = 0

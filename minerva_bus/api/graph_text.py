@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from minerva_bus.api.graphs import EventEntry, Graph, KindEntry, ProcessEntry
+from minerva_bus.world.when import Participation
 
 
 def mermaid(graph: Graph) -> str:
@@ -72,14 +73,10 @@ def _process_label(process: ProcessEntry) -> str:
 def _process_notes(process: ProcessEntry) -> list[str]:
     """What a process is and does, in a few words."""
     notes = [process.what]
-    if process.role == "generator" and not process.lockstep:
-        notes.append("free-running")
+    if process.when not in ("", Participation.IN_STEP):
+        notes.append(process.when)
     if process.orders:
         notes.append("takes orders")
-    if process.every or process.rate:
-        notes.append(
-            f"{process.rate:g} views a second" if process.rate else f"every {process.every} frames"
-        )
     if process.elsewhere:
         notes.append("on another machine")
     return notes

@@ -56,8 +56,8 @@ class ProcessEntry:
     """Processes of one table of the world file, `count` of them.
 
     `what`: the service's class, `agents` or the command. `role`: `generator`, `device`, `host` or
-    `command`; a generator may draw, too. `hosts`: kinds of agents. `every`, `rate`: how often a
-    device requests a view, in frames and per second. `reads`, `writes`: sensor topics.
+    `command`; a generator may draw, too. `hosts`: kinds of agents. `when`: when it takes part in
+    frames, as its class declares it. `reads`, `writes`: sensor topics.
     """
 
     name: str
@@ -70,9 +70,7 @@ class ProcessEntry:
     orders: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
-    lockstep: bool = False
-    every: int = 0
-    rate: float = 0.0
+    when: str = ""
     elsewhere: bool = False
 
 
@@ -230,9 +228,7 @@ def _processes(hellos: Iterable[tuple[Process, Hello | None]]) -> Iterable[Proce
             hello.orders,
             hello.topics,
             hello.publishes,
-            hello.lockstep,
-            hello.every,
-            hello.rate,
+            str(hello.when),
             elsewhere,
         )
 

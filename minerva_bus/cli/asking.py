@@ -139,7 +139,7 @@ def _echo_view(
         """A geometric system that prints each string."""
 
         draws = (event_type,)
-        every = 1
+        when = "each frame"
         shown = 0
 
         def show(self, view: View) -> None:

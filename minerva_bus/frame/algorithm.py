@@ -335,13 +335,13 @@ class FrameAlgorithm:
     def at_rest(self) -> bool:
         """Whether the next frame would change neither the string nor any view.
 
-        There is no waiting event, no lockstep generator that has events without orders, and every
+        There is no waiting event, no generator in step that has events without orders, and every
         device has shown the string. A world with a fixed number of frames never rests.
         """
         if self.world.frames or self.phase is not Phase.READY or self.placement.outdated:
             return False
         index = self.members.index
-        # A device with `every` shows the latest change only in one frame of that many.
+        # A device whose view is made every n frames shows the latest change only in one of these.
         unseen = self.frame - self.views.last_change < index.every
         busy = unseen or not index.tickers <= self.members.resting or index.joining or self._fading
         return not (busy or self.inbox)

@@ -16,7 +16,7 @@ HALTED: Final = "~halted"
 class Checkpoint:
     """State beside the string between two frames; `frame` is the next one.
 
-    `saved`: data saved by lockstep members in their last complete frame, by member.
+    `saved`: data saved by members in step in their last complete frame, by member.
     `emitted`: events that agents sent, and `inbox`: events from other sources, by source; both
     count in the next frame.
     `reached`: agents that reached the event of `until`; `reaching`: kinds that can reach it.

@@ -61,18 +61,22 @@ class CollectionStep:
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
             algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
-        for entry in index.on_orders:
+        for entry in (*index.on_orders, *[entry for entry, _ in index.at_intervals]):
             if entry.active and entry.name in in_flight.pending:
                 algorithm.out.send(entry.name, m.TickRequest(algorithm.frame))
 
     def _resting(self) -> frozenset[str]:
-        """The generators without events in this frame, because they get no orders."""
-        algorithm = self._algorithm
-        resting = algorithm.members.resting
-        if not (resting and algorithm.in_flight.events.permitted):
+        """The generators without events in this frame: they get no orders, or are not due."""
+        algorithm, members = self._algorithm, self._algorithm.members
+        resting = members.resting
+        if resting and algorithm.in_flight.events.permitted:
+            entries = map(members.get, resting)
+            resting = frozenset(entry.name for entry in entries if not self._orders_for(entry))
+        at_intervals = members.index.at_intervals
+        if not at_intervals:
             return resting
-        entries = map(algorithm.members.get, resting)
-        return frozenset(entry.name for entry in entries if not self._orders_for(entry))
+        frame = algorithm.frame
+        return resting.union(m.name for m, every in at_intervals if m.active and frame % every)
 
     def ask(self, member: MemberEntry) -> None:
         """Repeat the request to a generator that has returned while the frame waits for it."""
@@ -119,7 +123,7 @@ class CollectionStep:
     # --- replies ---
 
     def tick_reply(self, reply: m.TickReply) -> None:
-        """Accept C^d(t) of a lockstep member."""
+        """Accept C^d(t) of a member in step."""
         algorithm = self._algorithm
         member = algorithm.members.get(reply.member)
         in_time = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
@@ -221,7 +225,7 @@ class CollectionStep:
             events.split(ordered, algorithm.world.vocabulary.events)
 
     def _add_ticked(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
-        """Add the events of lockstep members, and keep their saved data."""
+        """Add the events of members in step, and keep their saved data."""
         saved = self._algorithm.members.saved
         for member, reply in self._algorithm.in_flight.ticked.items():
             if reply.events:

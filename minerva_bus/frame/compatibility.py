@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from minerva_bus.errors import nearest
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.when import Participation, objection
 
-PROTOCOL_VERSION = 6
+PROTOCOL_VERSION = 7
 
 
 def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
@@ -30,36 +33,31 @@ def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
             visual = ", ".join(names) or "none"
             return f"it draws {event_type}, which is not visual; expected one of {visual}"
     # The coordinator generates such events itself and has no data for them.
-    for event_type in hello.draws if hello.every or hello.rate else ():
+    views = replace(hello.when, asked=Participation.NEVER)
+    for event_type in hello.draws if hello.when.every or hello.when.rate else ():
         fields = vocabulary.events[event_type].fields.all
         required = [field.name for field in fields if field.default is None]
         if required:
             return (
-                f"it cannot be the source of {event_type} itself, which needs {required[0]}; set"
-                " every = 0 and rate = 0, and use a generator for the event"
+                f"it cannot be the source of {event_type} itself, which needs {required[0]}; remove"
+                f' "{views}" from its `when`, and use a generator for the event'
             )
     # Members in step count as publishers in step. A device that only draws answers its ticks
     # without readings, so the subscribers of its topics would wait for them forever.
-    if hello.publishes and hello.coupled and not hello.lockstep:
+    if hello.publishes and hello.coupled and not hello.when.is_awaited:
         return "it publishes readings but generates nothing: a publisher is a Generator too"
-    reason = _asked_in_vain(hello)
+    reason = objection(
+        hello.when,
+        draws=bool(hello.draws) or hello.coupled,
+        generates=bool(hello.generates),
+        topics=bool(hello.topics),
+        publishes=bool(hello.publishes),
+        orders=bool(hello.orders),
+    )
     if reason:
         return reason
     reasons = (_kind_mismatch(kind, vocabulary) for kind in hello.kinds)
     return next((reason for reason in reasons if reason), "")
-
-
-def _asked_in_vain(hello: Hello) -> str:
-    """Why a member that is asked on orders must be asked in all frames, or an empty string."""
-    if not hello.on_orders:
-        return ""
-    needs = {
-        "draws views": bool(hello.draws) or hello.coupled,
-        "subscribes to topics": bool(hello.topics),
-        "publishes on topics": bool(hello.publishes),
-    }
-    reason = next((reason for reason, applies in needs.items() if applies), "")
-    return reason and f"it is on_orders, so it has events on orders only, but it {reason}"
 
 
 def _kind_mismatch(kind: AgentKind, vocabulary: Vocabulary) -> str:

@@ -12,7 +12,7 @@ AGENTS: Final = "#"
 """Source of all events that agents send; no generator can have this name."""
 
 DEVICES: Final = "~device"
-"""Source of the visual events that devices request with `every` or `rate`."""
+"""Source of the visual events that devices request by their `when`."""
 
 HANDED_OVER: Final = "~handed"
 """Key of the orders taken by generators in the inputs of a frame."""

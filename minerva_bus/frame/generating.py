@@ -19,6 +19,7 @@ from minerva_bus.world.context import Frame
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_inputs import Tick
 from minerva_bus.world.services import Device, Generator, Service
+from minerva_bus.world.when import When
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 
@@ -26,14 +27,15 @@ Outgoing: TypeAlias = m.FromMember | m.Readings
 class GeneratorSide:
     """Answers the ticks of one member.
 
-    A tick is answered once the readings of all lockstep publishers for its frame have arrived.
+    A tick is answered once the readings of all publishers in step for its frame have arrived.
     The latest answer is kept, because a successor of the coordinator requests it again.
     `asked` is the frame whose tick is not answered yet, or None.
     """
 
-    def __init__(self, name: str, service: Service | None) -> None:
+    def __init__(self, name: str, service: Service | None, when: When) -> None:
         self._name = name
         self._service = service
+        self._is_awaited = when.is_awaited
         self._generates: frozenset[str] = frozenset()
         self._initial: Mapping[str, Any] | None = None
         self._answered = -1
@@ -77,7 +79,7 @@ class GeneratorSide:
     # --- ticks ---
 
     def sources(self, sources: m.Sources, topics: Iterable[str]) -> None:
-        """Note which lockstep members publish the topics of this generator."""
+        """Note which members in step publish the topics of this generator."""
         if not isinstance(self._service, Generator):
             return  # Only generators answer for the readings of a frame.
         published = sources.publishers
@@ -115,7 +117,7 @@ class GeneratorSide:
         service = self._service
         # A coupled device without events answers as well: the frame
         # waits until it has acted on its view.
-        if not isinstance(service, Generator) or not service.lockstep:
+        if not (isinstance(service, Generator) and self._is_awaited):
             if isinstance(service, Device) and service.coupled:
                 yield m.TickReply(self._name, frame.number)
             return
@@ -207,11 +209,6 @@ class GeneratorSide:
         assert self._service is not None
         self._check_reading(self._service, topic, reading)
         return m.Readings(self._name, topic, -1, (reading,))
-
-
-def is_on_orders(service: Service | None) -> bool:
-    """Whether a service is a generator that has events in frames with orders only."""
-    return isinstance(service, Generator) and service.lockstep and service.on_orders
 
 
 def generated_types(service: Service | None) -> tuple[str, ...]:

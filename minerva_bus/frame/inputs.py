@@ -17,7 +17,7 @@ class FrameInputs:
     """Input of the frame algorithm in one frame, as far as it was used.
 
     `due`: visual event types for which a device requested a view.
-    `ticked`: replies of lockstep members (step 2), by member.
+    `ticked`: replies of members in step (step 2), by member.
     `taken`: events of other sources, by source.
     `layout`: the division of populations into fragments.
     `replies`: replies of hosts (steps 5 and 6), in the order in which they were merged.

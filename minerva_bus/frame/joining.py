@@ -136,7 +136,7 @@ class MemberLifecycle:
     def _send_publishers(self, newcomer: MemberEntry) -> None:
         """Send the publishers of sensor topics to all members, or unchanged to a newcomer."""
         members, out = self._algorithm.members, self._algorithm.out
-        publishers = members.lockstep_publishers()
+        publishers = members.publishers_in_step()
         if publishers != members.publishers:
             members.publishers = publishers
             out.send(s.EVERYONE, m.Sources(publishers))
@@ -267,7 +267,7 @@ class MemberLifecycle:
         # Its replies still count, but it no longer holds what it reported, so the
         # next host must receive the result.
         result.changed_by = {n: by for n, by in result.changed_by.items() if by != member.name}
-        on_orders = member.hello is not None and member.hello.on_orders
+        on_orders = member.hello is not None and member.hello.is_on_orders
         asked = member.name in in_flight.ticked or on_orders
         if algorithm.phase is Phase.TICK and member.awaited and asked:
             # Other members may still need the readings that it published in this frame. Its

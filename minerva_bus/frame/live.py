@@ -56,7 +56,7 @@ class FrameSource:
     # --- stimuli ---
 
     def tick_reply(self, reply: m.TickReply) -> None:
-        """Accept the events of a lockstep member."""
+        """Accept the events of a member in step."""
         self._algorithm.members.get(reply.member).late += 1
 
     def evolve_reply(self, reply: m.EvolveReply) -> None:

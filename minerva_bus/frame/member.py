@@ -20,7 +20,6 @@ from minerva_bus.frame.drawing import DeviceSide
 from minerva_bus.frame.generating import (
     GeneratorSide,
     generated_types,
-    is_on_orders,
     ordered_types,
 )
 from minerva_bus.frame.hosting import Host
@@ -32,9 +31,10 @@ from minerva_bus.world.kinds import kinds_of, with_own_fields
 from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_attributes import check_attributes
+from minerva_bus.world.service_attributes import check_attributes, when_of
 from minerva_bus.world.service_inputs import WorldInfo
 from minerva_bus.world.services import Device, Generator, Service
+from minerva_bus.world.when import When
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 
@@ -63,11 +63,12 @@ class Member:
         if service is not None:
             check_attributes(service)
         self.service = service
+        self.when = When() if service is None else when_of(service)
         self.host = Host(name, kinds_of(agents))
         self.world: m.Welcome | None = None
         self.stopped = ""
         self.frame = -1
-        self._generating = GeneratorSide(name, service)
+        self._generating = GeneratorSide(name, service, self.when)
         self._drawing = DeviceSide(service)
         self._policy = Policy.SEQUENTIAL
         self._evolved: tuple[int, set[int]] = (-1, set())
@@ -117,21 +118,20 @@ class Member:
         return m.Hello(
             self.name,
             PROTOCOL_VERSION,
-            service=type(service).__name__ if service is not None else "",
             kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
             generates=generated_types(generator),
-            lockstep=generator is not None and generator.lockstep,
-            on_orders=is_on_orders(service),
+            when=self.when,
             orders=ordered_types(generator),
             draws=tuple(device.draws) if device is not None else (),
             coupled=device is not None and device.coupled,
-            every=device.every if device is not None else 0,
-            rate=device.rate if device is not None else 0.0,
             topics=self.topics,
             publishes=service.publishes if service is not None else (),
-            pid=os.getpid(),
-            host=platform.node(),
             people=generator is not None and generator.people,
+            about={
+                "service": type(service).__name__ if service is not None else "",
+                "pid": os.getpid(),
+                "host": platform.node(),
+            },
         )
 
     def _on_greet(self, _: m.Greet) -> None:

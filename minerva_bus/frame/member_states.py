@@ -72,7 +72,7 @@ class MemberEntry:
     `figures`: its metrics, as it last reported them.
     `joins`: number of times a process of this name has joined.
     `blamed`: a violation was logged since it appeared.
-    `rests`: if it is `on_orders`, it need not be asked before it gets orders.
+    `rests`: if it is asked on orders, it need not be asked before it gets some.
     """
 
     name: str

@@ -23,9 +23,10 @@ class MemberIndex:
 
     `tickers` answer ticks; `sources` are the devices that generate their own visual events.
     Both include members that are away and awaited. `on_orders` receive a tick in frames with orders
-    only; `joining` are to be admitted. `anyone_ticks`: the tick for all has a recipient. `rates`
-    maps the visual event types of devices that request views by the clock to views per second. Any
-    other device gets a view within `every` frames.
+    only, `at_intervals` in the frames that a number divides; `joining` are to be admitted.
+    `anyone_ticks`: the tick for all has a recipient. `rates` maps the visual event types of devices
+    that request views by the clock to views per second. Any other device gets a view within `every`
+    frames.
     """
 
     active: tuple[MemberEntry, ...]
@@ -34,6 +35,7 @@ class MemberIndex:
     tickers: frozenset[str]
     anyone_ticks: bool
     on_orders: tuple[MemberEntry, ...]
+    at_intervals: tuple[tuple[MemberEntry, int], ...]
     sources: tuple[Hello, ...]
     rates: Mapping[str, float]
     every: int
@@ -53,7 +55,7 @@ class Members:
         self._departed: dict[str, None] = {}
         self._index: MemberIndex | None = None
         self.publishers: dict[str, tuple[str, ...]] = {}
-        """The lockstep publishers of each sensor topic, as last announced to all members."""
+        """The publishers in step of each sensor topic, as last announced to all members."""
         self.saved: dict[str, Mapping[str, Any]] = {}
         """Data saved by members in their last complete frame; ~names are the coordinator's."""
         self.strangers: int = 0
@@ -143,10 +145,13 @@ class Members:
             joining=tuple(m for m in members if m.state is MemberState.JOINING and m.greeted),
             tickers=frozenset(m.name for m in tickers),
             anyone_ticks=any(m.active and m.hello.ticks_with_all for m in tickers if m.hello),
-            on_orders=tuple(m for m in tickers if m.hello and m.hello.on_orders),
-            sources=tuple(hello for hello in hellos if hello.every > 0),
+            on_orders=tuple(m for m in tickers if m.hello and m.hello.is_on_orders),
+            at_intervals=tuple(
+                (m, m.hello.interval) for m in tickers if m.hello and m.hello.interval
+            ),
+            sources=tuple(hello for hello in hellos if hello.draws and hello.when.every > 0),
             rates=_rates(hellos),
-            every=max([1, *(hello.every for hello in hellos)]),
+            every=max([1, *(hello.when.every for hello in hellos if hello.draws)]),
         )
 
     @property
@@ -203,8 +208,8 @@ class Members:
         hellos = [member.hello for member in self.awaited() if member.hello is not None]
         return frozenset[str]().union(*(_kinds(hello) for hello in hellos))
 
-    def lockstep_publishers(self) -> dict[str, tuple[str, ...]]:
-        """The lockstep publishers of each sensor topic."""
+    def publishers_in_step(self) -> dict[str, tuple[str, ...]]:
+        """The publishers in step of each sensor topic."""
         publishers: dict[str, tuple[str, ...]] = {}
         for member in self:
             hello = member.hello
@@ -260,8 +265,8 @@ class Members:
 def _rates(hellos: Iterable[Hello]) -> dict[str, float]:
     rates: dict[str, float] = {}
     for hello in hellos:
-        for event_type in hello.draws if hello.rate > 0 else ():
-            rates[event_type] = max(rates.get(event_type, 0.0), hello.rate)
+        for event_type in hello.draws if hello.when.rate > 0 else ():
+            rates[event_type] = max(rates.get(event_type, 0.0), hello.when.rate)
     return rates
 
 

@@ -20,6 +20,7 @@ from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
+from minerva_bus.world.when import Participation, When
 
 Figures: TypeAlias = Mapping[str, bool | int | float | str]
 Parts: TypeAlias = Mapping[str, Scene]
@@ -32,6 +33,8 @@ GeneratedEvents: TypeAlias = Annotated[tuple[AnyEvent, ...], Mark.GENERATED]
 Saved: TypeAlias = Mapping[str, Any] | None
 Received: TypeAlias = Annotated[bytes, Mark.LOCAL]
 
+NO_WHEN: Final = When()
+
 _NO_FRAME: Final = AtLeast(-1)
 _POLICIES: Final = Note(" or ".join(f"`{policy.value}`" for policy in Policy))
 
@@ -41,15 +44,14 @@ _POLICIES: Final = Note(" or ".join(f"`{policy.value}`" for policy in Policy))
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Name, roles and capabilities of a member; the answer to `Greet`."""
+    """Roles and capabilities of a member, and when it takes part; the answer to `Greet`."""
 
     # A map, so that keys can be added without a new version of the
     # protocol (PROTOCOL.md, section 16).
     WIRE: ClassVar = Wire("hello", ("from",), "what it is: a map, see below", "greet", keyed=True)
 
     member: Sender
-    version: Annotated[int, Note("6")]
-    service: Annotated[str, Note("what it is, for people")] = ""
+    version: Annotated[int, Note("7")]
     kinds: Annotated[
         tuple[AgentKind, ...],
         AtMost("kinds"),
@@ -58,16 +60,9 @@ class Hello:
     generates: Annotated[
         Names, Note("the event types that it may send; any other violates the protocol")
     ] = ()
-    lockstep: Annotated[bool, Note("each frame waits for its events")] = False
-    on_orders: Annotated[
-        bool,
-        Mark.OPTIONAL,
-        Note(
-            "its events and saved data depend on nothing but orders, except in its first frame: it"
-            " is asked then and in frames in which it gets `orders`, and does not subscribe to"
-            " `tick`"
-        ),
-    ] = False
+    when: Annotated[
+        When, Note("when it takes part in frames, see [section 7](#when-a-member-takes-part)")
+    ] = NO_WHEN
     orders: Annotated[Names, Note("the event types for which it takes people's orders")] = ()
     people: Annotated[
         bool, Mark.OPTIONAL, Note("norms treat the events that it generates as sent by people")
@@ -76,38 +71,54 @@ class Hello:
     coupled: Annotated[
         bool, Note("a device that executes each view before the next frame's events")
     ] = False
-    every: Annotated[
-        int,
-        Note(
-            "> 0: the types that it draws have no data, and the coordinator generates them every"
-            " this many frames"
-        ),
-    ] = 0
-    rate: Annotated[
-        float,
-        AtLeast(0),
-        Mark.OPTIONAL,
-        Note("> 0: as `every`, but at most this many times per second"),
-    ] = 0.0
     topics: Annotated[Names, Note("the topics to which it subscribes")] = ()
     publishes: Annotated[Names, Note("the topics on which it publishes")] = ()
-    pid: Annotated[int, Note("its process, for people; 0: none")] = 0
-    host: Annotated[str, Note("its machine, for people")] = ""
     plain: Annotated[
         bool,
         Mark.OPTIONAL,
         Note("it declines columns and patches, see [section 9](#members-that-decline-columns)"),
     ] = False
+    about: Annotated[
+        Figures,
+        AtMost("figures"),
+        Note("for people: `service`, what it is; `pid`, its process; `host`, its machine"),
+    ] = field(default_factory=dict[str, bool | int | float | str])
+
+    @property
+    def service(self) -> str:
+        """What it is, for people."""
+        return str(self.about.get("service", ""))
+
+    @property
+    def pid(self) -> int:
+        """Its process; 0 if it is not known."""
+        pid = self.about.get("pid", 0)
+        return pid if isinstance(pid, int) else 0
+
+    @property
+    def host(self) -> str:
+        """Its machine."""
+        return str(self.about.get("host", ""))
 
     @property
     def ticks(self) -> bool:
         """Whether frames wait for the answers of this member."""
-        return self.lockstep or self.coupled
+        return self.when.is_awaited or self.coupled
+
+    @property
+    def is_on_orders(self) -> bool:
+        """Whether it is asked for events in frames with orders only."""
+        return self.when.asked is Participation.ON_ORDERS
+
+    @property
+    def interval(self) -> int:
+        """The frames from one request of a generator that draws nothing to the next, or 0."""
+        return 0 if self.draws or self.coupled else self.when.every
 
     @property
     def ticks_with_all(self) -> bool:
         """Whether one message asks this member and others in each frame."""
-        return self.ticks and not self.on_orders
+        return self.ticks and not self.is_on_orders and not self.interval
 
     @property
     def watches_only(self) -> bool:
@@ -123,7 +134,7 @@ class Hello:
 
 @passed
 class TickReply:
-    """C^d(t) of a lockstep member, and the data from which a successor continues.
+    """C^d(t) of a member in step, and the data from which a successor continues.
 
     `received`: the message as received, for a journal.
     """
@@ -298,7 +309,7 @@ class Refused:
 
 @passed
 class Sources:
-    """The lockstep publishers of each sensor topic."""
+    """The publishers in step of each sensor topic."""
 
     WIRE: ClassVar = Wire(
         "sources", ("to", "all"), "by topic, the members that publish it in step with the frames"

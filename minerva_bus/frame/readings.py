@@ -19,7 +19,7 @@ TAKES: Final = ("newest", "all")
 class ReadingBuffer:
     """Readings by topic and publisher, until a tick takes them.
 
-    Of a lockstep publisher it keeps the readings of one frame. A free-running publisher may be
+    Of a publisher in step it keeps the readings of one frame. A free-running publisher may be
     faster than the frames: `takes` selects its newest reading, or all since the last frame, of
     which only every `nth` is used. `dropped` is the number of unused readings.
     """
@@ -59,7 +59,7 @@ class ReadingBuffer:
                 self.dropped += 1
 
     def missing(self, frame: int, sources: Mapping[str, tuple[str, ...]]) -> Iterator[str]:
-        """The lockstep publishers whose readings of a frame have not arrived."""
+        """The publishers in step whose readings of a frame have not arrived."""
         for topic, publishers in sorted(sources.items()):
             for publisher in publishers:
                 readings = self._in_step.get((topic, publisher))

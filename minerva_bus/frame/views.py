@@ -144,7 +144,7 @@ def due_views(
     due = {
         event_type
         for hello in index.sources
-        if closing or frame % hello.every == 0
+        if closing or frame % hello.when.every == 0
         for event_type in hello.draws
     }
     due.update(index.rates if closing else [name for name in clock if name in index.rates])

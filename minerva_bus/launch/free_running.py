@@ -79,7 +79,7 @@ class FreeRunning:
     def start(self) -> None:
         """Start the threads."""
         for member in self._members:
-            if isinstance(member.service, Generator) and not member.service.lockstep:
+            if isinstance(member.service, Generator) and not member.when.is_awaited:
                 arguments = member, member.service
                 generate = inherited(self._generate)
                 threading.Thread(target=generate, args=arguments, daemon=True).start()

@@ -14,7 +14,8 @@ from typing import Final
 from minerva_bus.launch.access import Access
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
-from minerva_bus.world.services import Device, Generator
+from minerva_bus.world.service_attributes import when_of
+from minerva_bus.world.services import Generator
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +63,10 @@ def _reason(process: Process) -> str:
     service = process.make_service()
     if service.interactive or (isinstance(service, Generator) and service.people):
         return "people operate it"
-    if isinstance(service, Generator) and not service.lockstep:
+    when = when_of(service)
+    if isinstance(service, Generator) and not when.is_awaited:
         return "it runs freely"
-    if isinstance(service, Device) and service.rate > 0:
+    if when.rate > 0:
         return "it requests views by the clock"
     return "" if isinstance(service, Generator) else "it only shows views"
 

@@ -195,7 +195,7 @@ def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap
     reason = incompatibility(new.hello(), file.world.vocabulary)
     if reason:
         raise MisuseError(f"{where}: {swap}: {reason}")
-    if isinstance(service, Generator) and not service.lockstep:
+    if isinstance(service, Generator) and not new.when.is_awaited:
         raise MisuseError(f"{where}: {swap} runs freely, by the clock; here time is simulated")
     for topic in sorted(set(new.topics).difference(topics, new.hello().publishes)):
         raise MisuseError(

@@ -12,6 +12,7 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.system import System, Timer
 from minerva_bus.source import handler_name
 from minerva_bus.world.readings import Reading
+from minerva_bus.world.service_attributes import when_of
 from minerva_bus.world.services import Generator, Service
 
 STOP_SECONDS: Final = 1.0
@@ -93,7 +94,7 @@ class OwnThreads:
         if service is None:
             return
         # A thread, because the code of a free-running generator may block, for example on a device.
-        if isinstance(service, Generator) and not service.lockstep:
+        if isinstance(service, Generator) and not when_of(service).is_awaited:
             self._system.aside(lambda: self._generate(service))
         report = ReportFigures()
         self._timers.append(self._system.every(FIGURES_SECONDS, lambda: self._put(report)))

@@ -89,7 +89,7 @@ class WorldSettings:
         0.0,
         "Frames per second; 0: as fast as possible.",
         option="rate",
-        more="With 0, an idle world (no waiting event, no lockstep generator but those of orders)"
+        more="With 0, an idle world (no waiting event, no generator in step but those of orders)"
         " runs ten frames per second and continues at once when an event arrives.",
     )
     real_time: bool = _world(

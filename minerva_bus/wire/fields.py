@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final, cast
 
-from minerva_bus.errors import ProtocolError
+from minerva_bus.errors import MisuseError, ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.schema import Mark
 from minerva_bus.grammar.batch import AnyEvent
@@ -40,6 +40,7 @@ from minerva_bus.wire.string_fields import (
 from minerva_bus.wire.values import plain_event_list
 from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_kind, read_vocabulary
 from minerva_bus.world.readings import Reading
+from minerva_bus.world.when import When
 
 _ADVICE: Final = "send those of one type in columns"
 
@@ -137,6 +138,16 @@ def _text_lists(of: DeclaredField) -> FieldCodec:
         return {name: list(texts) for name, texts in lists.items()}
 
     return FieldCodec("{text: [text]}", read, write)
+
+
+def _when(of: DeclaredField) -> FieldCodec:
+    def read(_: Reader, plain: Any) -> When:
+        try:
+            return When.read(as_text(plain, of.what))
+        except MisuseError as error:
+            raise ProtocolError(f"{of.message}: {error}") from None
+
+    return FieldCodec("text", read, str)
 
 
 # --- kinds and vocabularies ---
@@ -242,6 +253,7 @@ _CODECS: Final[dict[Any, Callable[[DeclaredField], FieldCodec]]] = {
     bool: _bool,
     str: _text,
     bytes: _bytes,
+    When: _when,
     tuple[str, ...]: _texts,
     m.Saved: _saved,
     m.Figures: _figures,

@@ -2,7 +2,7 @@
 
 minerva/<world>/to/<member>             coordinator → one member
 minerva/<world>/all                     coordinator → every member
-minerva/<world>/tick                    coordinator → lockstep members
+minerva/<world>/tick                    coordinator → members in step
 minerva/<world>/evolve                  coordinator → hosts of agents
 minerva/<world>/from/<member>           member → coordinator
 minerva/<world>/view/<event type>       coordinator → observers

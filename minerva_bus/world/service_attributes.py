@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any, Final, TypeAlias, cast
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.services import Device, Generator, Service
+from minerva_bus.world.services import Device, Generator, Service, read_when
+from minerva_bus.world.when import Participation, When, objection
 
 
 def check_attributes(service: Service) -> None:
@@ -33,19 +35,43 @@ def check_attributes(service: Service) -> None:
                 " call an attribute for something else, as an option's value, otherwise"
             )
     _check_settings(service)
+    when_of(service)
+
+
+def when_of(service: Service) -> When:
+    """When a service takes part in frames; a generator is in step unless it says otherwise.
+
+    Raises MisuseError if it cannot take part at these times.
+    """
+    cls, generates = type(service), isinstance(service, Generator)
+    when = read_when(cls, service.when)
+    if generates and not when.asked:
+        when = replace(when, asked=Participation.IN_STEP)
+    if when.asked and not generates:
+        raise MisuseError(f'{cls.__name__}: when = "{when}" is for generators, and it is a device')
+    reason = objection(
+        when,
+        draws=isinstance(service, Device) and bool(service.draws),
+        generates=generates,
+        topics=bool(service.topics),
+        publishes=bool(service.publishes),
+        orders=isinstance(service, Generator) and bool(service.takes_orders()),
+    )
+    if reason:
+        raise MisuseError(f"{cls.__name__}: {reason}")
+    return when
 
 
 def _check_settings(service: Service) -> None:
-    settings = _OF_SERVICES | (_OF_DEVICES if isinstance(service, Device) else {})
-    for name, (is_valid, expected) in settings.items():
+    for name, (is_valid, expected) in _OF_SERVICES.items():
         value = getattr(service, name)
         if not is_valid(value):
             problem = f"{type(service).__name__}: self.{name} must be {expected}, not {value!r:.60}"
             raise MisuseError(problem)
 
 
-def _is_count(value: Any, least: int = 0) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= least
+def _is_positive(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 1
 
 
 def _is_amount(value: Any) -> bool:
@@ -56,10 +82,7 @@ _Setting: TypeAlias = tuple[Callable[[Any], bool], str]
 
 _OF_SERVICES: Final[dict[str, _Setting]] = {
     "takes": (lambda value: value in ("newest", "all"), "'newest' or 'all'"),
-    "nth": (lambda value: _is_count(value, 1), "a whole number from 1"),
+    "nth": (_is_positive, "a whole number from 1"),
     "pulse_every": (_is_amount, "a number of seconds from 0"),
-}
-_OF_DEVICES: Final[dict[str, _Setting]] = {
-    "every": (_is_count, "a whole number of frames from 0"),
-    "rate": (_is_amount, "a number of events per second from 0"),
+    "when": (lambda value: isinstance(value, str), 'a text such as "freely"'),
 }

@@ -46,7 +46,7 @@ class WorldInfo:
 
 @dataclass(slots=True)
 class Tick(Context):
-    """The context in which a lockstep generator produces C^d(t); a `Context` with inputs.
+    """The context in which a generator in step produces C^d(t); a `Context` with inputs.
 
     Attributes:
         readings: this frame's readings of its topics, sorted by topic and publisher.

@@ -24,6 +24,7 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_inputs import Emit, Tick, View, WorldInfo
 from minerva_bus.world.signatures import check_overridden
+from minerva_bus.world.when import When
 
 CALLED: Final = {
     "Service": ("joined", "save", "restore", "pulse", "leaves", "report", "close"),
@@ -39,6 +40,9 @@ class Service:
     Its member calls `joined` first, then `restore` if there is saved state, the methods of
     `Generator` and `Device` in each frame, and `close` last.
     """
+
+    when: str = ""
+    """When it takes part in frames: terms such as "freely" or "each 5 frames" (world/when.py)."""
 
     topics: tuple[str, ...] = ()
     """Sensor topics whose readings it receives."""
@@ -61,10 +65,13 @@ class Service:
     checked: ClassVar[bool] = False
     """Whether `joined` only reads and checks; `minerva check` then calls it, and `close`."""
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    def __init_subclass__(cls, when: str = "", **kwargs: Any) -> None:
         if kwargs and cls.__mro__[cls.__mro__.index(Service) + 1] is object:
             raise MisuseError(_unknown_arguments(cls, [*kwargs]))
         super().__init_subclass__(**kwargs)
+        # Only arguments that are given are set, so that subclasses inherit the others.
+        if when:
+            cls.when = str(read_when(cls, when))
         # Here, and not when a frame calls them: a wrong signature then names the class, not a
         # frame.
         for base in cls.__mro__:
@@ -104,11 +111,22 @@ class Service:
 
 def _unknown_arguments(cls: type, names: list[str]) -> str:
     known = [
-        *(("events", "lockstep", "on_orders") if issubclass(cls, Generator) else ()),
+        *(("events",) if issubclass(cls, Generator) else ()),
         *(("draws", "coupled") if issubclass(cls, Device) else ()),
+        "when",
     ]
-    hint = nearest(names[0], known, f"it may have {', '.join(known) or 'none'}")
+    hint = nearest(names[0], known, f"it may have {', '.join(known)}")
     return f"{cls.__name__} has the unknown class argument {names[0]}{hint}"
+
+
+def read_when(cls: type, when: object) -> When:
+    """The value of a declaration `when`. Raises MisuseError."""
+    if not isinstance(when, str):
+        raise MisuseError(f'{cls.__name__}: when must be a text such as "freely", not {when!r:.60}')
+    try:
+        return When.read(when)
+    except MisuseError as error:
+        raise MisuseError(f"{cls.__name__}: {error}") from None
 
 
 def _several(cls: type, what: str, event_types: tuple[str, ...] | str) -> tuple[str, ...]:
@@ -127,11 +145,12 @@ class Generator(Service):
 
     The keyword arguments of a subclass's constructor are options of the process in a world file.
 
-    Class arguments: `events` are the event types that it generates. Lockstep (the default):
-    `generate` is called once per frame. With `lockstep=False` the member runs freely: `run` emits
-    at any time, and a frame has the events that arrived before it began. With `on_orders=True`,
-    `generate` is called in the first frame of its process, and then in frames in which
-    `tick.orders` has any. This is for generators whose other frames have no events.
+    Class arguments: `events` are the event types that it generates. `when`: without it, `generate`
+    is called in each frame, which waits for its events ("in step"). With "each 5 frames" it is
+    called in the frames that 5 divides. With "on orders" it is called in the first frame of its
+    process, and then in frames in which `tick.orders` has any: for generators whose other frames
+    have no events. With "freely", `run` emits at any time, and a frame has the events that arrived
+    before it began.
 
     Example:
         >>> class Rain(Generator, events=("eRain",)):
@@ -144,26 +163,13 @@ class Generator(Service):
     """
 
     events: ClassVar[tuple[str, ...]] = ()
-    lockstep: bool = True
-    on_orders: ClassVar[bool] = False
     people: bool = False
     """Whether its events are actions of people, for norms."""
 
-    def __init_subclass__(
-        cls,
-        events: tuple[str, ...] = (),
-        lockstep: bool = True,
-        on_orders: bool = False,
-        **kwargs: Any,
-    ) -> None:
+    def __init_subclass__(cls, events: tuple[str, ...] = (), **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        # Only arguments that are given are set, so that subclasses inherit the others.
-        if on_orders:
-            cls.on_orders = True
         if events:
             cls.events = _several(cls, "events", events)
-        if not lockstep:
-            cls.lockstep = False
 
     def generates(self) -> tuple[str, ...]:
         """The event types that it generates; by default those of its class."""
@@ -184,18 +190,16 @@ class Generator(Service):
 class Device(Service):
     """An output device g with its own geometric system G.
 
-    `draws` are the visual event types whose views it shows. With `every` > 0 it is itself the
-    source of these events, one each `every` frames; with `rate` > 0, at most `rate` events per
-    second of real time. Otherwise a generator is their source. A *coupled* device has shown the
-    view of frame t before the events of frame t+1 are collected. Any other device is an observer,
-    for which frames never wait.
+    `draws` are the visual event types whose views it shows. With `when` "each 5 frames" it is
+    itself the source of these events, in the frames that 5 divides; with "at 20 Hz", at most 20
+    times per second of real time. Otherwise a generator or an agent is their source. A *coupled*
+    device has shown the view of frame t before the events of frame t+1 are collected. Any other
+    device is an observer, for which frames never wait.
 
-    Class arguments: `draws` and `coupled`.
+    Class arguments: `draws`, `coupled` and `when`.
 
     Example:
-        >>> class Printer(Device, draws=("ePicture",)):
-        ...     every = 10
-        ...
+        >>> class Printer(Device, draws=("ePicture",), when="each 10 frames"):
         ...     def show(self, view):
         ...         print(view.frame, view.scene)
 
@@ -203,8 +207,6 @@ class Device(Service):
 
     draws: tuple[str, ...] = ()
     coupled: bool = False
-    every: int = 0
-    rate: float = 0.0
 
     def __init_subclass__(
         cls, draws: tuple[str, ...] = (), coupled: bool = False, **kwargs: Any

@@ -43,7 +43,7 @@ class Bird(Agent, symbol="ABird"):
         return None
 
 
-class Wind(Generator, events=("eRest",), lockstep=False):
+class Wind(Generator, events=("eRest",), when="freely"):
     publishes = ("gusts",)
 
     def takes_orders(self):
@@ -87,7 +87,7 @@ def test_processes_have_their_roles_topics_and_copies():
     assert (processes["rabbits"].count, processes["rabbits"].role) == (2, "host")
     assert processes["rabbits"].hosts == ("ARabbit",)
     processes = {each.name: each for each in graph(birds()).processes}
-    assert (processes["wind"].role, processes["wind"].lockstep) == ("generator", False)
+    assert (processes["wind"].role, processes["wind"].when) == ("generator", "freely")
     assert processes["wind"].writes == processes["vane"].reads == ("gusts",)
 
 

@@ -43,7 +43,7 @@ class Tape:
         self.closed = True
 
 
-class Deck(Playing, lockstep=False):
+class Deck(Playing, when="freely"):
     publishes = ("battery",)
 
     def __init__(self, file: str, tape, pace=None):

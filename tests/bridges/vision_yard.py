@@ -18,7 +18,7 @@ class Watcher(Agent, symbol="AWatcher"):
         self.marker, self.dist, self.angle = camera.marker, camera.dist, camera.angle
 
 
-class Eyeball(Generator, lockstep=False):
+class Eyeball(Generator, when="freely"):
     """Publishes one image repeatedly, as a robot's camera does."""
 
     publishes = ("image",)

@@ -27,9 +27,7 @@ class Cart(Agent, symbol="ACart"REST):
         return PDot(size=self.action)
 
 
-class Motor(Device, draws=("eSee",), coupled=COUPLED):
-    every = 1
-
+class Motor(Device, draws=("eSee",), coupled=COUPLED, when="each frame"):
     def show(self, shown):
         pass
 

@@ -56,15 +56,13 @@ class Sun(Generator, events=("eSun",)):
         yield eSun(light=LIGHT)
 
 
-class Wind(Generator, events=("eWind",), lockstep=False):
+class Wind(Generator, events=("eWind",), when="freely"):
     def run(self, emit, stop):
         while not stop.wait(0.001):
             emit(eWind())
 
 
-class Watch(Device, draws=("ePicture",)):
-    every = 1
-
+class Watch(Device, draws=("ePicture",), when="each frame"):
     def show(self, shown):
         raise RuntimeError("a check shows nothing")
 

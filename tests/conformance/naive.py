@@ -250,7 +250,7 @@ class Role:
 
 
 class Generator(Role):
-    """A lockstep generator with orders, readings and a topic."""
+    """A generator in step with orders, readings and a topic."""
 
     subscribes = ("tick",)
     publishes = ("echo",)
@@ -267,7 +267,7 @@ class Generator(Role):
 
     def hello(self) -> dict:
         return {
-            "generates": ["eAdd"], "lockstep": True, "orders": ["eAdd"],
+            "generates": ["eAdd"], "when": "in step", "orders": ["eAdd"],
             "topics": list(self.topics), "publishes": list(self.publishes),
         }  # fmt: skip
 
@@ -355,7 +355,7 @@ class Observer(Role):
         self.drawn: dict[str, Any] = {}
 
     def hello(self) -> dict:
-        return {"draws": ["eShow"], "every": 1}
+        return {"draws": ["eShow"], "when": "each frame"}
 
     def welcome(self, welcome: dict, again: bool) -> None:
         self.sequence = -1
@@ -396,7 +396,7 @@ class Coupled(Observer):
         self.views = 0
 
     def hello(self) -> dict:
-        return {"draws": ["eShow"], "every": 1, "coupled": True}
+        return {"draws": ["eShow"], "when": "each frame", "coupled": True}
 
     def draw(self, frame: int, number: int) -> None:
         super().draw(frame, number)
@@ -614,9 +614,9 @@ class NaiveMember:
 
     def hello(self) -> dict:
         return {
-            "version": 6, "service": "naive", "kinds": [], "generates": [], "lockstep": False,
-            "orders": [], "draws": [], "coupled": False, "every": 0, "topics": [],
-            "publishes": [], "pid": os.getpid(), "host": "", "plain": True, **self.role.hello(),
+            "version": 7, "kinds": [], "generates": [], "when": "", "orders": [], "draws": [],
+            "coupled": False, "topics": [], "publishes": [], "plain": True,
+            "about": {"service": "naive", "pid": os.getpid()}, **self.role.hello(),
         }  # fmt: skip
 
     def run(self) -> int:

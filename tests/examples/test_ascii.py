@@ -49,7 +49,7 @@ def show(spec: str, world: str, frames: int) -> None:
     """Run a world and let a device of the folder show only the last frame."""
     file = read_world_file(find_world(world), Overrides(frames=frames))
     device = find_service(spec, FOLDER)()
-    device.every = 10**6  # type: ignore[attr-defined]
+    device.when = "each 1000000 frames"
     members = [process.participant() for process in file.processes]
     algorithm = FrameAlgorithm(file.world)
     runner = InProcessRunner(algorithm, [*members, Member("ascii", device)], lambda _: None)

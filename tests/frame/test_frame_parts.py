@@ -27,6 +27,7 @@ from minerva_bus.grammar.types import Type
 from minerva_bus.runtime.waiting import Deadlines, Patience, Waits
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY, Mortal
 from minerva_bus.testing.strategies import family_strings, ids
+from minerva_bus.world.when import Participation, When
 
 law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 read = FAMILY_VOCABULARY.read
@@ -106,13 +107,13 @@ KINDS = tuple(cls.kind for cls in FAMILY)
 
 
 @pytest.mark.parametrize(("hello", "reason"), [
-    (Hello("m", PROTOCOL_VERSION, kinds=KINDS, generates=("eHit",), draws=("eShow",), every=1), ""),
+    (Hello("m", PROTOCOL_VERSION, kinds=KINDS, generates=("eHit",), draws=("eShow",), when=When(Participation.FREELY, every=1)), ""),
     (Hello("m", PROTOCOL_VERSION + 1), f"it speaks protocol {PROTOCOL_VERSION + 1}"),
     (Hello("m", PROTOCOL_VERSION, generates=("eHitt",)), "no event type eHitt; did you mean 'eHit'?"),
     (Hello("m", PROTOCOL_VERSION, orders=("eNo",)), "no event type eNo"),
     (Hello("m", PROTOCOL_VERSION, draws=("eNo",)), "no event type eNo"),
     (Hello("m", PROTOCOL_VERSION, draws=("eHit",)), "draws eHit, which is not visual; expected one of"),
-    (Hello("m", PROTOCOL_VERSION, draws=("eMark",), every=2), "cannot be the source of eMark"),
+    (Hello("m", PROTOCOL_VERSION, draws=("eMark",), when=When(every=2)), "cannot be the source of eMark"),
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",)), ""),
 ])  # fmt: skip
 def test_permission_to_join(hello, reason):

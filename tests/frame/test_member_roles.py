@@ -4,6 +4,7 @@ from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.member_states import MemberChange
 from minerva_bus.frame.members import Members
 from minerva_bus.frame.messages import Hello
+from minerva_bus.world.when import When
 
 
 def present(*hellos, expected=()):
@@ -22,7 +23,9 @@ def hello(name, **capabilities):
 
 
 def test_each_active_member_has_a_machine():
-    members = present(hello("east", host="m1"), hello("west", host="m2"), expected=["away"])
+    members = present(
+        hello("east", about={"host": "m1"}), hello("west", about={"host": "m2"}), expected=["away"]
+    )
     assert members.machines() == {"east": "m1", "west": "m2"}
 
 
@@ -63,8 +66,8 @@ def test_makers_send_events_by_themselves_and_takers_at_request():
 
 def test_views_are_requested_at_the_rate_of_the_fastest_device():
     members = present(
-        hello("fast", draws=("eShow",), rate=30.0),
-        hello("slow", draws=("eShow", "eMark"), rate=5.0),
-        hello("frames", draws=("eGrow",), every=1),
+        hello("fast", draws=("eShow",), when=When(rate=30.0)),
+        hello("slow", draws=("eShow", "eMark"), when=When(rate=5.0)),
+        hello("frames", draws=("eGrow",), when=When(every=1)),
     )
     assert members.index.rates == {"eShow": 30.0, "eMark": 5.0}

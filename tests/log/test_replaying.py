@@ -23,10 +23,8 @@ mcap = pytest.importorskip("mcap")
 SHOWN = {"meadow": "ePicture", "flock": "ePicture", "robot": "eRepresent"}
 
 
-class Seen(Device):
+class Seen(Device, when="each frame"):
     """Stores the digest of each view; it requests one in every frame."""
-
-    every = 1
 
     def __init__(self, name):
         self.draws = (SHOWN[name],)

@@ -33,16 +33,14 @@ class Slow(Generator, events=("eStep",)):
 class Deaf(Generator, events=("eSeen",)):
     topics = ("sight",)
 
-class Free(Generator, events=("eStep",), lockstep=False):
+class Free(Generator, events=("eStep",), when="freely"):
     pass
 
 class Broken(Generator, events=("eStep",)):
     def generate(self, tick):
         raise ZeroDivisionError("its own fault")
 
-class Paper(Device, draws=("eShow",)):
-    every = 1
-
+class Paper(Device, draws=("eShow",), when="each frame"):
     def __init__(self):
         self.seen = []
 

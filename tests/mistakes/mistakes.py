@@ -48,9 +48,7 @@ class Sun(Generator, events=("eSun",)):
         yield eSun(light=self.strength)
 
 
-class Watch(Device, draws=("ePicture",)):
-    every = 1
-
+class Watch(Device, draws=("ePicture",), when="each frame"):
     def show(self, shown):
         self.last = shown.frame
 
@@ -201,7 +199,7 @@ MISTAKES = (
     # --- generators ---
     Mistake("an event type for its name", 'class Sun(Generator, events=("eSun",)):', "class Sun(Generator, events=(eSun,)):  #!",
             _says('Sun: events are names, write events=("eSun",)')),
-    Mistake("an event type instead of names", 'class Watch(Device, draws=("ePicture",)):', "class Watch(Device, draws=ePicture):  #!",
+    Mistake("an event type instead of names", 'class Watch(Device, draws=("ePicture",), when="each frame"):', "class Watch(Device, draws=ePicture):  #!",
             _says('Watch: draws are names, write draws=("ePicture",)')),
     Mistake("a device draws what is not visual", 'draws=("ePicture",)', 'draws=("eSun",)',
             _says("process.watch", "draws eSun, which is not visual; expected one of ePicture"), at=False),
@@ -243,8 +241,14 @@ MISTAKES = (
     Mistake("view with a yield", SEE, "        yield PDot(size=1.0)\n", _says("Plant.picture", "yield"), at=False),
     Mistake("show with a yield", SHOW, SHOW + "        yield\n", _says("Watch.show", "yield"), at=False),
     Mistake("asynchronous generate", "    def generate(self, tick):\n", "    async def generate(self, tick):  #!\n", _says("Sun.generate", "async")),
-    Mistake("every that is a text", "    every = 1\n", "    every = 'often'\n", _says("[process.watch]", "every", "'often'"), at=False),
-    Mistake("rate below zero", "    every = 1\n", "    rate = -1.0\n", _says("[process.watch]", "rate", "-1.0"), at=False),
+    Mistake("when in other words", 'class Watch(Device, draws=("ePicture",), when="each frame"):',
+            'class Watch(Device, draws=("ePicture",), when="often"):  #!', _says('Watch: when = "often"', '"each N frames"')),
+    Mistake("when without a unit", 'class Watch(Device, draws=("ePicture",), when="each frame"):',
+            'class Watch(Device, draws=("ePicture",), when=25.0):  #!', _says("Watch: when must be a text", "25.0")),
+    Mistake("a rate below zero", ', when="each frame"):\n', '):\n    when = "at -1 Hz"\n\n',
+            _says("[process.watch]", 'Watch: when = "at -1 Hz"'), at=False),
+    Mistake("when of a generator for a device", 'when="each frame"', 'when="on orders"',
+            _says("[process.watch]", 'when = "on orders" is for generators, and it is a device'), at=False),
     Mistake("activity for a visual event", '    @on("eSun")\n', '    @on("ePicture")\n', _says("APlant", "ePicture", "use @view"), at=False),
     Mistake("view with a moment", "    def picture(self, event):\n", "    def picture(self, event, moment):  #!\n", _says("Plant.picture", "(self, event)")),
     Mistake("generate without a tick", "    def generate(self, tick):\n", "    def generate(self):  #!\n", _says("Sun.generate", "(self, tick)")),

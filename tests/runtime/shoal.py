@@ -47,10 +47,8 @@ class Steps(yard.Steps, events=("eStep",)):
     """Has no inputs, but a state that a successor inherits."""
 
 
-class Screen(Device, draws=("eShow",)):
+class Screen(Device, draws=("eShow",), when="each frame"):
     """Prints the number of figures in each view and the sum of their positions."""
-
-    every = 1
 
     def __init__(self, said=False):
         self.said = said

@@ -142,7 +142,7 @@ def test_readings_of_a_free_sensor_count_and_drops_are_reported(tmp_path):
         assert newest["read"] < reader["read"]
 
 
-class Careless(Generator, lockstep=False):
+class Careless(Generator, when="freely"):
     """Publishes until it is stopped, and ignores every exception."""
 
     def run(self, emit, stop):
@@ -164,7 +164,7 @@ def test_output_that_cannot_be_sent_is_an_error_although_the_generator_ignores_e
     assert str(items[0]) == "wrong: battery"
 
 
-class Kept(Generator, lockstep=False):
+class Kept(Generator, when="freely"):
     """Keeps its outlet."""
 
     def run(self, emit, stop):

@@ -12,9 +12,7 @@ from pathlib import Path
 from minerva_bus import Device
 
 
-class Slow(Device, draws=("eShow",)):
-    rate = 0.001  # After the first view, none is due during the test.
-
+class Slow(Device, draws=("eShow",), when="at 0.001 Hz"):
     def show(self, shown):
         with Path("shown").open("a") as file:
             file.write(f"{shown.frame}\\n")

@@ -389,7 +389,7 @@ vocabulary = Vocabulary.of(PBar, eAdd, eShow, Counter)
 FOREIGN_HOST = """
 HELLO |= {
     "kinds": [["ACounter", [["total", "real", "0"]], ["eAdd"], ["eShow"]]],
-    "generates": [], "lockstep": False,
+    "generates": [], "when": "",
 }
 KEYS = ("all", "evolve", f"to/{NAME}")
 FRAGMENTS = {}
@@ -422,7 +422,7 @@ def hear(name, items):
 """
 
 FOREIGN_OBSERVER = """
-HELLO |= {"generates": [], "lockstep": False, "draws": ["eShow"], "every": 1}
+HELLO |= {"generates": [], "when": "each frame", "draws": ["eShow"]}
 KEYS = ("all", "view/eShow", f"to/{NAME}")
 SEEN = {}
 
@@ -448,7 +448,7 @@ def figures():
 PLAIN_HOST = """
 HELLO |= {
     "kinds": [["ACounter", [["total", "real", "0"]], ["eAdd"], ["eShow"], []]],
-    "generates": [], "lockstep": False, "plain": True,
+    "generates": [], "when": "", "plain": True,
 }
 KEYS = ("all", "evolve", f"to/{NAME}")
 FRAGMENTS = {}

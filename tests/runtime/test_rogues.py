@@ -14,6 +14,7 @@ from minerva_bus.runtime.session import open_client
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.epochs import stamp, stamped
 from minerva_bus.wire.keys import Keys
+from minerva_bus.world.when import Participation, When
 
 NAMES = ("steps", "walkers", "water", "eye", "screen", "noise")
 
@@ -103,7 +104,7 @@ def test_a_message_in_a_members_name_is_rejected_and_the_member_rejoins(world, r
     encode(m.Hello("x", 99)),
     encode(m.Hello("x", 1, generates=("eRain",))),
     msgpack.packb(["hello", {"version": 3}]),
-    encode(m.Hello("x", 1, generates=("eStep",), lockstep=True)).replace(b"\xa5kinds\x90",
+    encode(m.Hello("x", 1, generates=("eStep",), when=When(Participation.IN_STEP))).replace(b"\xa5kinds\x90",
         b"\xa5kinds\x91\x94\xa2AX\x91\x93\xa1a\xa4reel\xc0\x90\x90"),
 ])  # fmt: skip
 def test_a_stranger_with_a_token_and_an_invalid_hello(world, rogue, hello):

@@ -30,6 +30,9 @@ from minerva_bus.wire.epochs import stamp
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.world.when import Participation, When
+
+FREELY = When(Participation.FREELY)
 
 PStone, eDrop = Primitive("PStone"), EventType("eDrop", number=int)
 VOCABULARY = Vocabulary.of(PStone, eDrop)
@@ -42,7 +45,7 @@ def rain():
     world = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
     world.inbox.max_single_events = 3
     world.receive(s.Appeared("rain"))
-    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
     return world
 
 
@@ -68,7 +71,7 @@ def test_a_journal_has_what_was_taken_and_what_waits():
     again = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
     again.receive(s.Begin(inputs=inputs))
     again.receive(s.Appeared("rain"))
-    again.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    again.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
     assert frame(again)[0] == [3, 4]
 
 
@@ -82,7 +85,7 @@ def test_events_in_columns_are_taken_whole():
 def test_a_repeated_hello_counts_once():
     world = rain()
     for _ in range(5):
-        world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+        world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
     assert world.members.get("rain").joins == 1
 
 
@@ -106,7 +109,10 @@ def asked_host(agents, limits):
     """A receiver whose frame waits for a host, and what it hands to the frame."""
     string = BEACH.read(" · ".join(f"ACrab#a{n}" for n in range(agents)))
     algorithm = FrameAlgorithm(Described("w", string, BEACH))
-    for name, hello in (("rain", {"generates": ("eDrop",)}), ("host", {"kinds": (Crab.kind,)})):
+    for name, hello in (
+        ("rain", {"generates": ("eDrop",), "when": FREELY}),
+        ("host", {"kinds": (Crab.kind,)}),
+    ):
         algorithm.receive(s.Appeared(name))
         algorithm.receive(m.Hello(name, PROTOCOL_VERSION, **hello))
     algorithm.receive(m.Emitted("rain", (eDrop(1),)))
@@ -342,7 +348,7 @@ def test_a_flooding_member_is_removed_and_frames_continue(world, what):
     message, problem = TOO_MUCH[what]
     name = what.replace(" ", "-")
     with open_client(name, world.endpoint()) as session:
-        epoch, heard, kept = joined(session, world, name, generates=("eSeen",))
+        epoch, heard, kept = joined(session, world, name, generates=("eSeen",), when=FREELY)
         put(session, Keys(world.name).sent_by(name), epoch + message())
         refused = eventually(
             lambda: [message for message in heard if message[0] == "refused"], "an answer"
@@ -383,7 +389,7 @@ def test_a_viewer_with_very_many_kinds_may_not_join(world):
 def test_floods_of_hellos_and_questions_leave_the_frames_going(world):
     keys = Keys(world.name)
     with open_client("flood", world.endpoint()) as session:
-        epoch, _, kept = joined(session, world, "flood", generates=("eSeen",))
+        epoch, _, kept = joined(session, world, "flood", generates=("eSeen",), when=FREELY)
         out = session.declare_publisher(keys.sent_by("flood"))
         hello, asked = epoch + encode(m.Hello("flood", PROTOCOL_VERSION)), pack({"ask": "status"})
         replies, until = [], time.monotonic() + 1.0

@@ -80,10 +80,9 @@ class Steps(Generator, events=("eStep",)):
         return {"steps": self.count}
 
 
-class Water(Generator, Device, draws=("eShow",), coupled=True):
+class Water(Generator, Device, draws=("eShow",), coupled=True, when="each frame"):
     """A coupled device that publishes in step the number of figures it was shown."""
 
-    every = 1
     publishes = ("sight",)
 
     def __init__(self):
@@ -112,10 +111,8 @@ class Eye(Generator, events=("eSeen",)):
         return [eSeen(int(sighting.distance)) for r in tick.readings for sighting in r.seen]
 
 
-class Screen(Device, draws=("eShow",)):
+class Screen(Device, draws=("eShow",), when="each frame"):
     """An observer that prints its views if `said` is set."""
-
-    every = 1
 
     def __init__(self, said: bool = False):
         self.said = said
@@ -130,10 +127,8 @@ class Screen(Device, draws=("eShow",)):
         return {"pictures": self.pictures}
 
 
-class Painter(Device, draws=("eShow",)):
+class Painter(Device, draws=("eShow",), when="each 1000 frames"):
     """An observer that is slow to draw a view and to close its file."""
-
-    every = 1000
 
     def __init__(self, drawing: float = 0.0, closing: float = 0.0):
         self.drawing = drawing
@@ -149,7 +144,7 @@ class Painter(Device, draws=("eShow",)):
         Path("painted.txt").write_text(str(self.drawn), encoding="utf-8")
 
 
-class Noise(Generator, events=("eNoise",), lockstep=False):
+class Noise(Generator, events=("eNoise",), when="freely"):
     """Runs freely and emits events that no agent handles."""
 
     def run(self, emit, stop):
@@ -157,7 +152,7 @@ class Noise(Generator, events=("eNoise",), lockstep=False):
             emit(eNoise())
 
 
-class Torrent(Generator, events=("eNoise",), lockstep=False):
+class Torrent(Generator, events=("eNoise",), when="freely"):
     """Runs freely and emits as fast as it can."""
 
     def run(self, emit, stop):
@@ -242,7 +237,7 @@ class Fragile(Agent, symbol="AFragile"):
 vocabulary = Vocabulary.of(*(PDot, TAt, eStep, eCall, eSeen, eNoise, eWish, eShow, Walker, Fragile))
 
 
-class Gauge(Generator, lockstep=False):
+class Gauge(Generator, when="freely"):
     """A free-running sensor, ten times as fast as the frames."""
 
     publishes = ("battery",)

@@ -192,10 +192,9 @@ class Steps(Generator, events=("eStep",)):
         self.count = saved["count"]
 
 
-class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
+class Water(Generator, Device, events=(), draws=("eShow",), coupled=True, when="each frame"):
     """Draws the view into its own state, and publishes the visible part."""
 
-    every = 1
     publishes = ("sight",)
 
     def __init__(self) -> None:
@@ -232,7 +231,7 @@ class Screen(Device, draws=("eShow",)):
     """An observer that stores each view that it is shown as text."""
 
     def __init__(self, every: int = 1) -> None:
-        self.every = every
+        self.when = f"each {every} frames" if every else ""
         self.shown: list[str] = []
 
     def show(self, view: View) -> None:

@@ -9,6 +9,9 @@ from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.when import Participation, When
+
+FREELY = When(Participation.FREELY)
 
 PStone = Primitive("PStone")
 eDrop = EventType("eDrop", number=int)
@@ -18,7 +21,7 @@ def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
     monkeypatch.setattr(a, "MAX_WAITING", 10)
     world = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop)))
     world.receive(s.Appeared("rain"))
-    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
     said = []
     for number in range(25):
         out = world.receive(m.Emitted("rain", (eDrop(number),)))
@@ -34,7 +37,7 @@ def test_waiting_events_count_after_succession(monkeypatch):
     past = Checkpoint(3, inbox={"rain": tuple(eDrop(number) for number in range(8))})
     world = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop), past=past))
     world.receive(s.Appeared("rain"))
-    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
     for number in range(8, 20):
         world.receive(m.Emitted("rain", (eDrop(number),)))
     assert world.members.get("rain").dropped == 10

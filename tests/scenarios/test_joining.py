@@ -22,6 +22,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.member_states import MemberState
+from minerva_bus.world.when import Participation, When
 
 
 def test_all_are_there_before_the_first_frame():
@@ -281,8 +282,8 @@ def test_a_member_of_another_protocol_is_refused():
         > old appeared
             old ← greet
         > old: hello, generator
-            says old: may not join: it speaks protocol 0, this world 6: install the same version of Minerva Bus on both sides
-            old ← refused: it speaks protocol 0, this world 6: install the same version of Minerva Bus on both sides
+            says old: may not join: it speaks protocol 0, this world 7: install the same version of Minerva Bus on both sides
+            old ← refused: it speaks protocol 0, this world 7: install the same version of Minerva Bus on both sides
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -307,7 +308,7 @@ def test_a_hello_out_of_turn_is_ignored():
     bus.start()
     bus.run(1)
     hello = bus.alive["add"].hello()
-    bus.put(replace(hello, generates=("eStep",), lockstep=False))
+    bus.put(replace(hello, generates=("eStep",), when=When(Participation.FREELY)))
     bus.put(replace(hello, member="nobody"))
     bus.trace.clear()
     bus.run(1)

@@ -230,7 +230,7 @@ def test_a_view_is_no_event_of_evolution():
 
 
 def test_a_world_in_which_agents_would_vanish_does_not_rest():
-    class Bell(Add, lockstep=False):
+    class Bell(Add, when="freely"):
         """Adds when it is triggered."""
 
     members = {

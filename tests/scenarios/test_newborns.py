@@ -8,6 +8,9 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
+from minerva_bus.world.when import Participation, When
+
+FREELY = When(Participation.FREELY)
 
 
 def test_a_newborn_gets_no_event_of_the_frame_of_its_birth_and_all_of_the_next():
@@ -22,7 +25,7 @@ def test_a_newborn_gets_no_event_of_the_frame_of_its_birth_and_all_of_the_next()
 
     tell(s.Appeared("host"))
     tell(s.Appeared("rain"))
-    tell(m.Hello("rain", PROTOCOL_VERSION, generates=("eAdd",)))
+    tell(m.Hello("rain", PROTOCOL_VERSION, generates=("eAdd",), when=FREELY))
     early = eAdd(100, receivers=["m:1"])
     tell(m.Emitted("rain", (eAdd(1), eAdd(2), early)))
     tell(s.Begin())

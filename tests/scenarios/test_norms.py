@@ -306,7 +306,7 @@ class Passes(Generator, events=("eShout",)):
         return [eShout(2 * order.loud) for order in tick.orders]
 
 
-class Keys(Generator, events=("eShout",), lockstep=False):
+class Keys(Generator, events=("eShout",), when="freely"):
     """Input by hand."""
 
     people = True

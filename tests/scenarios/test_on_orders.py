@@ -7,9 +7,11 @@ import pytest
 from pond import VOCABULARY, Add, Steps, counters, eAdd, expect, service
 
 from minerva_bus import Device, Tick
+from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
+from minerva_bus.world.when import Participation, When
 
 
 class AskedAlways(Add):
@@ -34,7 +36,7 @@ class AskedAlways(Add):
         self.taken = saved["taken"]
 
 
-class OnOrders(AskedAlways, on_orders=True):
+class OnOrders(AskedAlways, when="on orders"):
     """The same, and it says that it need not be asked."""
 
 
@@ -200,7 +202,11 @@ class Speaking(OnOrders):
     ],
 )
 def test_it_cannot_depend_on_anything_else(service, reason):
-    hello = Member("add", service()).hello()
-    expected = f"it is on_orders, so it has events on orders only, but it {reason}"
-    assert incompatibility(hello, VOCABULARY) == expected
-    assert not incompatibility(replace(hello, on_orders=False), VOCABULARY)
+    expected = f'its `when` is "on orders", so it has events on orders only, but it {reason}'
+    with pytest.raises(MisuseError, match=f"{service.__name__}: {expected}"):
+        Member("add", service())
+    in_step = type("InStep", (service,), {}, when="in step")
+    hello = Member("add", in_step()).hello()
+    assert not incompatibility(hello, VOCABULARY)
+    on_orders = replace(hello, when=When(Participation.ON_ORDERS))
+    assert incompatibility(on_orders, VOCABULARY) == expected

@@ -97,9 +97,9 @@ def test_a_sensor_may_be_attached_that_makes_the_same_events_as_a_process():
     assert "n=7" in str(bus.algorithm.scene)
 
 
-@pytest.mark.parametrize("lockstep", [True, False])
-def test_a_guest_that_joins_before_the_process_may_not_send_them_either(lockstep):
-    class Early(Keys, lockstep=lockstep):
+@pytest.mark.parametrize("when", ["in step", "freely"])
+def test_a_guest_that_joins_before_the_process_may_not_send_them_either(when):
+    class Early(Keys, when=when):
         pass
 
     bus = counters()
@@ -108,7 +108,7 @@ def test_a_guest_that_joins_before_the_process_may_not_send_them_either(lockstep
         bus.appear(name)
         bus.settle()
     assert bus.said == []
-    if not lockstep:
+    if when == "freely":
         bus.put(m.Emitted("guest", (eAdd(30),)))
     bus.run(2)
     assert len(bus.said) == 1

@@ -33,7 +33,7 @@ def on(machine, name, make):
     def made():
         participant = make()
         plain = participant.hello
-        participant.hello = lambda: replace(plain(), host=machine)
+        participant.hello = lambda: replace(plain(), about={"host": machine})
         return participant
 
     return made

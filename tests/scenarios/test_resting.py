@@ -14,7 +14,7 @@ from minerva_bus.log.reader import Record
 from tests.runtime.running import World, eventually, write_world
 
 
-class Bell(Add, lockstep=False):
+class Bell(Add, when="freely"):
     """Adds when it is triggered."""
 
 

@@ -13,14 +13,15 @@ from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.log.description import Description, decode_description, encode_description
+from minerva_bus.world.when import When
 
 MANY = 100
 
 
-def begun(text="ACounter#a · ACounter#b · AFrog#f", lockstep=False, **speaks_for):
+def begun(text="ACounter#a · ACounter#b · AFrog#f", when="freely", **speaks_for):
     world = FrameAlgorithm(World("w", VOCABULARY.read(text), VOCABULARY, speaks_for=speaks_for))
     world.receive(s.Appeared("rain"))
-    hello = m.Hello("rain", PROTOCOL_VERSION, generates=("eAdd", "eCroak"), lockstep=lockstep)
+    hello = m.Hello("rain", PROTOCOL_VERSION, generates=("eAdd", "eCroak"), when=When.read(when))
     world.receive(hello)
     return world
 
@@ -50,11 +51,11 @@ FORGED = {
 }
 
 
-@pytest.mark.parametrize("lockstep", [False, True])
+@pytest.mark.parametrize("when", ["freely", "in step"])
 @pytest.mark.parametrize("how", FORGED)
-def test_a_generator_has_no_agent_as_its_sender(how, lockstep):
-    world = begun(lockstep=lockstep)
-    if lockstep:
+def test_a_generator_has_no_agent_as_its_sender(how, when):
+    world = begun(when=when)
+    if when == "in step":
         world.receive(s.Begin())
         out = world.receive(m.TickReply("rain", 0, FORGED[how]))
     else:

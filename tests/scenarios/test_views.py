@@ -297,10 +297,8 @@ def test_a_guest_that_watches_changes_no_digest():
     assert bus.digests == plain.digests
 
 
-class Sizes(Device, draws=("eMark",)):
+class Sizes(Device, draws=("eMark",), when="each frame"):
     """Draws events with data, which it cannot create itself."""
-
-    every = 1
 
     def show(self, view):
         raise AssertionError("nothing to see")

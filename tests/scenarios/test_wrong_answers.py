@@ -264,7 +264,7 @@ def test_undeclared_events_of_a_generator_are_rejected():
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 
-class Free(Generator, events=("eAdd",), lockstep=False):
+class Free(Generator, events=("eAdd",), when="freely"):
     pass
 
 

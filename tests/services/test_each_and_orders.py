@@ -6,6 +6,7 @@ import pytest
 from driving_world import INFO, joined, tick
 
 from minerva_bus import Event, MinervaError
+from minerva_bus.frame.member import Member
 from minerva_services.input.each import Each
 from minerva_services.input.orders import Orders
 
@@ -23,9 +24,10 @@ def test_each_makes_one_event_each_frame() -> None:
         assert made(service, number) == [INFO.vocabulary.events["eDecide"]()]
 
 
-def test_every_so_many_frames_from_frame_0_whatever_was_asked_before() -> None:
-    service = joined(Each("eRepresent", every=3))
-    assert [number for number in range(8) if made(service, number)] == [0, 3, 6]
+def test_it_is_asked_in_every_so_many_frames() -> None:
+    for every, when in ((1, "in step"), (3, "in step, each 3 frames")):
+        hello = Member("each", Each("eRepresent", every=every)).hello()
+        assert str(hello.when) == when
     assert made(joined(Each("eRepresent", every=3)), 6)
 
 

@@ -10,9 +10,9 @@ from minerva_bus.errors import MisuseError
     ("bases", "argument", "problem"),
     [
         ((Generator,), "event", "Odd has the unknown class argument event; did you mean 'events'?"),
-        ((Generator,), "generates", "generates; it may have events, lockstep, ahead"),
-        ((Generator,), "draws", "draws; it may have events, lockstep, ahead"),
-        ((Device,), "every", "every; it may have draws, coupled"),
+        ((Generator,), "generates", "generates; it may have events, when"),
+        ((Generator,), "draws", "draws; it may have events, when"),
+        ((Device,), "every", "every; it may have draws, coupled, when"),
         ((Generator, Device), "draw", "draw; did you mean 'draws'?"),
     ],
 )

@@ -1,6 +1,5 @@
 """Generators and devices: the declarations of their classes."""
 
-import math
 from typing import Any
 
 import pytest
@@ -17,7 +16,7 @@ class Rain(Generator, events=("eRain",)):
         yield Event("eRain")
 
 
-class Free(Rain, lockstep=False):
+class Free(Rain, when="freely"):
     pass
 
 
@@ -26,9 +25,9 @@ class Screen(Device, draws=("eDraw",), coupled=True):
 
 
 def test_a_class_declares_what_it_generates_and_draws():
-    assert (Rain().generates(), Rain.lockstep) == (("eRain",), True)
-    assert (Free().generates(), Free.lockstep) == (("eRain",), False)
-    assert (Screen.draws, Screen.coupled, Screen.every) == (("eDraw",), True, 0)
+    assert (Rain().generates(), Rain.when) == (("eRain",), "")
+    assert (Free().generates(), Free.when) == (("eRain",), "freely")
+    assert (Screen.draws, Screen.coupled, Screen.when) == (("eDraw",), True, "")
     assert (Device.draws, Device.coupled) == ((), False)
 
 
@@ -64,9 +63,7 @@ def test_an_option_overrides_the_default_of_a_service(events):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("every", "often"), ("every", -1), ("every", 1.5), ("every", True),
-        ("rate", -0.1), ("rate", math.nan), ("rate", None),
-        ("takes", "last"), ("nth", 0), ("pulse_every", "1"),
+        ("when", 10), ("when", None), ("takes", "last"), ("nth", 0), ("pulse_every", "1"),
     ],
 )  # fmt: skip
 def test_an_attribute_that_is_not_what_a_member_expects_is_an_error(name, value):

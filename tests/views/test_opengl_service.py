@@ -65,7 +65,7 @@ def test_a_missing_driver_is_reported_with_packages(monkeypatch, tmp_path):
 @needs_driver
 def test_pictures_are_written_and_numbered(tmp_path):
     device = OpenGL(path=str(tmp_path / "a.png"), frames=True, width=300, height=200)
-    assert (device.every, device.interactive, device.coupled) == (10, False, False)
+    assert (device.when, device.interactive, device.coupled) == ("each 10 frames", False, False)
     device.joined(WORLD)
     for frame in (0, 10):
         device.show(view(frame, SCENE))

@@ -199,9 +199,8 @@ def keys(tmp_path):
 
 
 HELLO = {
-    "version": 6, "service": "a page", "kinds": [], "generates": ["eLettuce"], "lockstep": False,
-    "orders": [], "draws": [], "coupled": False, "every": 0, "topics": [], "publishes": [],
-    "pid": 0, "host": "",
+    "version": 7, "kinds": [], "generates": ["eLettuce"], "when": "freely", "orders": [],
+    "draws": [], "coupled": False, "topics": [], "publishes": [], "about": {"service": "a page"},
 }  # fmt: skip
 
 

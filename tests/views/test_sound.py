@@ -347,7 +347,7 @@ def test_the_same_views_make_the_same_file(tmp_path: Path):
 def test_its_figures(tmp_path: Path):
     device = play(tmp_path / "deep" / "w.wav", held(car(0.0)))
     assert device.report() == {"sound": str(tmp_path / "deep" / "w.wav"), "clicks": 0}
-    assert (device.draws, device.every, device.coupled) == (("ePicture",), 1, False)
+    assert (device.draws, device.when, device.coupled) == (("ePicture",), "each 1 frames", False)
     device.close()
 
 

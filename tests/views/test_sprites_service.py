@@ -63,8 +63,12 @@ def test_how_it_takes_part(monkeypatch):
     monkeypatch.setenv("DISPLAY", ":7")
     window, pictures = Sprites(), Sprites(path="a.png")
     assert isinstance(window, Device)
-    assert (window.interactive, window.coupled, window.every, window.rate) == (True, False, 0, 30)
-    assert (pictures.interactive, pictures.coupled, pictures.every) == (False, False, 10)
+    assert (window.interactive, window.coupled, window.when) == (True, False, "at 30 Hz")
+    assert (pictures.interactive, pictures.coupled, pictures.when) == (
+        False,
+        False,
+        "each 10 frames",
+    )
     assert (window.pulse_every > 0, pictures.pulse_every) == (True, 0)
     assert Sprites.draws == window.draws == ("ePicture",)
 
@@ -72,7 +76,7 @@ def test_how_it_takes_part(monkeypatch):
 def test_a_video_misses_no_frame(tmp_path):
     av = pytest.importorskip("av")
     device = Sprites(video=str(tmp_path / "a.mp4"), width=320, height=240)
-    assert (device.interactive, device.coupled, device.every, device.rate) == (False, True, 1, 0)
+    assert (device.interactive, device.coupled, device.when) == (False, True, "each 1 frames")
     device.joined(WORLD)
     for frame in range(12):
         device.show(view(frame, floor() + TPut(1.5 + 0.4 * frame, 2.5)(PRobot("r1", 0.4))))

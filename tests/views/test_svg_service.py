@@ -43,7 +43,7 @@ def test_a_picture_does_not_depend_on_the_machine(tmp_path: Path):
 def test_it_asks_for_its_views_itself():
     device = Svg()
     assert isinstance(device, Device)
-    assert (device.draws, device.every, device.coupled) == (("ePicture",), 10, False)
+    assert (device.draws, device.when, device.coupled) == (("ePicture",), "each 10 frames", False)
     assert Svg(draws="eA, eB,eA").draws == ("eA", "eB")
     assert Svg.draws == ("ePicture",)
 

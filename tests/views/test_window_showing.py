@@ -17,14 +17,14 @@ def showing(environment=SCREEN, **options):
 
 def test_a_window_draws_by_the_clock():
     made = showing()
-    assert (made.medium, made.asks_every, made.rate) == (Medium.WINDOW, 0, 30.0)
-    assert (showing(every=5).asks_every, showing(every=5).rate) == (5, 0.0)
+    assert (made.medium, made.when) == (Medium.WINDOW, "at 30 Hz")
+    assert showing(every=5).when == "each 5 frames"
 
 
 def test_pictures_and_videos_go_by_frames_and_need_no_display():
     pictures, video = showing({}, path="a.png"), showing({}, video="a.MP4", width=301, height=201)
-    assert (pictures.medium, pictures.asks_every, pictures.rate) == (Medium.PICTURES, 10, 0.0)
-    assert (video.medium, video.asks_every, video.rate) == (Medium.VIDEO, 1, 0.0)
+    assert (pictures.medium, pictures.when) == (Medium.PICTURES, "each 10 frames")
+    assert (video.medium, video.asks_every, video.when) == (Medium.VIDEO, 1, "each 1 frames")
     assert video.size == (300, 200)
 
 

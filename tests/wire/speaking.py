@@ -19,6 +19,7 @@ from minerva_bus.testing.strategies import (
     vocabularies,
 )
 from minerva_bus.world.readings import Scan, Sighting, Sightings
+from minerva_bus.world.when import Participation, When
 
 numbers = st.integers(0, (1 << 63) - 1)
 members = names()
@@ -66,15 +67,18 @@ def from_member(vocabulary):
     views = st.dictionaries(ids(), strings.map(without_agents), max_size=3)
     event_tuples = events.map(tuple)
     few = st.lists(names(), max_size=3).map(tuple)
+    asked, every = st.sampled_from(Participation), st.integers(0, 10**18 - 1)
+    rates = st.floats(0, allow_infinity=False, exclude_min=True)
+    whens = st.builds(When, asked, every) | st.builds(When, asked, st.just(0), rates)
     shown = st.dictionaries(names(), views, max_size=2)
     return st.one_of(
         st.builds(
-            m.Hello, member=members, version=numbers, service=texts(),
+            m.Hello, member=members, version=numbers,
             kinds=st.lists(st.sampled_from(sorted(vocabulary.kinds)), max_size=2, unique=True).map(
                 lambda symbols: tuple(vocabulary.kinds[symbol] for symbol in symbols)
             ),
-            generates=few, lockstep=st.booleans(), orders=few, draws=few, coupled=st.booleans(),
-            every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(), people=st.booleans(), plain=st.booleans(),
+            generates=few, when=whens, orders=few, draws=few, coupled=st.booleans(),
+            topics=few, publishes=few, people=st.booleans(), plain=st.booleans(), about=figures,
         ),
         st.builds(m.TickReply, members, numbers, event_tuples, saved),
         st.builds(

@@ -93,24 +93,24 @@ def test_a_new_key_of_a_hello_is_declared_in_one_place():
         WIRE: ClassVar = m.Hello.WIRE
         region: Annotated[str, Mark.OPTIONAL, Note("where it is")] = "here"
 
-    codecs, hello = by_name([Hello]), Hello("x", 6, region="there")
-    assert unpack(encode(hello))[1] == unpack(encode(m.Hello("x", 6)))[1] | {"region": "there"}
+    codecs, hello = by_name([Hello]), Hello("x", 7, region="there")
+    assert unpack(encode(hello))[1] == unpack(encode(m.Hello("x", 7)))[1] | {"region": "there"}
     assert DECODER.decode(codecs, ("x",), encode(hello)) == hello
-    assert DECODER.decode(codecs, ("x",), encode(m.Hello("x", 6))).region == "here"
-    assert DECODER.from_member("x", encode(hello)) == m.Hello("x", 6)  # an older coordinator
+    assert DECODER.decode(codecs, ("x",), encode(m.Hello("x", 7))).region == "here"
+    assert DECODER.from_member("x", encode(hello)) == m.Hello("x", 7)  # an older coordinator
 
 
 def test_an_error_in_a_key_names_it():
-    plain = unpack(encode(m.Hello("x", 6)))
+    plain = unpack(encode(m.Hello("x", 7)))
     plain[1]["kinds"] = [["XBad", [], [], [], []]]
     with pytest.raises(ProtocolError, match=r"^hello: kinds: .*XBad"):
         DECODER.from_member("x", pack(plain))
 
 
 def test_a_key_that_must_be_there_is_named():
-    plain = unpack(encode(m.Hello("x", 6)))
-    del plain[1]["lockstep"]
-    with pytest.raises(ProtocolError, match="hello needs 'lockstep'"):
+    plain = unpack(encode(m.Hello("x", 7)))
+    del plain[1]["when"]
+    with pytest.raises(ProtocolError, match="hello needs 'when'"):
         DECODER.from_member("x", pack(plain))
 
 

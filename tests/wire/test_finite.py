@@ -46,9 +46,9 @@ DRAWN = {"a": DOT, "b": MANY, "c": PATCH}
 KIND = ["AFox", [["x", "real m", "0.5"]], [["eAll", 0.5]], [], ["x"]]
 SPOKEN = {
     "hello": [{
-        "version": PROTOCOL_VERSION, "service": "", "kinds": [KIND], "generates": [], "lockstep": False,
-        "orders": [], "draws": [], "coupled": False, "every": 0, "rate": 2.5, "topics": [],
-        "publishes": [], "pid": 1, "host": "",
+        "version": PROTOCOL_VERSION, "kinds": [KIND], "generates": [], "when": "at 2.5 Hz",
+        "orders": [], "draws": [], "coupled": False, "topics": [], "publishes": [],
+        "about": {"service": "", "pid": 1, "host": "", "load": 2.5},
     }],
     "ticked": [1, [EVENT], None],
     "evolved": [1, 0, DRAWN, {"a": [EVENT]}, {"eAll": DRAWN}],

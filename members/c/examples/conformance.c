@@ -86,7 +86,7 @@ static int run_device(bool is_coupled) {
     bars self = {.is_coupled = is_coupled};
     return mb_run_device(&(mb_device){
         .draws = MB_TEXTS("eShow"),
-        .every = 1,
+        .when = "each frame",
         .coupled = is_coupled,
         .state = &self,
         .draw = draw,

@@ -35,7 +35,7 @@ int main(int count, char **arguments) {
     return mb_run_device(&(mb_device){
         .service = "picture",
         .draws = MB_TEXTS("eShow"),
-        .every = 10,
+        .when = "each 10 frames",
         .state = &self,
         .draw = draw,
         .report = report,

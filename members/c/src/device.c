@@ -201,8 +201,8 @@ int mb_run_device(const mb_device *spec) {
     self.views = mb_resize(NULL, self.count, sizeof(view));
     for (size_t n = 0; n < self.count; n++) self.views[n] = (view){.type = spec->draws[n], .sequence = -1};
     const int code = mb_run((mb_role){
-        .hello = {.service = spec->service, .draws = spec->draws, .coupled = spec->coupled, .every = spec->every,
-                  .rate = spec->rate},
+        .hello = {.service = spec->service, .draws = spec->draws, .when = spec->when, .coupled = spec->coupled,
+                  .ticks = spec->coupled},
         .self = &self, .welcome = on_welcome, .receive = on_message, .readings = on_readings, .report = on_report,
     });
     for (size_t n = 0; n < self.count; n++) {

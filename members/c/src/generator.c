@@ -1,4 +1,4 @@
-/* A lockstep generator: it makes the events of each frame. */
+/* A generator in step: it makes the events of each frame. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -352,7 +352,7 @@ int mb_run_generator(const mb_generator *spec) {
     while (spec->publishes != NULL && spec->publishes[self->topic_count] != NULL) self->topic_count++;
     const int code = mb_run((mb_role){
         .hello = {.service = spec->service, .generates = spec->generates, .orders = spec->orders,
-                  .topics = spec->topics, .publishes = spec->publishes, .lockstep = true},
+                  .topics = spec->topics, .publishes = spec->publishes, .when = "in step", .ticks = true},
         .self = self, .welcome = on_welcome, .receive = on_message, .readings = on_readings, .report = on_report,
     });
     forget_answer(self);

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { VERSION = 6, GREETING = 10, SUCCESSOR = 5, FLUSHING = 1, LONGEST_KEY = 256 };
+enum { VERSION = 7, GREETING = 10, SUCCESSOR = 5, FLUSHING = 1, LONGEST_KEY = 256 };
 
 mb_member mb_member_of(const char *name, mb_role role, mb_outside outside) {
     return (mb_member){.name = name, .role = role, .outside = outside, .epoch = -1};
@@ -17,7 +17,7 @@ void mb_member_subscribe(const mb_member *member, void (*subscribe)(void *self, 
     subscribe(member->outside.self, "all");
     snprintf(key, sizeof key, "to/%s", member->name);
     subscribe(member->outside.self, key);
-    if (hello->lockstep || hello->coupled) subscribe(member->outside.self, "tick");
+    if (hello->ticks) subscribe(member->outside.self, "tick");
     for (const char *const *type = hello->draws; !hello->coupled && type != NULL && *type != NULL; type++) {
         snprintf(key, sizeof key, "view/%s", *type);
         subscribe(member->outside.self, key);
@@ -63,16 +63,16 @@ static void send_hello(mb_member *member) {
         {"draws", hello->draws},  {"topics", hello->topics},       {"publishes", hello->publishes},
     };
     const size_t count = sizeof lists / sizeof *lists;
-    mb_map map = {0};
+    mb_map map = {0}, about = {0};
     mb_set(&map, "version", mb_int(VERSION));
-    mb_set(&map, "service", mb_text(hello->service == NULL ? "" : hello->service));
-    mb_set(&map, "lockstep", mb_bool(hello->lockstep));
+    mb_set(&map, "when", mb_text(hello->when == NULL ? "" : hello->when));
     mb_set(&map, "coupled", mb_bool(hello->coupled));
-    mb_set(&map, "every", mb_int(hello->every));
-    mb_set(&map, "rate", mb_real(hello->rate));
-    mb_set(&map, "pid", mb_int(getpid()));
-    mb_set(&map, "host", mb_text(""));
     mb_set(&map, "plain", mb_bool(true));
+    mb_set(&about, "service", mb_text(hello->service == NULL ? "" : hello->service));
+    mb_set(&about, "pid", mb_int(getpid()));
+    mb_write_text(&map.entries, "about");
+    mb_finish_map(&map.entries, &about);
+    map.count++;
     for (size_t n = 0; n < count; n++) write_texts(&map.entries, lists[n].key, lists[n].texts);
     map.count += count;
     mb_buffer body = {0};

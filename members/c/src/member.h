@@ -13,9 +13,8 @@ typedef struct mb_hello {
     const char *const *draws;
     const char *const *topics;
     const char *const *publishes;
-    bool lockstep, coupled;
-    int64_t every;
-    double rate;
+    const char *when; /* NULL: "" */
+    bool coupled, ticks;
 } mb_hello;
 
 typedef struct mb_member mb_member;

@@ -1,4 +1,4 @@
-/* Members of Minerva Bus in C: lockstep generators and devices. */
+/* Members of Minerva Bus in C: generators in step and devices. */
 
 #ifndef MB_MINERVA_H
 #define MB_MINERVA_H
@@ -87,8 +87,7 @@ typedef struct mb_view {
 typedef struct mb_device {
     const char *service;
     const char *const *draws; /* visual event types */
-    int64_t every;            /* > 0: a view each so many frames */
-    double rate;              /* > 0: as many views per second at most */
+    const char *when;         /* "each 10 frames", "at 25 Hz": it requests its views itself; or NULL */
     bool coupled;             /* it draws every frame before the next one begins */
     void *state;
     void (*draw)(const mb_view *view, void *state);

@@ -86,8 +86,8 @@ public final class Conformance {
         }
 
         @Override
-        protected long every() {
-            return 1;
+        protected String when() {
+            return "each frame";
         }
 
         @Override

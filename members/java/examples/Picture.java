@@ -25,8 +25,8 @@ public final class Picture extends Device {
     }
 
     @Override
-    protected long every() {
-        return 10;
+    protected String when() {
+        return "each 10 frames";
     }
 
     @Override

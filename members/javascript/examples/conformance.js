@@ -54,7 +54,7 @@ function bars(options) {
   let views = 0n;
   return device({
     draws: ["eShow"],
-    every: 1,
+    when: "each frame",
     ...options,
     draw({ frame, nodes }) {
       views += 1n;

@@ -15,4 +15,4 @@ function draw({ frame, nodes }) {
   shells = BigInt(nodes.length);
 }
 
-await run(device({ draws: ["eShow"], every: 10, draw, report: () => ({ shells }) }));
+await run(device({ draws: ["eShow"], when: "each 10 frames", draw, report: () => ({ shells }) }));

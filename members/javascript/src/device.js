@@ -8,25 +8,26 @@ import { readSkeleton, readString } from "./scene.js";
  *
  * `draw({type, frame, nodes, halted, vocabulary})` draws a view; `nodes` is the whole string, in which
  * outermost nodes have the id of their `agent`, or "~" in a population. A `coupled` device
- * draws every frame, any other one may miss some. `every` > 0: a view each so many frames; `rate` > 0:
- * as many per second. `report()` returns figures for the summary.
+ * draws every frame, any other one may miss some. `when`, such as "each 10 frames" or "at 25 Hz": the
+ * device requests its views itself. `report()` returns figures for the summary.
  */
-export function device({ service = "device", draws, draw, every = 0, rate = 0, coupled = false, report = () => ({}) }) {
-  return (member) => new Device(member, { service, draws, draw, every, rate, coupled, report });
+export function device({ service = "device", draws, draw, when = "", coupled = false, report = () => ({}) }) {
+  return (member) => new Device(member, { service, draws, draw, when, coupled, report });
 }
 
 class Device {
   constructor(member, spec) {
     this.member = member;
     this.spec = spec;
+    this.service = spec.service;
     this.subscriptions = spec.coupled ? ["tick"] : spec.draws.map((type) => `view/${type}`);
     this.publishes = [];
     this.views = new Map(spec.draws.map((type) => [type, new View()]));
   }
 
   hello() {
-    const { service, draws, every, rate, coupled } = this.spec;
-    return { service, draws, every: BigInt(every), rate, coupled };
+    const { draws, when, coupled } = this.spec;
+    return { draws, when, coupled };
   }
 
   welcome() {

@@ -1,4 +1,4 @@
-/** A lockstep generator: it makes the events of each frame. */
+/** A generator in step: it makes the events of each frame. */
 
 import { Invalid } from "./msgpack.js";
 import { Philox } from "./random.js";
@@ -25,6 +25,7 @@ class Generator {
   constructor(member, spec) {
     this.member = member;
     this.spec = spec;
+    this.service = spec.service;
     this.subscriptions = ["tick", ...spec.topics.map((topic) => `topic/${topic}/*`)];
     this.publishes = spec.publishes;
     this.state = structuredClone(spec.state);
@@ -36,8 +37,8 @@ class Generator {
   }
 
   hello() {
-    const { service, generates, orders, topics, publishes } = this.spec;
-    return { service, generates, lockstep: true, orders, topics, publishes };
+    const { generates, orders, topics, publishes } = this.spec;
+    return { generates, when: "in step", orders, topics, publishes };
   }
 
   welcome({ frame, saved }, isAgain) {

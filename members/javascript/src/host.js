@@ -53,7 +53,7 @@ class Host {
   }
 
   hello() {
-    return { service: this.service, kinds: [...this.kinds.values()].map(plainKind) };
+    return { kinds: [...this.kinds.values()].map(plainKind) };
   }
 
   welcome({ policy }) {

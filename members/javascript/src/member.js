@@ -9,7 +9,7 @@
 import { decode, decodeAll, encode, Invalid } from "./msgpack.js";
 import { Vocabulary } from "./vocabulary.js";
 
-export const VERSION = 6n;
+export const VERSION = 7n;
 const SECONDS = { greeting: 10, successor: 5, flushing: 1 };
 /** Messages that begin a member's obedience to a coordinator. */
 const LEADING = ["greet", "refused", "stop"];
@@ -57,8 +57,8 @@ export class Member {
 
   hello() {
     return {
-      version: VERSION, service: "", kinds: [], generates: [], lockstep: false, orders: [], draws: [],
-      coupled: false, every: 0n, rate: 0, topics: [], publishes: [], pid: this.outside.pid, host: this.outside.host,
+      version: VERSION, kinds: [], generates: [], when: "", orders: [], draws: [], coupled: false, topics: [],
+      publishes: [], about: { service: this.role.service, pid: this.outside.pid, host: this.outside.host },
       ...this.role.hello(),
     };
   }

@@ -21,11 +21,12 @@ class Source {
   constructor(member, spec) {
     this.member = member;
     this.spec = spec;
+    this.service = spec.service;
   }
 
   hello() {
-    const { service, generates, people } = this.spec;
-    return { service, generates, people };
+    const { generates, people } = this.spec;
+    return { generates, when: "freely", people };
   }
 
   welcome(_, isAgain) {

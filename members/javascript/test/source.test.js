@@ -33,7 +33,7 @@ test("it begins when it has joined, and sends events at any time", () => {
   receive("greet");
   assert.equal(sent[0][0], "hello");
   const hello = sent[0][1];
-  assert.deepEqual([hello.get("lockstep"), hello.get("people"), hello.get("generates")], [false, true, ["eTilt"]]);
+  assert.deepEqual([hello.get("when"), hello.get("people"), hello.get("generates")], ["freely", true, ["eTilt"]]);
   assert.equal(emit, null);
   receive(...welcome);
   assert.deepEqual(world, { name: "tilt", dt: 0.1 });

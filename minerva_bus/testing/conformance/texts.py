@@ -115,8 +115,8 @@ def _hello(hello: m.Hello) -> str:
     kinds = [_kind(kind) for kind in hello.kinds]
     return (
         f"hello version {hello.version}: kinds {kinds}, generates {sorted(hello.generates)},"
-        f" lockstep {hello.lockstep}, draws {sorted(hello.draws)},"
-        f" coupled {hello.coupled}, every {hello.every}"
+        f" when {str(hello.when)!r}, draws {sorted(hello.draws)},"
+        f" coupled {hello.coupled}"
     )
 
 

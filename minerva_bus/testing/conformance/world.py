@@ -92,7 +92,7 @@ class Counter(Agent, symbol="ACounter"):
 
 
 class NumberGenerator(Generator, events=("eAdd",)):
-    """A lockstep generator that counts its ticks, passes orders on and adds up sightings."""
+    """A generator in step that counts its ticks, passes orders on and adds up sightings."""
 
     topics = ("sight",)
     publishes = ("echo",)
@@ -128,10 +128,8 @@ class NumberGenerator(Generator, events=("eAdd",)):
         return {"ticks": self.count}
 
 
-class Bars(Device, draws=("eShow",)):
+class Bars(Device, draws=("eShow",), when="each frame"):
     """A device that reports what it has drawn last."""
-
-    every = 1
 
     def __init__(self) -> None:
         self.drawn: dict[str, int | float] = {}
@@ -196,7 +194,7 @@ def roles_of(hello: m.Hello) -> tuple[MemberRole, ...]:
     device = MemberRole.COUPLED if hello.coupled else MemberRole.OBSERVER
     offered = (
         (MemberRole.HOST, bool(hello.kinds)),
-        (MemberRole.GENERATOR, bool(hello.generates) and hello.lockstep),
+        (MemberRole.GENERATOR, bool(hello.generates) and hello.when.is_awaited),
         (device, bool(hello.draws)),
     )
     return tuple(role for role, offers in offered if offers)

@@ -145,10 +145,9 @@ class Tide(Generator, events=("eTide",)):
         self.count = saved["count"]
 
 
-class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
+class Water(Generator, Device, events=(), draws=("eShow",), coupled=True, when="each frame"):
     """Draws the view into its own state and publishes it; reports how much it has been shown."""
 
-    every = 1
     publishes = ("sight",)
 
     def __init__(self) -> None:
@@ -186,7 +185,7 @@ class Lookout(Generator, events=("eSeen",)):
         ]
 
 
-class Clerk(Generator, events=("eMark",), on_orders=True):
+class Clerk(Generator, events=("eMark",), when="on orders"):
     """Creates events from orders."""
 
     def takes_orders(self) -> tuple[str, ...]:
@@ -196,7 +195,7 @@ class Clerk(Generator, events=("eMark",), on_orders=True):
         return tick.orders
 
 
-class Gulls(Generator, events=("eCry",), lockstep=False):
+class Gulls(Generator, events=("eCry",), when="freely"):
     """Cry after joining, each cry with a new number."""
 
     def __init__(self, numbers: Iterator[int], cries: int = 3) -> None:

@@ -57,7 +57,7 @@ class OpenSource:
     close: Callable[[], None]
 
 
-class Bridge(Generator, lockstep=False):
+class Bridge(Generator, when="freely"):
     """A generator that forwards the items of a source.
 
     A subclass opens its source, declares its output in `publishes` and `events`, and counts skipped

@@ -58,7 +58,7 @@ class SteppedModel(Device, Generator, coupled=True):
         self._name, self._event = name, event
         self.draws = names_in(draws)
         # A view belongs to each frame, because the model is stepped in each.
-        self.every = 1 if self.draws else 0
+        self.when = "each frame" if self.draws else ""
         self.outputs = self.pairs("outputs", outputs)
         self.inputs = {
             variable: self._parameter(source)

@@ -26,7 +26,8 @@ class Each(Generator):
         if every < 1:
             raise MisuseError(f"each: every is {every}; expected an integer >= 1 (frames)")
         self._type = event
-        self._every = every
+        if every > 1:
+            self.when = f"each {every} frames"
 
     def generates(self) -> tuple[str, ...]:
         return (self._type,)
@@ -35,4 +36,4 @@ class Each(Generator):
         self._event = EventFactory("each", world, self._type)()
 
     def generate(self, tick: Tick) -> Iterable[Event]:
-        return () if tick.number % self._every else (self._event,)
+        return (self._event,)

@@ -12,7 +12,7 @@ from minerva_bus.world.services import Generator
 from minerva_services.event_factory import event_type
 
 
-class Orders(Generator, on_orders=True):
+class Orders(Generator, when="on orders"):
     """Forwards orders of one event type, optionally with an initial order of its own.
 
     Args:

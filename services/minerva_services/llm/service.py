@@ -47,7 +47,7 @@ SHOWN_AFTER: Final = 2
 """Frames from a request to the tick in which a coupled device can answer it."""
 
 
-class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=False):
+class Llm(Generator, Device, events=("eReply",), draws=("eThink",), when="freely, each frame"):
     """Answers requests to minds by a language model, a program, a function or a script.
 
     Args:
@@ -76,7 +76,6 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
     """
 
     source_option: ClassVar[str] = "backend"
-    every = 1
 
     def __init__(
         self,
@@ -120,7 +119,9 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
             ToolServers.of(tools, concurrent, self._log),
         )  # fmt: skip
         # Answers of a script take simulated time, so frames can wait for them.
-        self.lockstep = self.coupled = wait or chosen.scripted
+        self._waits = self.coupled = wait or chosen.scripted
+        if self._waits:
+            self.when = "each frame"
         self._dt = 0.1
         self._caller: CallRunner | None = None
         self._lock = threading.Lock()
@@ -154,7 +155,7 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
         total = self._setup.ledger.total
         used = {"calls": total.calls, "tokens": total.tokens_in + total.tokens_out}
         # Where frames wait for calls, replies wait for the frame that is due.
-        pending = len(self._ended if self.lockstep else self._open)
+        pending = len(self._ended if self._waits else self._open)
         if self._setup.tools:
             used["tools"] = self._setup.tools.used
         return {"pending": pending, **self._counts, **used, "cost": total.cost}
@@ -178,7 +179,7 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
                     self._open[key] = asked
                     caller.ask(asked)
             # Calls for which frames wait end within a frame.
-            for key, asked in [] if self.lockstep else self._open.items():
+            for key, asked in [] if self._waits else self._open.items():
                 if key not in shown.requests or asked.request.asker in left:
                     caller.cancel(key)
             for key in self._ended.keys() - shown.requests.keys():
@@ -195,7 +196,7 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
     def _repeat(self, key: RequestKey, caller: CallRunner) -> None:
         """Send a reply again that was lost, for example with a coordinator that was killed."""
         sent, result = self._ended[key]
-        if not self.lockstep and time.monotonic() - sent > RESEND_SECONDS:
+        if not self._waits and time.monotonic() - sent > RESEND_SECONDS:
             self._ended[key] = time.monotonic(), result
             caller.results.put(result)
 

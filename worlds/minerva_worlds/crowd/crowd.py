@@ -164,13 +164,14 @@ class Plan(Geometry):
         self.exits = cells > 0
 
 
-class Signs(Device, Generator, draws=("eBody",), coupled=True, events=("eSign",)):
+class Signs(
+    Device, Generator, draws=("eBody",), coupled=True, events=("eSign",),
+    when=f"each {EVERY} frames",
+):  # fmt: skip
     """Sends each person the direction of the nearest exit.
 
     The shortest paths are computed once, on the cells of the plan.
     """
-
-    every = EVERY
 
     def joined(self, world: WorldInfo) -> None:
         self._bodies = Bodies(world.vocabulary)

@@ -171,11 +171,10 @@ class Sight(PlaneGeometry):
 
 
 class Light(
-    Device, Generator, coupled=True, draws=("eLook",), events=("eHatch", "eSeen", "eEaten")
-):
+    Device, Generator, coupled=True, draws=("eLook",), events=("eHatch", "eSeen", "eEaten"),
+    when="each frame",
+):  # fmt: skip
     """Notifies creatures of the light that their eyes receive, and berries that they are eaten."""
-
-    every = 1
 
     def __init__(self) -> None:
         self._sight: Sight | None = None

@@ -179,10 +179,15 @@ def braking(room: float, least: float = 0.0) -> float:
 # --- the street -----------------------------------------------------------------------------------
 
 
-class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), coupled=True):
+class Street(
+    Generator,
+    Device,
+    events=("eAhead", "eCrash"),
+    draws=("eWhere",),
+    coupled=True,
+    when="each frame",
+):
     """Notifies each car of the distance to the next one, and of crashes."""
-
-    every = 1
 
     def __init__(self) -> None:
         self.now: dict[str, tuple[str, float]] = {}

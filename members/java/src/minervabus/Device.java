@@ -50,14 +50,9 @@ public abstract class Device extends Role {
     /** Draws a view. */
     protected abstract void draw(View view);
 
-    /** Above 0: a view each so many frames. */
-    protected long every() {
-        return 0;
-    }
-
-    /** Above 0: as many views per second at most. */
-    protected double rate() {
-        return 0;
+    /** When it requests its views itself: "each 10 frames", or "at 25 Hz"; empty: it does not. */
+    protected String when() {
+        return "";
     }
 
     /** Whether it draws every frame before the next one begins. */
@@ -72,8 +67,7 @@ public abstract class Device extends Role {
 
     @Override
     Map<String, Object> hello() {
-        return Map.of(
-                "service", service(), "draws", draws(), "every", every(), "rate", rate(), "coupled", isCoupled());
+        return Map.of("draws", draws(), "when", when(), "coupled", isCoupled());
     }
 
     /** Another coordinator may have counted the views, so the next key view is taken whatever its sequence. */

@@ -8,7 +8,7 @@ import java.util.List;
 import java.util.Map;
 import java.util.TreeMap;
 
-/** A lockstep generator: it makes the events of each frame. */
+/** A generator in step: it makes the events of each frame. */
 public abstract class Generator extends Role {
     private static final int MAX_PENDING = 1000; // messages that wait for a tick
 
@@ -65,7 +65,7 @@ public abstract class Generator extends Role {
     @Override
     Map<String, Object> hello() {
         return Map.of(
-                "service", service(), "generates", generates(), "lockstep", true,
+                "generates", generates(), "when", "in step",
                 "orders", orders(), "topics", topics(), "publishes", publishes());
     }
 

@@ -9,7 +9,7 @@ import java.util.function.Predicate;
 
 /** The protocol of a member as a state machine, without sockets and clocks (PROTOCOL.md, section 6). */
 final class Member {
-    static final int VERSION = 6;
+    static final int VERSION = 7;
     static final int MESSAGE_BYTES = 64 * 1024 * 1024;
 
     private static final int GREETING = 10, SUCCESSOR = 5, FLUSHING = 1; // seconds
@@ -94,13 +94,10 @@ final class Member {
     private Map<String, Object> hello() {
         var hello = new LinkedHashMap<String, Object>();
         hello.put("version", VERSION);
-        hello.put("service", "");
+        hello.put("when", "");
         for (var key : List.of("kinds", "generates", "orders", "draws", "topics", "publishes")) hello.put(key, List.of());
-        for (var key : List.of("lockstep", "coupled")) hello.put(key, false);
-        hello.put("every", 0);
-        hello.put("rate", 0.0);
-        hello.put("pid", ProcessHandle.current().pid());
-        hello.put("host", "");
+        hello.put("coupled", false);
+        hello.put("about", Map.of("service", role.service(), "pid", ProcessHandle.current().pid()));
         hello.put("plain", true);
         hello.putAll(role.hello());
         return hello;

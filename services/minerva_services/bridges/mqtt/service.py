@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from paho.mqtt.client import MQTTMessage
 
 
-class Mqtt(Bridge, Device, lockstep=False):
+class Mqtt(Bridge, Device, when="freely"):
     """Events from the messages of an MQTT broker, and messages from a world's views.
 
     As a device its geometric system consists of messages: α of a primitive is a publication.
@@ -80,7 +80,8 @@ class Mqtt(Bridge, Device, lockstep=False):
         self._publications = publications_of(_mapping("publish", publish), qos)
         # Without publications, no views are needed.
         self.draws = (draws,) if self._publications else ()
-        self.every = every
+        if self.draws and every:
+            self.when = f"freely, each {every} frames"
         self._outbox = MqttOutbox(self.count)
         self._event_rules: list[EventRule] = []
         self._reported: set[str] = set()

@@ -138,7 +138,7 @@ class Ros2View(Device, draws=("ePicture",)):
             raise MisuseError("ros2_view: goal and objective must be different topics")
         self._robot, self._goal, self._radius = robot, goal, radius
         self._event, self._frame = event, frame
-        self.every = every
+        self.when = f"each {every} frames" if every else ""
         self._link: NetworkLink | None = None
         self._publishers: dict[str, TopicPublisher] = {}
         self._picture: MapPicture | None = None

@@ -11,7 +11,7 @@ from minerva_services.bridges.rosbag.bag import CONVERSIONS, Bag
 from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
 
-class Rosbag(Playing, lockstep=False):
+class Rosbag(Playing, when="freely"):
     """Plays the sensors of a bag. Raises MisuseError.
 
     Args:

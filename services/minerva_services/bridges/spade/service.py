@@ -29,7 +29,9 @@ MAX_QUEUED: Final = 10_000
 """Maximum number of messages that wait for the server; more are dropped."""
 
 
-class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=False, coupled=True):
+class Spade(
+    Bridge, Device, events=("eMessage",), draws=("eMail",), when="freely, each frame", coupled=True
+):
     """Connects `AOutside` agents with the external agents that they represent.
 
     Each agent of the world that external agents may address has an account on an XMPP server.
@@ -48,7 +50,6 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
     """
 
     source_option: ClassVar[str] = "server"
-    every = 1
 
     def __init__(
         self,

@@ -112,7 +112,7 @@ class Collisions(Device, Generator, coupled=True):
     ) -> None:
         if every < 1:
             raise MisuseError(f"collisions: every is {every}; expected a number of frames from 1")
-        self.every = every
+        self.when = f"each {every} frames"
         self.draws = (draws,)
         self._event = event
         self._persist = persist

@@ -84,7 +84,7 @@ class Neighbours(Device, Generator, coupled=True):
     ) -> None:
         _check(every, radius, hood)
         _check_nearest(nearest, summary or grid)
-        self.every = every
+        self.when = f"each {every} frames"
         self.draws = (draws,)
         self._event = event
         self._radius = radius

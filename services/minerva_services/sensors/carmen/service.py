@@ -9,7 +9,7 @@ from minerva_services.sensors.carmen.log import CarmenLog, LogTopics
 from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
 
-class Carmen(Playing, lockstep=False):
+class Carmen(Playing, when="freely"):
     """Plays the laser and the odometry of a CARMEN log. Raises MisuseError.
 
     Args:

@@ -20,7 +20,7 @@ from minerva_services.sensors.vision.locator import MarkerLocator, VisionOptions
 from minerva_services.sensors.vision.video import ImageFolder, Video
 
 
-class Vision(Bridge, lockstep=False):
+class Vision(Bridge, when="freely"):
     """Recognises markers (ArUco, AprilTag) and publishes what each image shows as `Sightings`.
 
     The camera is assumed to be level. A sighting gives a marker's horizontal distance and angle

@@ -73,7 +73,7 @@ class Foxglove(Device, draws=("ePicture",)):
         require("foxglove", "foxglove", "foxglove-sdk", "foxglove")
         check_port("foxglove", port)
         check_rate("foxglove", rate)
-        self.rate = rate
+        self.when = f"at {rate:g} Hz"
         self.draws = event_types("foxglove", draws)
         self._address = host, port
         self._origins = frozenset((*_ORIGINS, *names_in(origins)))

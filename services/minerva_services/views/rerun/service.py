@@ -43,7 +43,7 @@ class RerunView(Device, draws=("ePicture",)):
             raise MisuseError(f"rerun: every is {every}; expected a number of frames from 1")
         if not path.lower().endswith(".rrd") or Path(path).name.lower() == ".rrd":
             raise MisuseError(f"rerun: path is {path!r}; expected a name that ends in .rrd")
-        self.every = every
+        self.when = f"each {every} frames"
         self.draws = event_types("rerun", draws)
         self._path = Path(path)
         self._file: RrdFile | None = None

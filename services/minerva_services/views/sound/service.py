@@ -57,7 +57,7 @@ class Sound(Device, draws=("ePicture",)):
             raise MisuseError(f"sound: every is {every}; expected a number of frames from 0")
         if samples not in _RATES:
             raise MisuseError(f"sound: samples is {samples}; expected 8000 to 192000 per second")
-        self.every = every
+        self.when = f"each {every} frames" if every else ""
         self.draws = event_types("sound", draws)
         self._path = wav_path(path)
         # Also before the world starts, which may take long.

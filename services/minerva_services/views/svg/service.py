@@ -49,7 +49,7 @@ class Svg(Device, draws=("ePicture",)):
             raise MisuseError(f"picture: every is {every}; expected a number of frames from 0")
         if width not in _WIDTHS:
             raise MisuseError(f"picture: width is {width}; expected 100 to 10000 pixels")
-        self.every = every
+        self.when = f"each {every} frames" if every else ""
         self.draws = event_types("picture", draws)
         self._path = svg_path(path)
         self._keeps_all = frames

@@ -71,7 +71,7 @@ class Web(Device, draws=("ePicture",)):
         require("web", "viser", "viser", "web")
         check_port("web", port)
         check_rate("web", rate)
-        self.rate = rate
+        self.when = f"at {rate:g} Hz"
         self.draws = event_types("web", draws)
         self._address = _Address(host, port, names_in(names))
         self._click = click

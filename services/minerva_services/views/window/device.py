@@ -39,7 +39,7 @@ class WindowDevice(Device):
     def __init__(self, draws: str = "ePicture", **window: Any) -> None:
         self.options = options = WindowOptions(self.service, self.needs, **window)
         self.draws = event_types(options.service, draws)
-        self.every, self.rate = options.asks_every, options.rate
+        self.when = options.when
         self.interactive = options.medium is Medium.WINDOW
         self.coupled = options.medium is Medium.VIDEO  # pyright: ignore
         self.pulse_every = 1 / 30 if self.interactive else 0.0
@@ -78,7 +78,7 @@ class WindowDevice(Device):
         if options.medium is Medium.PICTURES:
             self._output = PictureOutput(options)
         else:
-            self._output = VideoOutput(options, world.dt, self.every)
+            self._output = VideoOutput(options, world.dt, options.asks_every)
 
     def heard(self, reading: Reading) -> None:
         self._composer.add_reading(reading)

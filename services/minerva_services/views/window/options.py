@@ -106,9 +106,9 @@ class WindowOptions:
         return self.every or {Medium.WINDOW: 0, Medium.PICTURES: 10, Medium.VIDEO: 1}[self.medium]
 
     @property
-    def rate(self) -> float:
-        """Maximum views per second; 0: by frames."""
-        return RATE if self.medium is Medium.WINDOW and not self.every else 0.0
+    def when(self) -> str:
+        """When views are made: by the clock for a window, otherwise by frames."""
+        return f"each {self.asks_every} frames" if self.asks_every else f"at {RATE:g} Hz"
 
     def _check_installed(self) -> None:
         extras = dict.fromkeys(self.needs, self.service)

@@ -84,7 +84,7 @@ function begin(welcome) {
   showSelf(welcome.you);
   person.begin();
   document.title = element("world").textContent = world.world;
-  const view = device({ service: "page", draws: world.draws, rate: world.rate, draw });
+  const view = device({ service: "page", draws: world.draws, when: `at ${world.rate} Hz`, draw });
   join(world.page, view);
   for (const [exported, name] of Object.entries(world.joins)) prepareToJoin(name, exported);
 }
