@@ -17,6 +17,7 @@ from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.system import REAL
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.plain import pack
+from minerva_bus.world.when import Participation, When
 
 PStone, eDrop = Primitive("PStone"), EventType("eDrop")
 
@@ -35,7 +36,9 @@ def receiver_of(algorithm: FrameAlgorithm, put: Any) -> Receiver:
 def test_only_a_few_large_answers_of_a_member_wait(monkeypatch: pytest.MonkeyPatch):
     algorithm = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop)))
     algorithm.receive(s.Appeared("sonar"))
-    hello = m.Hello("sonar", PROTOCOL_VERSION, generates=("eDrop",), lockstep=True)
+    hello = m.Hello(
+        "sonar", PROTOCOL_VERSION, generates=("eDrop",), when=When(Participation.IN_STEP)
+    )
     algorithm.receive(hello)
     algorithm.receive(s.Begin())
     assert algorithm.awaits("sonar")
