@@ -484,7 +484,7 @@ def hear(name, items):
         evolve(*items)
 """
 
-PLAIN_OBSERVER = FOREIGN_OBSERVER.replace('"every": 1}', '"every": 1, "plain": True}').replace(
+PLAIN_OBSERVER = FOREIGN_OBSERVER.replace('["eShow"]}', '["eShow"], "plain": True}').replace(
     'return {"drawn": " ".join(f"{one} {SEEN[one][1][1][0]:g}" for one in slots)}',
     """bars = [bar for one in slots for bar in SEEN[one][1:]]
     return {"bars": len(bars), "drawn": sum(values[0] for _, values in bars)}""",
