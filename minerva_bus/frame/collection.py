@@ -263,7 +263,7 @@ class CollectionStep:
             people = algorithm.in_flight.events.people
             sources = dict(algorithm.norms.events(algorithm.frame, sources, people))
             algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
-        report_orders(algorithm, sources)
+        self._report_orders(sources)
         return {**sources, SOURCE: sanctions} if sanctions else sources
 
     def _permitted_orders(self, orders: Orders) -> tuple[AnyEvent, ...]:
@@ -272,20 +272,19 @@ class CollectionStep:
         if algorithm.world.norms:
             permitted = algorithm.norms.events(algorithm.frame, orders)
             algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
-        report_orders(algorithm, permitted)
+        self._report_orders(permitted)
         return tuple([event for source in sorted(permitted) for event in permitted[source]])
 
-
-def report_orders(algorithm: FrameAlgorithm, permitted: Orders) -> None:
-    """Report the orders that norms reject, which norms log, and those that count."""
-    frame, out = algorithm.frame, algorithm.out
-    for source, event, norm in algorithm.norms.take_rejected_orders():
-        out.add(s.OrderJudged(event, name_of(source), frame, norm))
-    for source in sorted(filter(is_people, permitted)):
-        for event in permitted[source]:
-            out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
-            if isinstance(event, Event):  # Programs send batches, and do not ask for fates.
-                out.add(s.OrderJudged(event, name_of(source), frame))
+    def _report_orders(self, permitted: Orders) -> None:
+        """Report the orders that norms reject, which norms log, and those that count."""
+        frame, out = self._algorithm.frame, self._algorithm.out
+        for source, event, norm in self._algorithm.norms.take_rejected_orders():
+            out.add(s.OrderJudged(event, name_of(source), frame, norm))
+        for source in sorted(filter(is_people, permitted)):
+            for event in permitted[source]:
+                out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
+                if isinstance(event, Event):  # Programs send batches, and do not ask for fates.
+                    out.add(s.OrderJudged(event, name_of(source), frame))
 
 
 def visual_events(algorithm: FrameAlgorithm, due: Sequence[str]) -> tuple[Event, ...]:

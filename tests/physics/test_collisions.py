@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 from minerva_bus import EMPTY, EventType, Frame, MinervaError, Scene, Tick, View
 from minerva_bus.semantics.volumes import Volumes, volumes
 from minerva_services.physics.collisions import Collisions
-from minerva_services.physics.collisions.contacts import Owners, contacts
+from minerva_services.physics.collisions.contacts import contacts, owners_of
 from minerva_services.physics.collisions.grid import Boxes, pairs_among, pairs_between
 from minerva_services.physics.collisions.service import ContactMemory, ContactPair
 from minerva_services.physics.collisions.touching import TOLERANCE, touches
@@ -237,14 +237,14 @@ scenes = st.lists(shapes, max_size=14)
 def test_the_grid_leaves_nothing_out(shapes: list[Shape], agents: int, ignored: int) -> None:
     solids = volumes(scene_of(shapes, agents), VOCABULARY)
     pairs = [("PBody", "PBar"), ("PBlock", "*")][:ignored]
-    owners = Owners.among(solids)
-    touching = contacts(solids, owners, pairs)
-    rows = zip(owners.of[touching.first].tolist(), owners.of[touching.second].tolist(), strict=True)
+    owners = owners_of(solids)
+    touching = contacts(solids, pairs)
+    rows = zip(owners[touching.first].tolist(), owners[touching.second].tolist(), strict=True)
     agents_told = {(row, other) for row, other in rows if other >= 0}
     expected: set[tuple[int, int]] = set()
     walls: set[int] = set()
     for i, j in itertools.permutations(range(len(solids)), 2):
-        first, other = owners.of[i], owners.of[j]
+        first, other = owners[i], owners[j]
         names = {solids.symbols[i], solids.symbols[j]}
         skipped = any({a, b} == names or (b == "*" and a in names) for a, b in pairs)
         if first < 0 or first == other or skipped:
@@ -255,7 +255,7 @@ def test_the_grid_leaves_nothing_out(shapes: list[Shape], agents: int, ignored: 
     assert agents_told == expected
     assert {
         owner
-        for owner, other in zip(owners.of[touching.first], owners.of[touching.second], strict=True)
+        for owner, other in zip(owners[touching.first], owners[touching.second], strict=True)
         if other < 0
     } == walls
 

@@ -9,7 +9,7 @@ two.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Final
 
 import numpy as np
@@ -25,23 +25,15 @@ Pair = tuple[str, str]
 ANYTHING: Final = "*"
 
 
-@dataclass(frozen=True, slots=True)
-class Owners:
-    """Owner of each volume: an index into `names` (order of the string), -1 for scenery."""
-
-    names: tuple[str, ...]
-    of: Rows
-
-    @staticmethod
-    def among(volumes: Volumes) -> Owners:
-        """The owners of the volumes."""
-        owners: list[str] = volumes.owners.tolist()
-        names = [owner for owner in dict.fromkeys(owners) if owner]
-        numbers = {name: number for number, name in enumerate(names)} | {"": -1}
-        return Owners(tuple(names), np.array([numbers[owner] for owner in owners], np.intp))
+def owners_of(volumes: Volumes) -> Rows:
+    """Owner of each volume: its number in the order of the string, -1 for scenery."""
+    owners: list[str] = volumes.owners.tolist()
+    names = [owner for owner in dict.fromkeys(owners) if owner]
+    numbers = {name: number for number, name in enumerate(names)} | {"": -1}
+    return np.array([numbers[owner] for owner in owners], np.intp)
 
 
-def contacts(volumes: Volumes, owners: Owners, ignored: Iterable[Pair] = ()) -> Touches:
+def contacts(volumes: Volumes, ignored: Iterable[Pair] = ()) -> Touches:
     """The contacts of each agent from its point of view, by agent, then by what it touches.
 
     Two touching agents have one contact each. Scenery precedes agents, which follow the order of
@@ -49,19 +41,19 @@ def contacts(volumes: Volumes, owners: Owners, ignored: Iterable[Pair] = ()) -> 
 
     Args:
         volumes: all volumes of the view.
-        owners: their owners.
         ignored: pairs of agent kinds, primitives or `*` to skip.
 
     """
-    first, other = _near(volumes, owners.of)
+    owners = owners_of(volumes)
+    first, other = _near(volumes, owners)
     kept = np.flatnonzero(_counts(volumes, first, other, ignored))
     hits = touches(volumes, first[kept], other[kept])
-    scenery = owners.of[hits.second] < 0
-    walls = _outermost(hits.take(np.flatnonzero(scenery)), owners.of)
-    agents = _deepest(hits.take(np.flatnonzero(~scenery)), owners.of)
+    scenery = owners[hits.second] < 0
+    walls = _outermost(hits.take(np.flatnonzero(scenery)), owners)
+    agents = _deepest(hits.take(np.flatnonzero(~scenery)), owners)
     # Contacts between agents are listed again from the other agent's point of view.
     mirrored = agents.turned(np.ones(len(agents.first), np.bool_))
-    return _ordered(_joined(walls, agents, mirrored), owners.of)
+    return _ordered(_joined(walls, agents, mirrored), owners)
 
 
 def _near(volumes: Volumes, owner: Rows) -> tuple[Rows, Rows]:

@@ -22,7 +22,7 @@ from minerva_bus.world.service_inputs import Tick, View, WorldInfo
 from minerva_bus.world.services import Device, Generator
 from minerva_services.physics.agent_lines import AGENTS, agent_lines, by_agent
 from minerva_services.physics.collision_events import CollisionEvents
-from minerva_services.physics.collisions.contacts import ANYTHING, Owners, Pair, contacts
+from minerva_services.physics.collisions.contacts import ANYTHING, Pair, contacts
 from minerva_services.physics.collisions.touching import Touches
 
 _SAME_COSINE: Final = 0.7
@@ -136,8 +136,7 @@ class Collisions(Device, Generator, coupled=True):
             self._volumes = self._bodies.volumes(view.skeleton, view.parts)
         except MisuseError as error:
             raise MisuseError(f"collisions: {error}") from None
-        owners = Owners.among(self._volumes)
-        self._touches = contacts(self._volumes, owners, self._ignored)
+        self._touches = contacts(self._volumes, self._ignored)
         self._shown = view.frame
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
