@@ -55,6 +55,14 @@ def in_hello(**changed: object) -> Alteration:
     )
 
 
+def with_views_in_each_frame(message: Message) -> Message:
+    if message[0] != "hello":
+        return message
+    hello: dict[str, object] = message[1]
+    when = str(hello["when"]).replace("each 3 frames", "each frame")
+    return [message[0], {**hello, "when": when}]
+
+
 def in_evolved(change: Callable[[Message], Message | None]) -> Alteration:
     return lambda message: change(message) if message[0] == "evolved" else message
 
@@ -104,7 +112,7 @@ MUTANTS = (
         "P10.5",
         sent=lambda message: None if message[0] == "resync" else message,
     ),
-    Mutant("requests views in every frame", "P7.1", sent=in_hello(every=1)),
+    Mutant("requests views in every frame", "P7.1", sent=with_views_in_each_frame),
     Mutant("sends columns to every host", "P9.21", sent=in_hello(plain=False)),
     Mutant("drops patches", "P9.10", sent=in_patches(lambda patch: [*patch[:3], []])),
     Mutant("drops patches of views", "P10.3", sent=in_evolved(without_view_patches)),

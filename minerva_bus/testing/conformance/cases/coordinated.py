@@ -91,7 +91,7 @@ def _sends_key_view_again(stage: Stage) -> None:
 
 
 def _views_at_times(stage: Stage) -> None:
-    host, device, frame = _drawn(stage, every=3)
+    host, device, frame = _drawn(stage, when="each 3 frames")
     for number in range(frame, frame + 6):
         if number % 3 == 0:
             _view(host, device, number, 2.0 + number)
