@@ -52,21 +52,21 @@ class CheckedPort:
                 self._ready.set()
 
     async def _listen(self) -> None:
-        async with asyncio.TaskGroup() as connections:
+        accepted: set[asyncio.Task[None]] = set()
 
-            def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-                task = connections.create_task(self._connect(reader, writer))
-                accepted.add(task)
-                task.add_done_callback(accepted.discard)
+        def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            task = self._loop.create_task(self._connect(reader, writer))
+            accepted.add(task)
+            task.add_done_callback(accepted.discard)
 
-            accepted: set[asyncio.Task[None]] = set()
-            access = self._access
-            server = await asyncio.start_server(accept, access.host, access.port, limit=_MAX_HEAD)
-            self._ready.set()
-            await self._over.wait()
-            server.close()
-            for task in accepted:
-                task.cancel()
+        access = self._access
+        server = await asyncio.start_server(accept, access.host, access.port, limit=_MAX_HEAD)
+        self._ready.set()
+        await self._over.wait()
+        server.close()
+        for task in accepted:
+            task.cancel()
+        await asyncio.gather(*accepted, return_exceptions=True)
 
     async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with closing(writer), suppress(OSError, EOFError, asyncio.LimitOverrunError, HTTPException):
