@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -153,14 +154,19 @@ class WorldWorkers:
         """End the processes at once."""
         if self._closed:
             return
-        self._closed = True
-        for worker in self._workers:
-            kill(worker.child.pid)
-        while self._workers:
-            self._reap(self._workers[0])
-        self._pipes.close()
-        for descriptor in self._lifeline:
-            os.close(descriptor)
+        # A second Ctrl-C would leave the processes that are not waited for yet.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._closed = True
+            for worker in self._workers:
+                kill(worker.child.pid)
+            while self._workers:
+                self._reap(self._workers[0])
+            self._pipes.close()
+            for descriptor in self._lifeline:
+                os.close(descriptor)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def _serve(

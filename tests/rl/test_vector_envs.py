@@ -2,6 +2,7 @@
 
 import os
 import signal
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -164,11 +165,15 @@ def test_the_end_of_a_worker_is_an_error(reward, how):
 
 
 def interrupting(before, after):
-    os.kill(os.getppid(), signal.SIGINT)
+    # One of the two processes interrupts, as one Ctrl-C does.
+    with suppress(FileExistsError):
+        os.close(os.open(os.environ["INTERRUPTED"], os.O_CREAT | os.O_EXCL))
+        os.kill(os.getppid(), signal.SIGINT)
     signal.pause()
 
 
-def test_an_interrupt_ends_the_processes():
+def test_an_interrupt_ends_the_processes(tmp_path, monkeypatch):
+    monkeypatch.setenv("INTERRUPTED", str(tmp_path / "interrupted"))
     envs = vector_env(*FISH, reward=interrupting, worlds=2, processes=2)
     envs.reset()
     pids = workers_of(envs)
