@@ -97,7 +97,10 @@ class InProcessRun:
 
     def run(self) -> RunSummary:
         """Run the world to its end. Raises WorldStopped if user code fails."""
-        with slow_frames_reported(lambda: self.algorithm.frame, self._warn_of_slow_code, __file__):
+        with (
+            printed(self._print, self._threads),
+            slow_frames_reported(lambda: self.algorithm.frame, self._warn_of_slow_code, __file__),
+        ):
             try:
                 self.open()
                 self.advance()

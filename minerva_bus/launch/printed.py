@@ -23,13 +23,14 @@ MEMBERS: Final = "in-process"
 class _Lines(io.TextIOBase):
     """A text stream that passes on whole lines; any thread may write to it.
 
-    `others` are threads that are not of its run.
+    `others` are threads that are not of its run; `thread` runs it.
     """
 
     encoding = "utf-8"
 
     def __init__(self, tell: Callable[[str], None], others: Set[threading.Thread]) -> None:
         self.others = others
+        self.thread = threading.current_thread()
         self._tell = tell
         self._begun = ""
         # Reentrant, because `close` writes while it holds the lock.
@@ -93,6 +94,8 @@ class _Output(io.TextIOBase):
             runs = self.runs.get(threading.main_thread())
             if runs and thread in runs[-1].others:
                 return None
+        elif runs[-1].closed:  # Its thread was started in an earlier block of the run.
+            runs = self.runs.get(runs[-1].thread)
         # Threads of a run may live longer.
         return runs[-1] if runs and not runs[-1].closed else None
 
