@@ -31,7 +31,7 @@ from minerva_bus.world.kinds import kinds_of, with_own_fields
 from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_attributes import check_attributes, when_of
+from minerva_bus.world.service_attributes import check_attributes
 from minerva_bus.world.service_inputs import WorldInfo
 from minerva_bus.world.services import Device, Generator, Service
 from minerva_bus.world.when import When
@@ -60,10 +60,8 @@ class Member:
         self.name = name
         self.operator = cast("Operator", NoOperator())
         self.endpoint = ""
-        if service is not None:
-            check_attributes(service)
         self.service = service
-        self.when = When() if service is None else when_of(service)
+        self.when = When() if service is None else check_attributes(service)
         self.host = Host(name, kinds_of(agents))
         self.world: m.Welcome | None = None
         self.stopped = ""

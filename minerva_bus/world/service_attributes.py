@@ -12,10 +12,12 @@ from minerva_bus.world.services import Device, Generator, Service, read_when
 from minerva_bus.world.when import Participation, When, objection
 
 
-def check_attributes(service: Service) -> None:
-    """Raise MisuseError for an attribute that is not what the service's member expects.
+def check_attributes(service: Service) -> When:
+    """When a service takes part in frames, after a check of all attributes that its member reads.
 
     A constructor may overwrite them by accident, for example with an option of this name.
+
+    Raises MisuseError for one that is not what the member expects.
     """
     names = ["topics", "publishes"]
     # A class with its own `generates` does not use the attribute.
@@ -35,7 +37,7 @@ def check_attributes(service: Service) -> None:
                 " call an attribute for something else, as an option's value, otherwise"
             )
     _check_settings(service)
-    when_of(service)
+    return when_of(service)
 
 
 def when_of(service: Service) -> When:
