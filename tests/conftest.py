@@ -34,7 +34,7 @@ sys.modules["rfc3987_syntax"] = None
 # To import and collect all tests creates millions of objects and almost no garbage.
 gc.disable()
 
-pytest_plugins = ["tests.flaky", "tests.forks", "tests.quick", "tests.starts"]
+pytest_plugins = ["tests.patience", "tests.flaky", "tests.forks", "tests.quick", "tests.starts"]
 
 
 def pytest_configure(config):

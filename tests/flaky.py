@@ -15,11 +15,14 @@ import tempfile
 
 import pytest
 
+from tests.patience import patience
+
 MOST = 10
-"""Maximum number of retried tests. More failures point to the change, not to single tests."""
-LONGEST = 300
-"""Maximum time of a retried test, seconds. Each test has a limit of its own, which ends no process
-that the test has started."""
+"""Maximum number of retried tests. More failures point to the change, not to single tests. Tests
+that a limit of time has ended are retried in addition: they point to the load of the machine."""
+LONGEST = 1200
+"""Limit of a retried test, seconds of an idle machine. Each test has a limit of its own, which ends
+no process that the test has started."""
 
 
 def pytest_addoption(parser):
@@ -66,10 +69,12 @@ class Retry:
     def retry(self, session):
         """Rerun the failed tests and clear the failures of those that pass."""
         self.terminal.line("")
-        if len(self.failed) > MOST:
-            self.terminal.write_line(f"{len(self.failed)} failed; not run again (at most {MOST})")
-            return
-        for nodeid, reports in self.failed.items():
+        late = {nodeid for nodeid, reports in self.failed.items() if any(map(is_late, reports))}
+        again, others = self.failed, len(self.failed) - len(late)
+        if others > MOST:
+            self.terminal.write_line(f"{others} failed; not run again (at most {MOST})")
+            again = {nodeid: self.failed[nodeid] for nodeid in late}
+        for nodeid, reports in again.items():
             self.terminal.write(f"alone: {nodeid} ", flush=True)
             passed = self.passes_alone(nodeid)
             self.terminal.write_line("passed" if passed else "failed again")
@@ -100,7 +105,7 @@ class Retry:
                 start_new_session=True,
             )
             try:
-                code = process.wait(LONGEST)
+                code = process.wait(patience(LONGEST))
             except subprocess.TimeoutExpired:
                 code = None
             finally:
@@ -130,6 +135,11 @@ class Retry:
                 for title, text in report.sections:
                     terminalreporter.section(title, "-")
                     terminalreporter.write_line(text)
+
+
+def is_late(report):
+    """Whether a limit of time has ended the test (see tests/patience.py)."""
+    return getattr(report, "late", False)
 
 
 def end_group(process):

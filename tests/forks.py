@@ -20,6 +20,7 @@ from itertools import groupby
 import pytest
 
 from tests.fork_work import WIDTH, Work
+from tests.patience import patience
 
 LONGEST = 2.0
 """A fork is killed after this multiple of a test's limit, which did not interrupt the test."""
@@ -116,7 +117,7 @@ class Fork:
         self.since = None
         self.done = 0
         self.text = b""
-        self.finished = self.ended = False
+        self.finished = self.ended = self.late = False
         self.reader, writer = os.pipe()
         sys.stdout.flush()
         sys.stderr.flush()
@@ -175,8 +176,9 @@ class Fork:
         """Kill the fork if it runs one test much longer than pytest-timeout allows."""
         if self.since is None or self.ended:
             return
-        longest = LONGEST * limit(self.item)
+        longest = LONGEST * patience(limit(self.item))
         if longest and time.monotonic() > self.since + longest:
+            self.late = True
             os.kill(self.pid, signal.SIGKILL)
 
     def bury(self):
@@ -193,6 +195,7 @@ class Fork:
         report = pytest.TestReport(
             **place(self.item), keywords={}, outcome="failed", longrepr=text, when=phase
         )
+        report.late = self.late
         self.hook.pytest_runtest_logreport(report=report)
         if began:
             self.hear("end")
@@ -205,7 +208,7 @@ class Fork:
         os.kill(self.pid, signal.SIGINT)
         with selectors.DefaultSelector() as selector:
             selector.register(self.process, selectors.EVENT_READ)
-            if not selector.select(GOODBYE):
+            if not selector.select(patience(GOODBYE)):
                 os.kill(self.pid, signal.SIGKILL)
         self.wait()
 
@@ -219,7 +222,7 @@ class Fork:
 
 
 def limit(item):
-    """The limit of a test that pytest-timeout applies, seconds; 0: none, or the test is skipped."""
+    """The limit of a test on an idle machine, seconds; 0: none, or the test is skipped."""
     marker = item.get_closest_marker("timeout")
     if item.get_closest_marker("skip"):
         return 0

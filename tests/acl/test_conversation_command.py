@@ -191,7 +191,6 @@ def test_a_contract_net_goes_on_from_its_record(tmp_path, capsys):
             env=environment,
             capture_output=True,
             text=True,
-            timeout=100,
         )
         assert done.returncode == 0, done.stderr
         return done.stdout

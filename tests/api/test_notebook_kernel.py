@@ -1,11 +1,12 @@
 """Worlds in the kernel of a notebook: displays, clicks, errors and interruption."""
 
 import re
-import time
 from pathlib import Path
 
 import pytest
 from jupyter_client.manager import start_new_kernel
+
+from tests.patience import eventually, patience
 
 HERE = Path(__file__).parent
 WIDGET = "application/vnd.jupyter.widget-view+json"
@@ -28,7 +29,7 @@ class Kernel:
         """The outputs of a request that was sent."""
         outputs = []
         while True:
-            message = self.client.get_iopub_msg(timeout=60)
+            message = self.client.get_iopub_msg(timeout=patience(60))
             if message["parent_header"].get("msg_id") != request:
                 continue
             kind, content = message["msg_type"], message["content"]
@@ -144,10 +145,7 @@ marks = World("AMark#m", agents=[Mark], services=[each(eTick)], name="marks")
 """
     kernel.cell(START + code)
     request = kernel.client.execute('run(marks, frames=0, collect={"marks": count(Mark)})')
-    until = time.monotonic() + 60
-    while not started.exists():
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    eventually(started.exists, "the run starts")
     kernel.manager.interrupt_kernel()
     (error,) = kernel.outputs(request)
     assert error["ename"] == "Interrupted"

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from minerva_bus import Interrupted, connect, count, data, run
 from minerva_bus.blame import report
 from minerva_bus.errors import BusError, MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.registry import running
+from tests.patience import eventually
 
 COLLECT = {"frogs": count(Frog), "x": Frog.x, "croak": data(eCroak), "mood": Frog.mood}
 
@@ -22,13 +22,6 @@ COLLECT = {"frogs": count(Frog), "x": Frog.x, "croak": data(eCroak), "mood": Fro
 @pytest.fixture(autouse=True)
 def own_runtime_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "runtime"))
-
-
-def waited(condition, seconds=20.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def config_of(live):
@@ -113,7 +106,7 @@ def test_processes_end_with_the_program_that_started_them(tmp_path):
             assert process.stdout.readline() == "ready\n"
             process.send_signal(number)
             process.wait()
-        waited(lambda: not running())
+        eventually(lambda: not running())
 
 
 def test_a_launcher_that_cannot_end_itself_is_killed_with_the_program_that_started_it():
@@ -130,7 +123,7 @@ def test_a_launcher_that_cannot_end_itself_is_killed_with_the_program_that_start
     ) as process:  # fmt: skip
         os.kill(int(process.stdout.readline()), signal.SIGSTOP)
         process.kill()
-    waited(lambda: not running())
+    eventually(lambda: not running())
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
@@ -145,7 +138,7 @@ def test_an_exception_in_the_context_of_a_live_world_ends_its_processes(error):
 
     with pytest.raises(error), live:
         fail()
-    waited(lambda: not processes_of(config) and not closing_threads())
+    eventually(lambda: not processes_of(config) and not closing_threads())
     assert not config.parent.exists()
 
 
@@ -156,7 +149,7 @@ def test_a_live_world_without_references_ends():
     with connect("pond") as other:
         assert other.frame == 1
     del live
-    waited(lambda: not processes_of(config) and not closing_threads())
+    eventually(lambda: not processes_of(config) and not closing_threads())
     assert not config.parent.exists()
     assert not running()
 
@@ -182,7 +175,7 @@ def test_an_interrupted_step_leaves_a_world_that_can_be_closed(monkeypatch):
         after_questions(monkeypatch, live, interrupt)
         with pytest.raises(KeyboardInterrupt):
             live.step(10**6)
-    waited(lambda: not processes_of(config) and not closing_threads())
+    eventually(lambda: not processes_of(config) and not closing_threads())
 
 
 def test_code_that_fails_in_a_step_is_an_exception_as_in_this_process():
@@ -233,7 +226,7 @@ def test_a_launcher_that_is_killed_ends_its_world(monkeypatch):
         with pytest.raises(MinervaError, match="ended without a message"):
             live.step(10**6)
         assert live.ended
-    waited(lambda: not processes_of(config) and not closing_threads())
+    eventually(lambda: not processes_of(config) and not closing_threads())
 
 
 def test_a_second_interrupt_kills_processes_that_do_not_end(monkeypatch):
@@ -250,7 +243,7 @@ def test_a_second_interrupt_kills_processes_that_do_not_end(monkeypatch):
     monkeypatch.setattr(process, "wait", interrupted)
     with pytest.raises(KeyboardInterrupt):
         live.close()
-    waited(lambda: not processes_of(config))
+    eventually(lambda: not processes_of(config))
 
 
 def test_a_program_that_closes_no_world_ends_without_a_message():
@@ -265,9 +258,9 @@ def test_a_program_that_closes_no_world_ends_without_a_message():
 
 def test_an_interrupted_run_on_the_bus_has_its_string_and_its_tables():
     def interrupt():
-        waited(lambda: any(world.endpoint for world in running()))
+        eventually(lambda: any(world.endpoint for world in running()))
         with connect("pond") as other:
-            waited(lambda: other.frame > 3)
+            eventually(lambda: other.frame > 3)
         os.kill(os.getpid(), signal.SIGINT)
 
     thread = threading.Thread(target=interrupt)

@@ -4,6 +4,8 @@ import struct
 import threading
 import time
 
+from tests.patience import eventually
+
 
 def room(angle):
     """Distance in metres to the wall at a clockwise angle in degrees; all four sides differ."""
@@ -84,14 +86,11 @@ class Emulator:
 
     def __exit__(self, *exc):
         self._over.set()
-        self._thread.join(5)
+        self._thread.join()
 
     def hears(self, *requests):
         """Wait until the last received requests are these."""
-        until = time.monotonic() + 20
-        while self.heard[-len(requests) :] != list(requests):
-            assert time.monotonic() < until, self.heard
-            time.sleep(0.005)
+        eventually(lambda: self.heard[-len(requests) :] == list(requests), lambda: self.heard)
 
     def _live(self):
         count = 0

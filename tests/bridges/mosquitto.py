@@ -4,22 +4,14 @@ import shutil
 import socket
 import subprocess
 import threading
-import time
 from contextlib import contextmanager
 
 import pytest
 
-PATIENCE = 20.0
+from tests.patience import eventually, patience
+
 FOUND = shutil.which("mosquitto", path="/usr/sbin:/usr/bin:/usr/local/sbin:/usr/local/bin")
 needs_mosquitto = pytest.mark.skipif(FOUND is None, reason="mosquitto is not installed")
-
-
-def eventually(what, why, patience=PATIENCE):
-    until = time.monotonic() + patience
-    while not (result := what()):
-        assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
-        time.sleep(0.01)
-    return result
 
 
 def free_port():
@@ -76,7 +68,7 @@ class Mosquitto:
         client.on_subscribe = lambda *_: ready.set()
         client.connect("127.0.0.1", self.port)
         client.loop_start()
-        assert ready.wait(PATIENCE)
+        assert ready.wait(patience())
         try:
             yield client
         finally:
@@ -101,6 +93,6 @@ def running(service):
         yield heard
     finally:
         stop.set()
-        thread.join(PATIENCE)
+        thread.join(patience())
         assert not thread.is_alive()
         assert not failed, failed

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import zenoh
 
+from tests.patience import patience
+
 ROBOT = Path(__file__).parents[2] / "worlds" / "minerva_worlds" / "ros2" / "ros_robot.py"
 
 
@@ -24,7 +26,7 @@ def router(listen="tcp/127.0.0.1:0"):
     session = zenoh.open(config)
     if not listen.endswith(":0"):
         return session, listen
-    for reply in session.get(f"@/{session.zid()}/router", timeout=5.0):
+    for reply in session.get(f"@/{session.zid()}/router", timeout=patience(5)):
         for locator in json.loads(reply.ok.payload.to_string())["locators"]:
             if locator.startswith("tcp/127.0.0.1"):
                 return session, locator
@@ -77,7 +79,7 @@ class RosRobot:
     def __exit__(self, *exc):
         self.process.kill()
         self.process.wait()
-        self._thread.join(5)
+        self._thread.join()
         self.process.stdout.close()
 
 

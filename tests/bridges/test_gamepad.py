@@ -11,6 +11,7 @@ from minerva_services.bridging import SourceError
 from minerva_services.bridging.testing import RunningBridge
 from minerva_services.input.gamepad import Gamepad
 from minerva_services.input.gamepad.pad import PadState
+from tests.patience import patience
 
 pygame = pytest.importorskip("pygame", reason="the extra `gamepad` is not installed")
 
@@ -41,7 +42,9 @@ class OwnPad:
         """Wait until it has been polled that many more times."""
         with self._look:
             seen = self.looked + looks
-            assert self._look.wait_for(lambda: self.looked >= seen, 20), "nobody looks at it"
+            assert self._look.wait_for(lambda: self.looked >= seen, patience()), (
+                "nobody looks at it"
+            )
 
     def close(self):
         self.closed = True

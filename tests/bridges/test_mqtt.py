@@ -6,7 +6,7 @@ import subprocess
 import threading
 
 import pytest
-from mosquitto import PATIENCE, Mosquitto, eventually, needs_mosquitto, running
+from mosquitto import Mosquitto, needs_mosquitto, running
 
 from minerva_bus import (
     Default,
@@ -24,6 +24,7 @@ from minerva_bus import (
 pytest.importorskip("paho.mqtt")
 from minerva_services.bridges.mqtt import Mqtt
 from minerva_services.bridging import SourceError
+from tests.patience import eventually, patience
 
 pytestmark = needs_mosquitto
 
@@ -82,7 +83,7 @@ def test_a_message_becomes_an_event(broker):
 
 def test_retained_messages_count_if_they_shall(broker):
     with broker.client() as client:
-        client.publish("home/hall/temperature", "7", 1, retain=True).wait_for_publish(PATIENCE)
+        client.publish("home/hall/temperature", "7", 1, retain=True).wait_for_publish()
     for counts in (True, False):
         table = IN["home/{room}/temperature"] | {"retained": counts}
         service = bridge(broker, topics={"home/{room}/temperature": table})
@@ -237,7 +238,7 @@ def test_messages_while_it_was_away_are_kept_for_its_client_id(broker):
         with running(service) as heard:
             ready(service, client, heard)
         sent = client.publish("home/kitchen/temperature", "17", 1)
-        sent.wait_for_publish(PATIENCE)
+        sent.wait_for_publish()
         with running(bridge(broker, **options)) as heard:
             wanted = eTemperature(17.0, receivers=["kitchen"])
             eventually(lambda: wanted in heard, "it was kept")
@@ -346,7 +347,7 @@ def test_a_server_that_is_not_a_broker():
         thread.start()
         with pytest.raises(SourceError, match=f"the broker 127.0.0.1:{port}"):
             bridge(f"mqtt://127.0.0.1:{port}").open()
-        thread.join(PATIENCE)
+        thread.join(patience())
 
 
 def test_a_server_that_never_answers(monkeypatch):

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from mosquitto import PATIENCE, Mosquitto, eventually, needs_mosquitto
+from mosquitto import Mosquitto, eventually, needs_mosquitto
 
 from minerva_bus import evolve, visualize
 
@@ -87,6 +87,6 @@ def test_the_house_of_the_readme(house):
         client.publish("home/kitchen/temperature", "30")
         heard("home/kitchen/heater/set", b"OFF", since=before)
         world.send_signal(signal.SIGINT)
-        said, _ = world.communicate(timeout=PATIENCE)
+        said, _ = world.communicate()
         heard("home/minerva", b"offline")
     assert "Traceback" not in said

@@ -17,6 +17,7 @@ from minerva_services.bridging.testing import RunningBridge
 from minerva_services.sensors.nmea import Nmea
 from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix
 from minerva_services.sensors.serial_line import LineSplitter
+from tests.patience import patience
 
 
 def said(body):
@@ -183,7 +184,7 @@ def test_a_server_that_sends_while_it_is_connected_and_closes_loses_nothing(monk
 
     def connected(*address, **options):
         made = connect(*address, **options)
-        assert sent.wait(10.0)
+        assert sent.wait(patience())
         return made
 
     def serve():

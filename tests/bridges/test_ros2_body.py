@@ -50,7 +50,7 @@ class Base:
 
     def __exit__(self, *exc):
         self.over.set()
-        self.thread.join(5)
+        self.thread.join()
         self.session.close()
 
     def _obey(self, kind, data):

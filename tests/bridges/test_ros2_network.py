@@ -18,6 +18,7 @@ from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router
+from tests.patience import patience
 from tests.runtime.running import eventually
 
 LAYOUTS = ("rmw_zenoh", "dds")
@@ -69,7 +70,7 @@ class Heard:
 
     def __exit__(self, *exc):
         self.stop.set()
-        self.thread.join(10)
+        self.thread.join(patience(10))
         assert not self.thread.is_alive()
 
     def until(self, put, topic):
@@ -222,7 +223,8 @@ def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
         motors = session.publisher("cmd_vel", types.TWIST)
         eventually(lambda: motors.put(messages().twist(0.5, 90.0)) or len(heard) > 2, "they come")
         tokens = [
-            str(reply.ok.key_expr) for reply in hub.liveliness().get("@ros2_lv/**", timeout=5.0)
+            str(reply.ok.key_expr)
+            for reply in hub.liveliness().get("@ros2_lv/**", timeout=patience(5))
         ]
         subscriber.undeclare()
         session.close()

@@ -21,6 +21,7 @@ from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session
 from tests.bridges.ros2_rig import network
+from tests.patience import patience
 from tests.runtime.running import eventually
 
 TWIST = """
@@ -80,7 +81,7 @@ def test_the_judge_receives_our_velocities(oracle):
         motors = session.publisher("cmd_vel", types.TWIST)
 
         def there():
-            tokens = hub.liveliness().get("@ros2_lv/0/*/*/*/MS/**", timeout=5.0)
+            tokens = hub.liveliness().get("@ros2_lv/0/*/*/*/MS/**", timeout=patience(5))
             return [token for token in tokens if "cmd_vel" in str(token.ok.key_expr)]
 
         eventually(there, "the judge has subscribed")

@@ -17,6 +17,7 @@ from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridging import SourceError
+from tests.patience import patience
 from tests.runtime.running import eventually
 
 
@@ -51,7 +52,7 @@ def endpoint(keys):
     }.items():
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config) as session:
-        (reply,) = session.get(f"@/{session.zid()}/router", timeout=5.0)
+        (reply,) = session.get(f"@/{session.zid()}/router", timeout=patience(5))
         locators = json.loads(reply.ok.payload.to_string())["locators"]
         yield next(locator for locator in locators if locator.startswith("tls/127.0.0.1"))
 

@@ -224,7 +224,7 @@ class Rig:
             self.lines.put(line)
 
     def port(self):
-        return int(self.lines.get(timeout=60).split()[1])
+        return int(self.lines.get().split()[1])
 
     def close(self):
         os.killpg(self.process.pid, signal.SIGKILL)  # The server has child processes.
@@ -259,7 +259,6 @@ def test_a_contract_net_with_a_spade_agent(rig, tmp_path, monkeypatch):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=100,
     )
     assert done.returncode == 0, done.stderr + done.stdout
     with Record(tmp_path / "yard.mcap") as record:
@@ -267,7 +266,7 @@ def test_a_contract_net_with_a_spade_agent(rig, tmp_path, monkeypatch):
     state = {agent.id: dict(agent.state) for agent in agents(string)}
     assert state["clerk"]["served"] == 1
     assert state["buyer"]["heard_from"] == ("alice propose 42", "alice inform delivered")
-    heard = [json.loads(rig.lines.get(timeout=10)) for _ in range(5)]
+    heard = [json.loads(rig.lines.get()) for _ in range(5)]
     assert [message["metadata"]["performative"] for message in heard] == [
         *("inform", "agree", "inform", "cfp", "accept-proposal")
     ]

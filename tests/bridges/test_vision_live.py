@@ -14,6 +14,7 @@ from rendered import FX, SIZE, rendered  # noqa: E402
 
 from minerva_services.bridging import SourceError  # noqa: E402
 from minerva_services.sensors.vision import Vision  # noqa: E402
+from tests.patience import patience  # noqa: E402
 
 
 class Camera(BaseHTTPRequestHandler):
@@ -73,7 +74,7 @@ def running(service):
         yield published
     finally:
         stop.set()
-        thread.join(30)
+        thread.join(patience(30))
         assert not thread.is_alive()
 
 

@@ -53,7 +53,6 @@ def minerva(folder, *words):
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=60,
         env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder / "run")},
     )
     assert "Traceback" not in done.stderr + done.stdout, done.stderr

@@ -8,11 +8,11 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
+from tests.patience import eventually
 from tests.runtime.running import MEMBERS, World, environment, write_world
 
 HERE = Path(sys.executable).parent
@@ -27,7 +27,7 @@ def asked(folder, shell, words, *python):
         line = {"COMP_WORDS": "\n".join(parts), "COMP_CWORD": str(len(parts) - 1)}
     return subprocess.run(
         [sys.executable, *python, HERE / "minerva"], cwd=folder, capture_output=True, text=True,
-        timeout=60, env={**environment(folder), "_MINERVA_COMPLETE": f"complete_{shell}", **line},
+        env={**environment(folder), "_MINERVA_COMPLETE": f"complete_{shell}", **line},
     )  # fmt: skip
 
 
@@ -188,12 +188,13 @@ class Bash:
         os.write(self._terminal, text.encode())
 
     def shows(self, text):
-        end = time.monotonic() + 40
-        while text not in self.text:
-            assert time.monotonic() < end, self.text
+        def shown():
             if select.select([self._terminal], [], [], 0.1)[0]:
                 read = os.read(self._terminal, 4096).decode(errors="replace")
                 self.text += read.replace("\a", "")  # It rings for a choice of several.
+            return text in self.text
+
+        eventually(shown, lambda: self.text)
 
     def words(self, typed, shown):
         """The arguments of a line after `typed` and Tab, when `shown` appears."""

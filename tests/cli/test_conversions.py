@@ -53,7 +53,7 @@ def test_a_plain_value_is_converted_as_typer_does(parameter, context):
 
 def test_a_wrong_value_has_the_message_of_typer():
     words = [sys.executable, "-m", "minerva_bus", "pub", "eTick", "--timeout", "-1"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 2
     assert "greater than or equal to 0" in done.stderr
 
@@ -62,5 +62,5 @@ def test_a_command_with_plain_values_does_not_import_pydantic():
     program = "import sys; sys.argv[0] = 'minerva'; from minerva_bus.cli.main import main\n"
     program += "try:\n    main()\nexcept SystemExit:\n    print('pydantic' in sys.modules)"
     words = [sys.executable, "-c", program, "pub", "--timeout", "1.5", "nothing", "--connect", "no"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(words, capture_output=True, text=True)
     assert done.stdout.endswith("False\n"), done.stderr

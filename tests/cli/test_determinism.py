@@ -99,7 +99,7 @@ def check(folder, *words, when="pass", light="1.0", file=FILE):
     done = subprocess.run(
         [sys.executable, "-m", "minerva_bus", "check", "--determinism", "garden.toml", *words],
         cwd=folder, env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder / "runtime")},
-        capture_output=True, text=True, timeout=90,
+        capture_output=True, text=True,
     )  # fmt: skip
     return done.returncode, done.stdout, done.stderr
 

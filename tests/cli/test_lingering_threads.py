@@ -22,7 +22,7 @@ sys.exit(3)
 )
 def test_a_thread_that_does_not_end_is_named_and_ended(seconds, daemon, said, named):
     text = LEAVING.format(seconds=seconds, daemon=daemon, said=said)
-    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (3, "over\n")
     assert ("waiting for the thread 'sleeper'" in done.stderr) is named
     assert "Traceback" not in done.stderr
@@ -37,7 +37,7 @@ pool = ThreadPoolExecutor(2)
 pool.submit(print, "done").result()
 limit_threads(3, said=60.0)
 """
-    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "done\n", "")
 
 
@@ -48,7 +48,7 @@ def test_a_command_ends_with_its_exit_code(tmp_path):
     path = tmp_path / "w.toml"
     path.write_text('[world]\nstring = ""\nvocabulary = "pl:missing"\n')
     command = [sys.executable, "-m", "minerva_bus.cli.main", "check", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 1
     assert "pl has no missing" in done.stdout + done.stderr
     assert "minerva: waiting for the thread 'Thread-1 (wait)'" in done.stderr

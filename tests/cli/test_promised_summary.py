@@ -145,7 +145,7 @@ main()
 def test_a_failing_coordinator(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", BROKEN_COORDINATOR, "run", write_world(tmp_path), "--json"],
-        cwd=tmp_path, env=environment(tmp_path), capture_output=True, text=True, timeout=60,
+        cwd=tmp_path, env=environment(tmp_path), capture_output=True, text=True,
         check=False,
     )  # fmt: skip
     assert done.returncode == 1
@@ -189,7 +189,7 @@ def test_a_signal_during_imports(tmp_path, number, word):
     code = WHILE_IMPORTING.replace("NUMBER", str(int(number)))
     done = subprocess.run(
         [sys.executable, "-c", code, "run", write_world(tmp_path), "--json"], cwd=tmp_path,
-        env=environment(tmp_path), capture_output=True, text=True, timeout=60, check=False,
+        env=environment(tmp_path), capture_output=True, text=True, check=False,
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     )  # fmt: skip
     assert done.returncode == 130

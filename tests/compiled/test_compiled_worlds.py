@@ -115,7 +115,7 @@ def digest(path, *words):
     """The digest of a run in a new process, and what it printed."""
     done = subprocess.run(
         [sys.executable, "-m", "minerva_bus", "run", str(path), "--json", *words],
-        capture_output=True, text=True, cwd=path.parent, env=os.environ, timeout=110, check=False,
+        capture_output=True, text=True, cwd=path.parent, env=os.environ, check=False,
     )  # fmt: skip
     assert not done.returncode, done.stderr
     return json.loads(done.stdout)["digest"], done.stderr

@@ -9,6 +9,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.testing.conformance.launching import RunningMember, StartMember
 from minerva_bus.testing.conformance.world import MemberRole, reference
+from tests.patience import patience
 
 
 class ThreadMember:
@@ -35,7 +36,7 @@ class ThreadMember:
 
     def kill(self) -> None:
         self._stop()
-        self._thread.join(10.0)
+        self._thread.join(patience(10))
 
     def output(self) -> str:
         return ""

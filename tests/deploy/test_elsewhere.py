@@ -58,7 +58,7 @@ def attached(world):
 
 def got(url, path):
     try:
-        with urllib.request.urlopen(f"{url}/{path}", timeout=20) as reply:
+        with urllib.request.urlopen(f"{url}/{path}") as reply:
             return reply.status, reply.read().decode()
     except HTTPError as refused:
         return refused.code, refused.read().decode()

@@ -32,9 +32,7 @@ def build(folder: Path) -> subprocess.CompletedProcess[str]:
         "-d",
         f"{folder}.doctrees",
     ]
-    return subprocess.run(
-        [*command, "docs", folder], cwd=ROOT, capture_output=True, text=True, timeout=BUILD_SECONDS
-    )
+    return subprocess.run([*command, "docs", folder], cwd=ROOT, capture_output=True, text=True)
 
 
 @dataclass

@@ -11,15 +11,12 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 from pages import stable
 
+from tests.patience import eventually, patience
 from tests.starts import take_terminal
-
-PATIENCE = 150.0
-"""Time limit in seconds for a command to end or to print; far more than it needs."""
 
 PLAIN = re.compile(r"""(minerva|python [\w./-]+\.py)( |[\w./:,=@%+#-]|'[^'\n]*'|"[^"$`\\\n]*")*""")
 """Commands that need no shell: tests/starts.py starts them without the time of their imports."""
@@ -98,7 +95,7 @@ class Running:
     def shows(self, text: str) -> None:
         """Wait until its output matches a regular expression."""
         with self._changed:
-            self._changed.wait_for(lambda: self._over or self._has(text), PATIENCE)
+            self._changed.wait_for(lambda: self._over or self._has(text), patience(150))
         assert self._has(text), f"{self.line!r} never shows {text!r}:\n{self.output}"
 
     def _has(self, text: str) -> bool:
@@ -114,9 +111,9 @@ class Running:
     def ends(self) -> int:
         """Wait until it has ended; returns its exit code."""
         with self._changed:
-            over = self._changed.wait_for(lambda: self._over, PATIENCE)
+            over = self._changed.wait_for(lambda: self._over, patience(150))
         assert over, f"{self.line!r} does not end:\n{self.output}"
-        return self._process.wait(PATIENCE)
+        return self._process.wait()
 
     def kill(self) -> None:
         """Kill it and all its child processes."""
@@ -179,11 +176,14 @@ class Terminal:
 
     def until(self, line: str, text: str) -> None:
         """Repeat a command until it succeeds and its output matches a regular expression."""
-        until = time.monotonic() + PATIENCE
-        code, output = self.type(line)
-        while code or not re.search(text, output):
-            assert time.monotonic() < until, f"{line!r} never prints {text!r}:\n{output}"
+        said = []
+
+        def prints():
             code, output = self.type(line)
+            said.append(output)
+            return not code and re.search(text, output)
+
+        eventually(prints, lambda: f"{line!r} prints {text!r}\n{said[-1]}", 150)
 
     def close(self) -> None:
         """Kill all commands that still run."""

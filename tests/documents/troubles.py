@@ -305,7 +305,7 @@ def blocked() -> str:
         path = world_file(folder, SOON, "Sleeper")
         return subprocess.run(
             [sys.executable, "-m", "minerva_bus.cli.main", "run", str(path)],
-            cwd=folder, capture_output=True, text=True, check=False, timeout=60,
+            cwd=folder, capture_output=True, text=True, check=False,
             env={**os.environ, "MINERVA_RUNTIME_DIR": name, "PYTHONPATH": str(Path(__file__).parent)},
         ).stderr  # fmt: skip
 

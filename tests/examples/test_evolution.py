@@ -48,7 +48,7 @@ def test_it_evolves(tmp_path):
     words += " --mutable AEgg.speed=0:0.4 --population 4 --generations 1 --in-process --json"
     done = subprocess.run(
         [sys.executable, "-m", "minerva_bus", "evolve", "forager.toml", *words.split()],
-        cwd=FOLDER, capture_output=True, text=True, timeout=100,
+        cwd=FOLDER, capture_output=True, text=True,
     )  # fmt: skip
     answer = json.loads(done.stdout)
     assert answer["best"]["fitness"] >= answer["first"]

@@ -227,7 +227,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def minerva(here: Path, words: list[str]) -> str:
     """The standard output of a command."""
-    done = subprocess.run([*MINERVA, *words], cwd=here, capture_output=True, text=True, timeout=90)
+    done = subprocess.run([*MINERVA, *words], cwd=here, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -34,7 +34,7 @@ def pasture(tmp_path):
 
 def run(path, *words):
     command = [sys.executable, "-m", "minerva_bus", "run", str(path), "--frames", "40", "--json"]
-    done = subprocess.run([*command, *words], capture_output=True, text=True, timeout=100)
+    done = subprocess.run([*command, *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

@@ -27,7 +27,6 @@ def python(*words, folder):
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=100,
         env={"PATH": "/usr/bin:/bin", "MINERVA_RUNTIME_DIR": str(folder / "run")},
     )
 

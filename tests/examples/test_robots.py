@@ -16,7 +16,6 @@ def run(tmp_path, *options):
         env={**os.environ, "MINERVA_RUNTIME_DIR": str(tmp_path)},
         capture_output=True,
         text=True,
-        timeout=110,
         check=True,
     )  # fmt: skip
     return json.loads(done.stdout)

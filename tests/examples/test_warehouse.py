@@ -180,9 +180,7 @@ def test_the_commands_of_the_readme(tmp_path, monkeypatch):
 
     def minerva(line, *more):
         words = [*shlex.split(line)[1:], *more]
-        done = subprocess.run(
-            [*MINERVA, *words], cwd=here, capture_output=True, text=True, timeout=100
-        )
+        done = subprocess.run([*MINERVA, *words], cwd=here, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return done.stdout
 

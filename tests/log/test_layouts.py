@@ -26,7 +26,7 @@ def spread(count, kind, folder):
 
 def ran(folder, *words):
     """Digest and number of frames of a run."""
-    done = summary(minerva(folder, *words, "--json", timeout=600))
+    done = summary(minerva(folder, *words, "--json"))
     return done["digest"], done["frames"]
 
 

@@ -38,7 +38,7 @@ def compose(podman, image, tmp_path):
 
 def ready():
     try:
-        with urllib.request.urlopen("http://127.0.0.1:9464/ready", timeout=5) as answer:
+        with urllib.request.urlopen("http://127.0.0.1:9464/ready") as answer:
             return answer.read().decode()
     except OSError:
         return ""

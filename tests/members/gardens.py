@@ -56,7 +56,6 @@ def run(folder: Path, processes: str) -> dict[str, Any]:
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=SECONDS,
     )
     assert done.returncode == 0, done.stderr
     assert "Error" not in done.stderr

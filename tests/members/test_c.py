@@ -30,7 +30,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("c")
     flags = "-g -O1 -Werror -Wconversion -fsanitize=address,undefined -fno-sanitize-recover=all"
     words = ["make", "-C", str(PACKAGE), "CC=gcc", f"BUILD={folder}", f"CFLAGS={flags}"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-4000:]
     assert done.stderr == ""
     return folder
@@ -70,7 +70,7 @@ def test_the_generator_of_the_guide_runs(build: Path, tmp_path: Path) -> None:
     (examples / "dew.c").write_text(program, encoding="utf-8")
     sources = sorted(map(str, (tmp_path / "src").glob("*.c")))
     words = ["gcc", *compiler.split(), "-Wall", "-Werror", "-o", str(tmp_path / "dew")]
-    subprocess.run([*words, str(examples / "dew.c"), *sources], check=True, timeout=100)
+    subprocess.run([*words, str(examples / "dew.c"), *sources], check=True)
     processes = gardens.PYTHON_SNAILS + gardens.PYTHON_SUN + gardens.PYTHON_RAIN
     summary = gardens.run(tmp_path, processes + gardens.command("dew", tmp_path / "dew"))
     assert summary["drops"] > 0

@@ -43,7 +43,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The classes."""
     folder = tmp_path_factory.mktemp("java")
     words = ["make", "-C", str(PACKAGE), f"BUILD={folder}"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-4000:]
     assert done.stderr == "", "a warning"
     return folder

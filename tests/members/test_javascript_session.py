@@ -47,11 +47,11 @@ def exchange(port: int, sizes: tuple[int, ...]) -> None:
             "t/back",
             zenoh.handlers.Callback(lambda sample: back.put(payload_of(sample)), indirect=False),
         )
-        assert alive.get(timeout=20) == "SampleKind.PUT"
+        assert alive.get() == "SampleKind.PUT"
         for size in sizes:
             payload = bytes(n % 251 for n in range(size))
             session.put("t/in", payload, congestion_control=zenoh.CongestionControl.BLOCK)
-            assert back.get(timeout=20) == payload
+            assert back.get() == payload
         token.undeclare()
         answers.undeclare()
 
@@ -72,7 +72,7 @@ def test_a_session_returns_with_its_declarations() -> None:
             text=True,
         )
         try:
-            assert ready.get(timeout=20) == "SampleKind.PUT"
+            assert ready.get() == "SampleKind.PUT"
         except queue.Empty:
             program.kill()
             raise
@@ -80,7 +80,7 @@ def test_a_session_returns_with_its_declarations() -> None:
         exchange(port, (0, 1, 65_000, 70_000, 1_000_000))
         exchange(port, (10,))
         program.terminate()
-        _, problems = program.communicate(timeout=10)
+        _, problems = program.communicate()
     finally:
         program.kill()
     assert problems == ""

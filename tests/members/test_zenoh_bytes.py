@@ -42,7 +42,7 @@ class Link:
     """Batches over TCP."""
 
     def __init__(self, port: int) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=10)
+        self.socket = socket.create_connection(("127.0.0.1", port))
 
     def send(self, batch: bytes) -> None:
         self.socket.sendall(len(batch).to_bytes(2, "little") + batch)
@@ -97,17 +97,17 @@ def test_a_router_understands_the_examples() -> None:
             link.send(EXAMPLES[title])
         assert link.frame_with(b"minerva/w/alive/coordinator")
         link.send(EXAMPLES["token"])
-        assert seen.get(timeout=10) == ("SampleKind.PUT", "minerva/w/alive/rain", b"")
+        assert seen.get() == ("SampleKind.PUT", "minerva/w/alive/rain", b"")
         session.put("minerva/w/all", b"to all members")
         assert link.frame_with(b"to all members")
         link.send(EXAMPLES["put"])
-        assert seen.get(timeout=10) == (
+        assert seen.get() == (
             "SampleKind.PUT",
             "minerva/w/from/rain",
             b"\x00\x91\xa7leaving",
         )
         link.send(EXAMPLES["undeclared token"])
-        assert seen.get(timeout=10) == ("SampleKind.DELETE", "minerva/w/alive/rain", b"")
+        assert seen.get() == ("SampleKind.DELETE", "minerva/w/alive/rain", b"")
         link.send(EXAMPLES["close"])
         own.undeclare()
         with pytest.raises((AssertionError, OSError)):

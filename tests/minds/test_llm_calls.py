@@ -26,8 +26,8 @@ from minerva_services.llm.reading import MindRequest
 from minerva_services.llm.script import ScriptBackend
 from minerva_services.llm.service import Llm
 from minerva_services.llm.tools import ToolServers
+from tests.patience import eventually, patience
 
-TIMEOUT_SECONDS = 20
 eChoice = EventType("eChoice", action=Literal["eat", "sleep"])
 EAT = Answered('{"action": "eat"}')
 
@@ -63,7 +63,7 @@ class Calls:
         """The results of these requests, in the order of their numbers."""
         for each in requests:
             self.caller.ask(each)
-        results = [self.caller.results.get(timeout=TIMEOUT_SECONDS) for _ in requests]
+        results = [self.caller.results.get() for _ in requests]
         return sorted(results, key=lambda result: result.asked.key)
 
 
@@ -208,30 +208,30 @@ def test_a_server_may_be_killed_and_return():
             assert calls(request())[0].outcome == "answered"
             server.__exit__()
             calls.caller.ask(request(2))
-            _wait(lambda: calls.log)
+            eventually(lambda: calls.log)
             assert calls.caller.results.empty()
             with ChatServer(lambda asked: EAT, port):
-                result = calls.caller.results.get(timeout=TIMEOUT_SECONDS)
+                result = calls.caller.results.get()
     assert result.outcome == "answered"
 
 
 def test_a_cancelled_request_ends_at_once():
     with ChatServer(lambda asked: Answered(hangs=True)) as server, calling(server) as calls:
         calls.caller.ask(request())
-        _wait(lambda: server.calls)
+        eventually(lambda: server.calls)
         calls.caller.cancel(("mind", 1))
-        result = calls.caller.results.get(timeout=TIMEOUT_SECONDS)
+        result = calls.caller.results.get()
         assert (result.outcome, result.usage.calls) == ("cancelled", 1)
         # Also one that has not begun.
         calls.caller._loop.call_soon_threadsafe(
             lambda: (calls.caller._start(request(2)), calls.caller._stop(("mind", 2)))
         )
-        result = calls.caller.results.get(timeout=TIMEOUT_SECONDS)
+        result = calls.caller.results.get()
         assert (result.outcome, result.usage.calls) == ("cancelled", 0)
 
 
 def test_calls_are_concurrent_up_to_a_limit():
-    barrier = threading.Barrier(3, timeout=TIMEOUT_SECONDS)
+    barrier = threading.Barrier(3, timeout=patience(20))
 
     def answer(asked):
         barrier.wait()
@@ -407,13 +407,3 @@ def test_a_wrong_script_is_refused(tmp_path, text, message):
     with pytest.raises(MisuseError) as raised:
         Llm(str(path))
     assert message in str(raised.value)
-
-
-def _wait(holds):
-    """Wait for a condition."""
-    tick = threading.Event()
-    for _ in range(int(TIMEOUT_SECONDS / 0.01)):
-        if holds():
-            return
-        tick.wait(0.01)
-    raise AssertionError("the condition did not hold in time")

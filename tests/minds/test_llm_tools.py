@@ -42,7 +42,7 @@ def results(servers, answers, *, prompts=("what next?",), log=None, **limits):
         for number, prompt in enumerate(prompts):
             asked = OpenRequest(number, f"p{number}", prompt, "", "eChoice", "", 0, 100)
             runner.ask(MindRequest("mind", asked))
-        ended = [runner.results.get(timeout=60) for _ in prompts]
+        ended = [runner.results.get() for _ in prompts]
     finally:
         runner.close()
     return sorted(ended, key=lambda result: result.asked.request.number)

@@ -192,7 +192,7 @@ class Host:
         """Run a program on the host to its end, with additional environment variables."""
         return subprocess.run(
             [*self.inside, *map(str, words)], cwd=self.folder, capture_output=True, text=True,
-            timeout=60, stdin=subprocess.DEVNULL, env=environment(self.folder) | variables,
+            stdin=subprocess.DEVNULL, env=environment(self.folder) | variables,
         )  # fmt: skip
 
     def program(self, *words):

@@ -112,7 +112,7 @@ def test_ctrl_c_without_an_answer(spread):
     said = len(screen.lines)
     eventually(lambda: any(AWAY in line for line in screen.lines[said:]), "it is missed")
     screen.kill(signal.SIGINT)
-    assert screen.ends(patience=5) == 0
+    assert screen.ends(5) == 0
     ip("-n", space, "neighbour", "delete", hub, "dev", "net1")
     spread.restarts("screen")
     spread.goes_on()

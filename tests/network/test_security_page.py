@@ -72,7 +72,7 @@ def test_the_first_chapter_joins_two_machines(typist):
     type_all(typist, THERE, [orders, orders.replace("pause", "resume")])
     (_, _), (_, attached) = typist.stay
     attached.send_signal(signal.SIGTERM)
-    assert attached.wait(40) == 0, typist.logs()
+    assert attached.wait() == 0, typist.logs()
     typist.until(HERE, "minerva list | grep hostA", "left")
     typist.stay.pop()
     assert typist.ends() == [130], typist.logs()

@@ -47,7 +47,7 @@ class Typist:
             with (host.folder / "log").open("w") as log:
                 self.stay.append((host, subprocess.Popen(words, stdout=log, stderr=log, **there)))
             return None
-        return subprocess.run(words, capture_output=True, text=True, timeout=60, **there)
+        return subprocess.run(words, capture_output=True, text=True, **there)
 
     def until(self, name, line, words):
         """Repeat a command until it succeeds and its output has `words`."""
@@ -73,5 +73,5 @@ class Typist:
         codes = []
         for _, process in reversed(self.stay):
             process.send_signal(signal.SIGINT)
-            codes.append(process.wait(40))
+            codes.append(process.wait())
         return codes

@@ -12,7 +12,7 @@ from threading import Thread
 from typing import IO
 
 PATIENCE = 150
-"""Seconds to wait for a condition, also on a busy machine."""
+"""Limit of a wait in the page, seconds of an idle machine."""
 SETTINGS = {
     # Otherwise cells outside the window are not in the document.
     "@jupyterlab/notebook-extension/tracker": {"windowingMode": "none"},

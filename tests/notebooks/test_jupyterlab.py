@@ -12,6 +12,8 @@ pytest.importorskip("playwright", reason="needs pip install playwright")
 from lab import PATIENCE, JupyterLab, OpenNotebook
 from playwright import sync_api as playwright
 
+from tests.patience import patience
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
 LIVE = "4-live.ipynb"
@@ -32,7 +34,7 @@ def page(tmp_path_factory):
     with lab, playwright.sync_playwright() as player:
         browser = player.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 1000})
-        page.set_default_timeout(1000 * PATIENCE)
+        page.set_default_timeout(1000 * patience(PATIENCE))
         page.goto(lab.address)
         yield page
         browser.close()
@@ -43,7 +45,7 @@ def test_the_live_notebook_runs_and_its_buttons_work(page):
     notebook.run_all()
     assert notebook.errors() == []
     steps = notebook.panel.get_by_role("button", name="Step", exact=True)
-    playwright.expect(steps).to_have_count(2, timeout=1000 * PATIENCE)
+    playwright.expect(steps).to_have_count(2, timeout=1000 * patience(PATIENCE))
     assert notebook.pictures() == 2
 
     # The last cell has closed the world: start another one.
@@ -85,4 +87,4 @@ def test_a_notebook_runs_and_shows_its_outputs(page, name):
 
 
 def shows(output, pattern):
-    playwright.expect(output).to_have_text(re.compile(pattern), timeout=1000 * PATIENCE)
+    playwright.expect(output).to_have_text(re.compile(pattern), timeout=1000 * patience(PATIENCE))

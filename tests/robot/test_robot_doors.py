@@ -180,7 +180,6 @@ def test_a_run_in_one_process_shows_its_notes():
         [sys.executable, "-m", "minerva_bus.cli.main", *words],
         capture_output=True,
         text=True,
-        timeout=60,
         check=False,  # the robot does not find the kitchen in one frame
     )
     assert "the robots pass doors of at least 0.80 m" in done.stderr + done.stdout

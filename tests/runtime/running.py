@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import asdict
 from io import StringIO
@@ -21,10 +20,10 @@ from minerva_bus.cli.main import main
 from minerva_bus.errors import BusError
 from minerva_bus.launch import forking
 from minerva_bus.runtime.client import Client
+from tests.patience import DEFAULT, eventually, patience
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
 YARD = Path(__file__).parent / "yard.py"
-PATIENCE = 40.0
 _numbers = itertools.count(1)
 
 STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcd"))
@@ -58,15 +57,6 @@ def put(session, key, data):
     session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
-def eventually(what, why, patience=PATIENCE):
-    """Wait until `what()` is true, and return its value."""
-    until = time.monotonic() + patience
-    while not (result := what()):
-        assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
-        time.sleep(0.02)
-    return result
-
-
 def write_world(folder, members=MEMBERS, string=STRING, bus="", **world):
     """Write a world file with a unique name, and the module `yard` beside it."""
     shutil.copy(YARD, folder / "yard.py")
@@ -87,11 +77,11 @@ def environment(folder):
     return {**kept, "MINERVA_RUNTIME_DIR": str(folder / "runtime"), "PYTHONUNBUFFERED": "1"}
 
 
-def minerva(folder, *words, timeout=PATIENCE):
+def minerva(folder, *words):
     """Run the command until it exits."""
     return subprocess.run(
         [*MINERVA, *map(str, words)], cwd=folder, env=environment(folder), capture_output=True,
-        text=True, timeout=timeout, stdin=subprocess.DEVNULL,
+        text=True, stdin=subprocess.DEVNULL,
     )  # fmt: skip
 
 
@@ -159,7 +149,7 @@ class Run:
             self.process.kill()
         self.process.wait()
         for thread in self._threads:
-            thread.join(5)
+            thread.join(patience(5))
         self.process.stdout.close()
         self.process.stderr.close()
 
@@ -167,7 +157,7 @@ class Run:
     def text(self):
         return "\n".join(self.lines)
 
-    def says(self, *words, patience=PATIENCE):
+    def says(self, *words, seconds=DEFAULT):
         """Wait for a line with these words on standard error."""
 
         def found():
@@ -177,22 +167,21 @@ class Run:
             return hit
 
         try:
-            return eventually(found, f"a line with {words}", patience)
+            return eventually(found, f"a line with {words}", seconds)
         except AssertionError as error:
             raise AssertionError(f"{error}\n{self.text}") from None
 
     def _drained(self):
         return any(thread.is_alive() for thread in self._threads)
 
-    def ends(self, patience=PATIENCE):
+    def ends(self, seconds=DEFAULT):
         """Wait for the process to exit; returns the exit code."""
-        try:
-            code = self.process.wait(patience)
-        except subprocess.TimeoutExpired:
-            raise AssertionError(f"it has not ended:\n{self.text}") from None
+        eventually(
+            lambda: self.process.poll() is not None, lambda: f"it ends\n{self.text}", seconds
+        )
         for thread in self._threads:
-            thread.join(5)
-        return code
+            thread.join(patience(5))
+        return self.process.returncode
 
     def summary(self):
         """The summary printed with --json, after a successful exit."""
@@ -293,10 +282,10 @@ class World(Run):
         self.look()
         return {name: members[name]["pid"] for name in names}
 
-    def gone(self, patience=PATIENCE):
+    def gone(self):
         """Wait until all of its processes have exited."""
         pids = set(self.pids.values())
-        eventually(lambda: not any(map(alive, pids)), f"of {self.pids} some are left", patience)
+        eventually(lambda: not any(map(alive, pids)), f"of {self.pids} some are left")
 
 
 def children(pid):

@@ -8,6 +8,7 @@ import pytest
 from running import MEMBERS, Run, World, eventually, here, minerva, write_world
 
 from minerva_bus.runtime.asking import AskingOperator
+from tests.patience import patience
 
 WISHES = '\n[process.wishes]\nservice = "yard:Wishes"\n'
 
@@ -117,7 +118,7 @@ def test_echo_into_a_pipe_that_is_closed(world):
 
     done = subprocess.run(
         ["sh", "-c", f"{' '.join(MINERVA)} echo eStep | head -n 1"], cwd=world.folder,
-        env=environment(world.folder), capture_output=True, text=True, timeout=30,
+        env=environment(world.folder), capture_output=True, text=True,
     )  # fmt: skip
     assert done.stdout.count("\n") == 1
     assert "Traceback" not in done.stderr
@@ -206,7 +207,9 @@ def test_questions_that_make_no_sense_are_answered_with_an_error(world):
             msgpack.packb({"ask": "order", "event": plain_event(eNoise(sender="a"))}),
             b"\x91" * 5000, b"\0" * (1 << 20),
         ):  # fmt: skip
-            replies = list(asked._session.get(asked._control, payload=payload, timeout=10.0))
+            replies = list(
+                asked._session.get(asked._control, payload=payload, timeout=patience(10))
+            )
             assert [msgpack.unpackb(reply.ok.payload.to_bytes()).keys() for reply in replies] == [
                 {"error"}
             ], payload[:50]

@@ -16,6 +16,7 @@ from minerva_bus.runtime.own_threads import Outlet, OwnThreads
 from minerva_bus.runtime.system import REAL
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.readings import Battery, Image, Mount, Odometry, Position, Scan
+from tests.patience import patience
 
 BATTERIES = [Battery("r", charge / 10, 12.0, 0.0) for charge in range(10)]
 
@@ -197,6 +198,6 @@ def test_a_publisher_faster_than_the_frames_waits_and_is_released_at_the_end():
     waiting.taken()
     eventually(lambda: len(said) == MAX_WAITING + 1, "one more")
     stop.set()
-    thread.join(10)
+    thread.join(patience(10))
     assert not thread.is_alive()
     assert len(said) == MAX_WAITING + 1

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from minerva_bus.runtime.inbox import Inbox
+from tests.patience import patience
 
 
 def test_a_wake_up_belongs_to_the_item_that_was_put_with_it(monkeypatch: pytest.MonkeyPatch):
@@ -33,5 +34,5 @@ def test_a_wake_up_belongs_to_the_item_that_was_put_with_it(monkeypatch: pytest.
     monkeypatch.setattr(inbox, "_side", Side())
     monkeypatch.setattr(inbox, "_wake", lambda sign: woken.append("done" if done.is_set() else ""))
     inbox.put("first")
-    assert done.wait(5.0)
+    assert done.wait(patience(5))
     assert woken == ["", ""]

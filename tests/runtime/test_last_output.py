@@ -44,7 +44,7 @@ def test_ctrl_c_does_not_wait_for_a_slow_view(tmp_path):
     with World(path) as world:
         world.runs("steps", "walkers", "painter")
         world.kill(signal.SIGINT)
-        world.ends(patience=5)
+        world.ends(5)
     assert not (tmp_path / "painted.txt").exists()
 
 
@@ -54,7 +54,7 @@ def test_a_view_that_does_not_finish_is_named(tmp_path):
         os.kill(world.runs("steps", "walkers", "painter")["painter"], signal.SIGSTOP)
         world.kill(signal.SIGINT)
         world.says("painter │ after the last frame, its output did not come within 0.5 s")
-        world.ends(patience=5)
+        world.ends(5)
 
 
 @pytest.mark.slow
@@ -64,7 +64,7 @@ def test_a_view_that_never_finishes_is_killed(tmp_path):
         os.kill(world.runs("steps", "walkers", "painter")["painter"], signal.SIGSTOP)
         assert minerva(tmp_path, "stop", path.stem).returncode == 0
         world.says("painter │ still running after the end of the world: killing it")
-        assert world.ends(patience=5) == 0
+        assert world.ends(5) == 0
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def test_a_world_that_cannot_be_carried_is_refused_before_it_starts(tmp_path):
 
     done = subprocess.run(
         [*MINERVA, "run", crowd(tmp_path, MIN_CHECKED)], cwd=tmp_path, env=environment(tmp_path),
-        capture_output=True, text=True, timeout=60, preexec_fn=few_files, check=False,
+        capture_output=True, text=True, preexec_fn=few_files, check=False,
     )  # fmt: skip
     assert done.returncode == 2
     assert f"{MIN_CHECKED} processes cannot start here" in done.stderr
@@ -102,7 +102,7 @@ def test_a_soft_limit_of_files_is_raised_as_far_as_needed(tmp_path):
 
     done = subprocess.run(
         [*MINERVA, "run", crowd(tmp_path, 40), "--json"], cwd=tmp_path, env=environment(tmp_path),
-        capture_output=True, text=True, timeout=60, preexec_fn=few_files_at_first, check=False,
+        capture_output=True, text=True, preexec_fn=few_files_at_first, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
 
@@ -142,7 +142,7 @@ def test_a_member_that_stops_in_every_frame_is_given_up(tmp_path, begins, ends):
     )
     done = subprocess.run(
         [sys.executable, "-c", HANGING, "run", path], cwd=tmp_path, env=environment(tmp_path),
-        capture_output=True, text=True, timeout=60, check=False,
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1
     pattern = rf"stops │ {ends}, 3 times in a row; the world stops"

@@ -4,7 +4,6 @@ import subprocess
 import sys
 
 import pytest
-from running import PATIENCE
 
 BUSY = """
 import atexit, threading
@@ -39,8 +38,7 @@ with ended_by_system():
 )
 def test_threads_in_zenoh_do_not_abort_a_process(ends, code):
     done = subprocess.run(
-        [sys.executable, "-c", BUSY.format(ends=ends)], capture_output=True, text=True,
-        timeout=PATIENCE, check=False,
+        [sys.executable, "-c", BUSY.format(ends=ends)], capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == code, done.stderr
     assert done.stdout == "a thread\na handler\n"
@@ -56,7 +54,7 @@ def test_a_process_without_sessions_ends_as_usual():
         "with ended_by_system():\n    last = Last()\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE,
+        [sys.executable, "-c", program], capture_output=True, text=True,
         check=True,
     )  # fmt: skip
     assert done.stdout == "deleted\n"

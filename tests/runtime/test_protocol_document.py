@@ -520,7 +520,6 @@ def run(folder: Path, world: str, **scripts: str) -> dict:
         env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder)},
         capture_output=True,
         text=True,
-        timeout=60,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

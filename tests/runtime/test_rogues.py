@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import msgpack
 import pytest
-from running import ALL_KINDS, PATIENCE, World, eventually, minerva, put, summary, write_world
+from running import ALL_KINDS, World, eventually, minerva, put, summary, write_world
 
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.restraint import AT_ONCE
@@ -45,7 +45,7 @@ def said_of(world, victim, problem, rogue, data):
     for _ in range(4):
         put(rogue, Keys(world.name).sent_by(victim), data)
         with suppress(AssertionError):
-            return world.says(f"{victim} │ broke the protocol", problem, patience=PATIENCE / 4)
+            return world.says(f"{victim} │ broke the protocol", problem, seconds=10)
     raise AssertionError(f"nothing is said of {victim}:\n{world.text}")
 
 

@@ -67,7 +67,7 @@ main()
 def test_a_world_of_too_long_a_string_ends_at_once(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", SMALL, "run", write_world(tmp_path, MEMBERS)], cwd=tmp_path,
-        env=environment(tmp_path), capture_output=True, text=True, timeout=60, check=False,
+        env=environment(tmp_path), capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1
     assert "AWalker are" in done.stderr

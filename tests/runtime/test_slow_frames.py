@@ -8,6 +8,7 @@ from minerva_bus import Agent, EventType, World, each, on, run
 from minerva_bus.launch import in_process, slow_frames
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.slow_frames import slow_frames_reported
+from tests.patience import patience
 
 eTick = EventType("eTick")
 
@@ -22,14 +23,14 @@ def test_a_blocked_frame_is_reported_with_its_line():
             done.set()
 
     def blocking():
-        assert done.wait(60)  # which only the report ends
+        assert done.wait(patience())  # which only the report ends
 
     with slow_frames_reported(lambda: 7, report, "no such file", seconds=0.01):
         blocking()
     waited, place = reports[0]
     assert waited >= 0.01
     assert place.file == __file__
-    assert "done.wait(60)" in place.shown[0]
+    assert "done.wait(patience())" in place.shown[0]
 
 
 def test_a_frame_without_a_line_is_shown_by_its_first_line(monkeypatch):
@@ -50,7 +51,7 @@ def test_frames_that_continue_and_code_of_the_caller_are_not_reported():
 
     with slow_frames_reported(frame, lambda *args: reports.append(args), "x", seconds=0.001):
         for _ in range(9):
-            assert looked.acquire(timeout=60)
+            assert looked.acquire(timeout=patience())
 
     def still():
         looked.release()
@@ -58,7 +59,7 @@ def test_frames_that_continue_and_code_of_the_caller_are_not_reported():
 
     with slow_frames_reported(still, lambda *args: reports.append(args), __file__, seconds=0.001):
         for _ in range(9):
-            assert looked.acquire(timeout=60)
+            assert looked.acquire(timeout=patience())
     assert not reports
 
 
@@ -73,7 +74,7 @@ def test_a_method_that_blocks_a_run_is_reported_with_its_member(monkeypatch):
     class Sleeper(Agent, symbol="ASleeper"):
         @on("eTick")
         def sleep(self, tick, moment):
-            assert done.wait(60)  # which only the report ends
+            assert done.wait(patience())  # which only the report ends
 
     monkeypatch.setattr(Console, "log", log)
     monkeypatch.setattr(
@@ -85,4 +86,4 @@ def test_a_method_that_blocks_a_run_is_reported_with_its_member(monkeypatch):
     assert line.startswith("frame 0 has been waiting for it for")
     assert "only an interrupt (Ctrl-C) ends it" in line
     assert "Sleeper.sleep" in line
-    assert "done.wait(60)" in line
+    assert "done.wait(patience())" in line

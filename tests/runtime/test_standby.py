@@ -14,6 +14,7 @@ from minerva_bus.runtime.rejoin import NAME_FREE_AGAIN, STANDBY_SECONDS, NameTok
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.world_link import WorldLink
 from minerva_bus.wire.keys import COORDINATOR, Keys
+from tests.patience import patience
 
 KEYS = Keys("w")
 
@@ -176,7 +177,7 @@ def test_of_processes_that_find_a_name_free_one_takes_it(seed):
 
     acts = [lambda n=n: stand_by(n) for n in range(standbys)] + [lambda: join("joins")]
     for thread in [hub.begin(act) for act in acts]:
-        thread.join(60.0)
+        thread.join(patience(60))
         assert not thread.is_alive()
     assert most[0] == 1
     assert set(range(standbys)) <= set(holders)

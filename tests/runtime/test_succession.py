@@ -23,6 +23,8 @@ from running import (
     write_world,
 )  # fmt: skip
 
+from tests.patience import patience
+
 LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
 NAMES = ("steps", "walkers", "water", "eye", "screen")
 
@@ -63,7 +65,7 @@ def failing_coordinator(folder, words, frame, times):
     script.write_text(FAILING.format(words=[*map(str, words)], frame=frame, times=times))
     return subprocess.run(
         [sys.executable, script], cwd=folder, env=environment(folder), capture_output=True,
-        text=True, timeout=60, stdin=subprocess.DEVNULL,
+        text=True, stdin=subprocess.DEVNULL,
     )  # fmt: skip
 
 
@@ -238,7 +240,7 @@ def router():
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config) as session:
-        (reply,) = session.get(f"@/{session.zid()}/router", timeout=5.0)
+        (reply,) = session.get(f"@/{session.zid()}/router", timeout=patience(5))
         answer = json.loads(reply.ok.payload.to_string())["locators"]
         yield next(locator for locator in answer if locator.startswith("tcp/127.0.0.1"))
 

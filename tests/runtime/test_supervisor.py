@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from running import PATIENCE, write_world
+from running import write_world
 
 from minerva_bus.launch.coordinator_reports import CoordinatorReports
 from minerva_bus.launch.forking import ChildProcess, how_ended, next_ended
@@ -21,6 +21,7 @@ from minerva_bus.launch.process_table import (
     SupervisedProcess,
 )
 from minerva_bus.launch.worldfile import Process
+from tests.patience import patience
 
 FAILING = """
 import os, sys
@@ -53,7 +54,7 @@ def test_a_launcher_that_fails_leaves_nothing(tmp_path):
     path = write_world(tmp_path, frames=0, rate=50)
     given = {**os.environ, "MINERVA_RUNTIME_DIR": str(tmp_path / "runtime")}
     done = subprocess.run(
-        [sys.executable, "-c", FAILING, str(path)], cwd=tmp_path, env=given, timeout=PATIENCE,
+        [sys.executable, "-c", FAILING, str(path)], cwd=tmp_path, env=given,
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.stdout == "no child is left\n", done.stderr
@@ -163,10 +164,10 @@ def test_a_pipe_is_read_until_its_end():
     os.set_blocking(read, False)
     pipes.listen(read, lambda: heard.append(pipes.read(read)))
     os.write(write, b"a")
-    pipes.wait(PATIENCE)
+    pipes.wait(patience())
     assert pipes.read(read) == b""
     os.close(write)
-    pipes.wait(PATIENCE)
+    pipes.wait(patience())
     assert heard == [b"a", None]
     pipes.close()
 
@@ -189,7 +190,7 @@ def test_a_line_reader_finishes_with_an_unterminated_line_although_the_pipe_stay
     os.set_blocking(read, False)
     reader = LineReader(pipes, read, lines.append)
     os.write(write, b"first\nsec")
-    pipes.wait(PATIENCE)
+    pipes.wait(patience())
     assert lines == ["first"]
     os.write(write, b"ond")
     reader.finish()

@@ -13,6 +13,7 @@ from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.security.certificates import Wanted
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.security.keys import KeyFolder
+from tests.patience import patience
 
 LISTEN = "tls/127.0.0.1:0"
 
@@ -62,7 +63,7 @@ class Joined:
 
     def __exit__(self, *exc):
         self.member.leave()
-        self._thread.join(10)
+        self._thread.join(patience(10))
 
     def ends(self):
         return eventually(lambda: self.result is not None and str(self.result), "it ends")

@@ -14,6 +14,7 @@ from minerva_bus.runtime.session import open_client
 from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import Rights, covers, overlap, rights_of
 from minerva_bus.wire.keys import Keys as WorldKeys
+from tests.patience import patience
 from tests.runtime import yard
 from tests.runtime.running import Run, here, summary
 from tests.security.secured import (
@@ -312,7 +313,9 @@ def test_a_family_s_names_are_names(world, door, keys, name):
         eventually(lambda: refused(world, "hosts-*") > before, "its token is refused")
         session.put(f"{base}/from/{name}", b"evil")
         eventually(lambda: refused(world, "hosts-*") > before + 1, "and what it says")
-        for reply in session.get(f"{base}/ask/{name}", payload=b"\x81\xa3ask\xa6status", timeout=5):
+        for reply in session.get(
+            f"{base}/ask/{name}", payload=b"\x81\xa3ask\xa6status", timeout=patience(5)
+        ):
             assert b"a member's name has up to" in reply.ok.payload.to_bytes()
         token.undeclare()
     world.says("hosts-* │ messages of a member are ignored: a member's name has up to")

@@ -38,6 +38,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.session import open_client
 from minerva_bus.security.certificates import now
+from tests.patience import patience
 
 STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefgh"))
 LIMITS = "[limits]\nmessages = 500\nmessage_bytes = 4194304\n"
@@ -364,7 +365,7 @@ def test_oversized_input_is_rejected_before_it_is_read(world, door, keys):
         with open_client("giant", door, own=keys.credentials("giant")) as session:
             for _ in range(9):  # A link that is too slow for this size is closed and reconnects.
                 put(session, f"minerva/{world.name}/from/giant", message)
-                joined.over.wait(2)
+                joined.over.wait(patience(2))
                 if joined.over.is_set():
                     break
             assert "over 4194304" in joined.ends()
@@ -400,7 +401,7 @@ def test_a_query_in_another_name_is_rejected(world, door, keys, key):
     with open_client("watcher", door, own=keys.credentials("watcher")) as session:
         for name in (world.name, "*"):
             answers = session.get(f"minerva/{name}/{key}", payload=b"\x81\xa3ask\xa6status",
-                                  timeout=5.0)  # fmt: skip
+                                  timeout=patience(5))  # fmt: skip
             assert [answer.ok for answer in answers] == []
 
 

@@ -20,7 +20,7 @@ def sweep(world, *words):
     return subprocess.run(
         [sys.executable, "-m", "minerva_bus", "sweep", str(world), *words, "-o", "pond.csv",
          "--in-process"],
-        cwd=world.parent, capture_output=True, text=True, timeout=100,
+        cwd=world.parent, capture_output=True, text=True,
     )  # fmt: skip
 
 
@@ -73,7 +73,7 @@ def script(folder, *words, start=False):
     command = [sys.executable, "snails.py", *words]
     if start:
         return subprocess.Popen(command, cwd=folder)
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=100)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
 
 def test_a_script_that_was_killed_continues_unless_its_constants_change(tmp_path):
@@ -160,6 +160,6 @@ print(len(set(table["pid"][1::2].tolist())), sorted(set(table["count"][1::2].tol
 def test_each_trial_has_a_process_of_its_own(tmp_path, count, shown):
     (tmp_path / "snails.py").write_text(SNAILS.replace("{count}", count))
     done = subprocess.run(
-        [sys.executable, "snails.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        [sys.executable, "snails.py"], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.stdout.strip() == f"12 {shown}", done.stderr

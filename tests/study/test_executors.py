@@ -133,7 +133,7 @@ def test_an_interrupt_leaves_no_task_in_a_cluster(cluster, tmp_path):
         assert running.poll() is None, running.communicate()
         time.sleep(0.01)
     running.send_signal(signal.SIGINT)
-    out, err = running.communicate(timeout=30)
+    out, err = running.communicate()
     assert running.returncode == 130, err
     assert "interrupted with 50 runs left" in out
 
@@ -149,7 +149,7 @@ def test_no_cluster_at_an_address_is_explained_in_one_line(tmp_path):
     pytest.importorskip("distributed")
     words = "--set", "seed=0:2", "--dask", "127.0.0.1:1"
     running = minerva(tmp_path, "sweep", str(pond_file(tmp_path)), *words)
-    _, err = running.communicate(timeout=60)
+    _, err = running.communicate()
     assert running.returncode == 2
     assert "no scheduler answers" in err
     assert len(err.splitlines()) == 1

@@ -34,7 +34,7 @@ def sweep(world, *words, start=False):
             text=True,
             env={**os.environ, "TMPDIR": str(world.parent)},
         )
-    return subprocess.run(command, cwd=world.parent, capture_output=True, text=True, timeout=100)
+    return subprocess.run(command, cwd=world.parent, capture_output=True, text=True)
 
 
 def rows(path):

@@ -30,9 +30,12 @@ def suite(pytester, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
-    pytester.makeconftest('pytest_plugins = ["tests.flaky", "tests.forks"]')
+    plugins = 'pytest_plugins = ["tests.patience", "tests.flaky", "tests.forks"]'
+    pytester.makeconftest(plugins)
 
-    def run(*options, **files):
+    def run(*options, before="", **files):
+        if before:
+            pytester.makeconftest(f"{before}\n{plugins}")
         pytester.makepyfile(**{f"test_{name}": text for name, text in files.items()})
         return pytester.runpytest_subprocess("-q", *options)
 
@@ -159,6 +162,25 @@ def test_many_failures_are_not_run_again(suite):
     result = suite("--retry", many=module_text)
     assert result.ret == 1
     result.stdout.fnmatch_lines(["11 failed; not run again (at most 10)"])
+
+
+def test_what_a_limit_of_time_has_ended_is_always_run_again(suite):
+    texts = {
+        "waiting": "import subprocess; subprocess.run(['sleep', '60'], timeout=0.1)",
+        "eventually": "from tests.patience import eventually; eventually(lambda: 0, seconds=0.1)",
+        "limit": "import time; time.sleep(60)",
+    }
+    late = {
+        name: FLAKY.replace('assert False, "the first time"', text) for name, text in texts.items()
+    }
+    late["limit"] = late["limit"].replace("def ", "import pytest\n@pytest.mark.timeout(0.5)\ndef ")
+    result = suite(
+        "--retry", *WORKERS, "-p", "pytest_timeout",
+        before="import tests.flaky\ntests.flaky.MOST = 0", broken=BROKEN, **late,
+    )  # fmt: skip
+    assert result.ret == 1
+    result.stdout.fnmatch_lines("1 failed; not run again (at most 0)")
+    result.stdout.fnmatch_lines("1 failed, *3 flaky in *")
 
 
 def test_chosen_markers_choose_again(suite):

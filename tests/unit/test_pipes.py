@@ -3,6 +3,7 @@
 import os
 
 from minerva_bus.launch.pipes import Pipes
+from tests.patience import patience
 
 
 def test_the_handler_of_a_closed_pipe_is_not_called():
@@ -17,6 +18,6 @@ def test_the_handler_of_a_closed_pipe_is_not_called():
     for read, write in ends:
         pipes.listen(read, read_all)
         os.close(write)
-    pipes.wait(5.0)
+    pipes.wait(patience(5))
     assert calls == ["once"]
     pipes.close()

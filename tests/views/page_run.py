@@ -7,12 +7,12 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from minerva_bus.errors import BusError
 from minerva_bus.runtime.client import Client
+from tests.patience import eventually
 
 ROOT = Path(__file__).parents[2]
 PHONE = ROOT / "members" / "javascript" / "examples" / "phone"
@@ -26,15 +26,6 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-PATIENCE = 40.0
-
-
-def eventually(what, why, patience=PATIENCE):
-    until = time.monotonic() + patience
-    while not (result := what()):
-        assert time.monotonic() < until, why() if callable(why) else why
-        time.sleep(0.05)
-    return result
 
 
 def copied(folder):
@@ -102,9 +93,9 @@ class PageRun:
             lambda: f"{name} is not present: {self.lines}",
         )
 
-    def summary(self, patience=60.0):
+    def summary(self):
         """The summary of the run, after its end."""
-        output, _ = self.process.stdout.read(), self.process.wait(patience)
+        output, _ = self.process.stdout.read(), self.process.wait()
         assert self.process.returncode == 0, self.lines
         return json.loads(output)
 

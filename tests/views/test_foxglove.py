@@ -139,7 +139,7 @@ def test_foxglove_itself_and_chosen_sites_may_connect(origin):
     headers = {"Origin": origin} if origin else {}
     options = {"additional_headers": headers, "subprotocols": ["foxglove.sdk.v1"]}
     with closing(made), connect(address(made), **options) as client:
-        assert json.loads(client.recv(timeout=10))["op"] == "serverInfo"
+        assert json.loads(client.recv())["op"] == "serverInfo"
 
 
 def test_a_client_receives_the_latest_view_even_of_a_paused_world(device, client):

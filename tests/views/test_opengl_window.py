@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -22,21 +21,13 @@ from minerva_bus.world.views import visualize
 from minerva_services.views.names import AgentName
 from minerva_services.views.opengl.painter import GLPainter
 from minerva_services.views.window.painter import Sight
+from tests.patience import eventually, patience
 from tests.screen import Screen, needs_screen
 
 pytestmark = [needs_driver, needs_screen]
 SIZE = 900, 600
 ROBOT, PAPER = (230, 159, 0), (244, 240, 230)
 START = scene({})
-PATIENCE = 60.0
-
-
-def eventually(check, why):
-    until = time.monotonic() + PATIENCE
-    while not (result := check()):
-        assert time.monotonic() < until, f"{why}: not within {PATIENCE:.0f} s"
-        time.sleep(0.05)
-    return result
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +51,7 @@ def said(screen, tmp_path, monkeypatch):
     yield path
     run.send_signal(signal.SIGINT)
     try:
-        run.wait(20)
+        run.wait(patience(20))
     except subprocess.TimeoutExpired:
         run.kill()
         run.wait()

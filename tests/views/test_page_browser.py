@@ -12,17 +12,17 @@ import pytest
 pytest.importorskip("websockets")
 playwright = pytest.importorskip("playwright.sync_api")
 
-from page_run import CHROMIUM, FLAGS, PATIENCE, copied, eventually, running, shown  # noqa: E402
+from page_run import CHROMIUM, FLAGS, copied, eventually, running, shown  # noqa: E402
 
 from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
 from minerva_bus.semantics.picture import Lists, Texts, Tiles  # noqa: E402
 from minerva_services.views.layout import extremes  # noqa: E402
+from tests.patience import patience  # noqa: E402
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
 
 FRAMES = 90
 STOPPED_AT = 30
-EXPLAINED = 100_000
 """Milliseconds for an explanation: a process of its own, which a busy machine starts slowly."""
 
 
@@ -63,7 +63,7 @@ def digest_in_python(folder, frames):
             *(sys.executable, "-m", "minerva_bus.cli.main", "run", str(folder / "python.toml")),
             *("--frames", str(frames), "--in-process", "--json"),
         ],
-        capture_output=True, text=True, timeout=60,
+        capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     (digest,) = re.findall(r'"digest": "(\w+)"', done.stdout)
@@ -187,7 +187,7 @@ def follow_an_order(page):
     page.keyboard.press("Enter")
     inspector = page.locator("#inspector")
     inspector.get_by_role("button", name="objective").click()
-    inspector.get_by_text("set_objective", exact=False).first.wait_for(timeout=EXPLAINED)
+    inspector.get_by_text("set_objective", exact=False).first.wait_for(timeout=1000 * patience(100))
     # The file of the record may lack the last frames.
     inspector.get_by_text("the generator gObjective", exact=False).first.wait_for()
     # In one call, because the next frame moves the slider to the end.
@@ -195,7 +195,7 @@ def follow_an_order(page):
         "(slider) => { slider.stepDown(20); slider.dispatchEvent(new Event('input')); }"
     )
     inspector.get_by_text("at the beginning of frame", exact=False).first.wait_for()
-    inspector.get_by_text("Rejected").wait_for(timeout=EXPLAINED)
+    inspector.get_by_text("Rejected").wait_for(timeout=1000 * patience(100))
     past = int(page.get_attribute("body", "data-frame"))
     page.locator("#live").click()
     shown(page, past + 21)
@@ -218,7 +218,7 @@ def test_interrupting_the_world_ends_its_pages(garden, browsers):
     page.locator("#inspector").get_by_text("ended", exact=False).wait_for()
     page.locator("#inspector").get_by_role("button", name="water").click()
     page.locator("#inspector").get_by_text("no link to the world", exact=False).wait_for()
-    garden.process.wait(PATIENCE)
+    garden.process.wait()
 
 
 def without_explanations(socket):

@@ -17,6 +17,7 @@ from websockets.sync.client import connect
 
 from minerva_bus.wire.plain import pack
 from minerva_services.views.palette import person_colour
+from tests.patience import patience
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +31,7 @@ def opened(address, context=None, **headers):
     """The status of a response, its text and its headers."""
     request = urllib.request.Request(address, headers=headers)
     try:
-        with urllib.request.urlopen(request, timeout=10, context=context) as answer:
+        with urllib.request.urlopen(request, context=context) as answer:
             return answer.status, answer.read().decode(), answer.headers
     except urllib.error.HTTPError as error:
         return error.code, error.read().decode(), error.headers
@@ -46,7 +47,7 @@ def linked(run, path, origin="", **headers):
         run.base.replace("http", "ws", 1) + path,
         origin=origin or run.base,
         additional_headers={"Cookie": cookie_of(run)} | headers,
-        open_timeout=10,
+        open_timeout=patience(10),
         max_size=1 << 20,
     )
 
@@ -62,7 +63,7 @@ def refused(run, path, **options):
 def messages(socket, name):
     """Wait for a message of the server that has a key."""
     while True:
-        message = json.loads(socket.recv(timeout=20))
+        message = json.loads(socket.recv())
         if name in message:
             return message[name]
 
@@ -121,7 +122,7 @@ def test_a_link_that_sends_something_else_is_closed_with_a_reason(garden, text):
     with linked(garden, "/bus?name=page-9") as socket:
         socket.send(text)
         with pytest.raises(ConnectionClosed) as caught:
-            socket.recv(timeout=20)
+            socket.recv()
         assert caught.value.rcvd.code == 1008
         assert caught.value.rcvd.reason
     garden.line("page-9 is cut off: ")
@@ -170,7 +171,7 @@ def test_a_page_that_asks_for_another_port_or_type_ends_the_world(tmp_path):
     ):
         done = subprocess.run(
             [*MINERVA, "run", "robot", "--view", view, "--frames", "5"],
-            capture_output=True, text=True, timeout=60,
+            capture_output=True, text=True,
         )  # fmt: skip
         assert done.returncode != 0
         assert reason in done.stderr
@@ -180,7 +181,7 @@ def test_a_page_that_asks_for_another_port_or_type_ends_the_world(tmp_path):
 def test_a_world_in_one_process_has_no_pages():
     done = subprocess.run(
         [*MINERVA, "run", "robot", "--view", "page", "--frames", "5", "--in-process"],
-        capture_output=True, text=True, timeout=60,
+        capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode != 0
     assert "run without --in-process" in done.stderr
@@ -194,7 +195,7 @@ MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
 def keys(tmp_path):
     pytest.importorskip("cryptography")
     command = [*MINERVA, "keys", "init", "--dir", str(tmp_path / "keys")]
-    subprocess.run(command, check=True, capture_output=True, timeout=60)
+    subprocess.run(command, check=True, capture_output=True)
     return tmp_path / "keys"
 
 
@@ -211,12 +212,12 @@ def answer_to_hello(socket, world, name):
         return bytes([0, len(key)]) + key.encode()
 
     def received(part):
-        while part not in (batch := socket.recv(timeout=20)):
+        while part not in (batch := socket.recv()):
             pass
         return batch
 
     socket.send(bytes.fromhex("41093201020304 0affff"))
-    accepted = socket.recv(timeout=20)
+    accepted = socket.recv()
     assert accepted[0] & 0x1F == 1
     cookie = accepted[3 + (accepted[2] >> 4) + 1 + (3 if accepted[0] & 0x40 else 0) :]
     socket.send(b"\x42\x03\0" + cookie[: 1 + cookie[0]])
@@ -238,7 +239,7 @@ def test_a_world_with_keys_has_pages_over_tls(tmp_path, keys):
     A certificate of page-* restricts what pages may do, although their links are local.
     """
     family = ["issue", "page", "--family", "--role", "view", "--dir", str(keys)]
-    subprocess.run([*MINERVA, "keys", *family], check=True, capture_output=True, timeout=60)
+    subprocess.run([*MINERVA, "keys", *family], check=True, capture_output=True)
     folder = copied(tmp_path)
     text = (folder / "phone.toml").read_text()
     certificate = f'certificate = "{keys / "coordinator.pem"}"\nmodule ='
@@ -265,7 +266,7 @@ def test_a_world_with_keys_serves_other_machines_over_tls_only(tmp_path, keys):
     arguments = ["robot", "--view", "page:host=0.0.0.0", "--listen", "tls/127.0.0.1:0"]
     done = subprocess.run(
         [*MINERVA, "run", *arguments, "--keys", str(keys), "--frames", "5"],
-        capture_output=True, text=True, timeout=60,
+        capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode != 0
     assert "certificate=keys/coordinator.pem" in done.stderr

@@ -277,7 +277,7 @@ def run(path: Path, then: str) -> subprocess.CompletedProcess[str]:
     # Python would store cut bytecode of what a process with small files imports.
     environment = {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"}
     env = {**os.environ, **environment}
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, env=env)
+    return subprocess.run(command, capture_output=True, text=True, env=env)
 
 
 def test_the_file_is_whole_after_an_abrupt_end(tmp_path: Path):

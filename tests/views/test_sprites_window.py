@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 
@@ -27,6 +26,7 @@ from minerva_services.views.names import AgentName
 from minerva_services.views.palette import BORDER
 from minerva_services.views.sprites.painter import SpritePainter
 from minerva_services.views.window.painter import Sight
+from tests.patience import Late, eventually, patience
 from tests.screen import Screen, needs_screen
 
 pytestmark = needs_screen
@@ -34,14 +34,6 @@ SIZE = 900, 640
 ROBOT, WALL, PAPER = (230, 159, 0), (154, 161, 171), (244, 240, 230)
 LINE = rgb(BORDER)
 OPTIONS = f"sprites:width={SIZE[0]},height={SIZE[1]}"
-
-
-def eventually(what, why, patience=60.0):
-    until = time.monotonic() + patience
-    while not (result := what()):
-        assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
-        time.sleep(0.02)
-    return result
 
 
 class Office:
@@ -137,16 +129,16 @@ class Office:
 
     def has(self, text):
         """Wait for an event with this text."""
-        assert self.heard(text, within=60), text
+        assert self.heard(text, 60), text
 
-    def heard(self, text, within):
+    def heard(self, text, seconds):
         """Whether an event with this text occurs within so many seconds."""
-        until = time.monotonic() + within
-        while not any(str(event) == text for event in list(self.events)):
-            if time.monotonic() > until:
-                return False
-            time.sleep(0.02)
-        return True
+        try:
+            return eventually(
+                lambda: any(str(event) == text for event in list(self.events)), text, seconds
+            )
+        except Late:
+            return False
 
     def click_on(self, label):
         box = next(drawn for drawn in self.painter.labels() if drawn.text == label)
@@ -174,7 +166,7 @@ class Office:
         if self.process.poll() is None:
             self.process.terminate()
         try:
-            self.process.wait(20)
+            self.process.wait(patience(20))
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
@@ -196,7 +188,7 @@ def robot(office):
 def test_a_click_on_a_label_is_an_order(office):
     def clicked():  # repeated, because the window may not have received the accepted orders yet
         office.click_on("lab")
-        return office.heard('eObjective<marker="lab">', within=2)
+        return office.heard('eObjective<marker="lab">', 2)
 
     eventually(clicked, "an order")
 
@@ -238,7 +230,7 @@ def test_the_robot_is_at_the_pose_of_its_state(office):
         middle = middle_of(office.seen()[top : top + side, left : left + side], ROBOT, 30)
         return middle and math.hypot(middle[0] + left - right, middle[1] + top - down) < 3
 
-    eventually(near, f"a robot at {right:.0f}, {down:.0f}", patience=20)
+    eventually(near, f"a robot at {right:.0f}, {down:.0f}")
 
 
 def test_a_click_on_the_name_of_the_robot_selects_it(office):

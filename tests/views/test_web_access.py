@@ -19,6 +19,7 @@ from websockets.sync.client import connect
 
 from minerva_bus.launch.web_access import WebAccess, forget_token, token_for
 from minerva_services.views.web.serving import serve, stop, url
+from tests.patience import patience
 
 HERE = WebAccess("127.0.0.1", 8080, "secret")
 ALL = WebAccess("0.0.0.0", 8080, "secret", frozenset({"robots.example.org"}))
@@ -36,9 +37,7 @@ def server(tmp_path, monkeypatch):
 def opened(address, **headers):
     """The status of a page's response, and its cookie."""
     try:
-        with urllib.request.urlopen(
-            urllib.request.Request(address, headers=headers), timeout=10
-        ) as page:
+        with urllib.request.urlopen(urllib.request.Request(address, headers=headers)) as page:
             return page.status, page.headers["Set-Cookie"] or ""
     except urllib.error.HTTPError as error:
         assert b"<html" not in error.read().lower()
@@ -50,7 +49,7 @@ def page_of(server, origin=None, **headers):
     address = f"ws://127.0.0.1:{server.get_port()}/"
     headers = headers or {"Cookie": server.access.cookie.partition(";")[0]}
     protocols = [f"viser-v{viser.__version__}"]
-    options = {"origin": origin, "additional_headers": headers, "open_timeout": 10}
+    options = {"origin": origin, "additional_headers": headers, "open_timeout": patience(10)}
     return connect(address, subprotocols=protocols, **options)
 
 
@@ -58,7 +57,7 @@ def handshake(server, origin=None, **headers):
     """The status of a WebSocket's handshake."""
     try:
         with page_of(server, origin, **headers or {"X-None": "1"}) as page:
-            assert page.recv(timeout=10)
+            assert page.recv()
             return 101
     except InvalidStatus as error:
         return error.response.status_code
@@ -161,11 +160,11 @@ def test_broken_requests_leave_no_traceback(server, capfd):
         "GET / HTTP/1.1\r\nHost: localhost\r\nCookie: a=\xff\r\n\r\n",
         "garbage\r\n\r\n",
     ):
-        with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+        with socket.create_connection(("127.0.0.1", port)) as client:
             client.sendall(request.encode("latin-1"))
             assert b"200 OK" not in client.recv(100)
     for text in (b"GET", b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"):
-        with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+        with socket.create_connection(("127.0.0.1", port)) as client:
             client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             client.sendall(text)
     assert opened(url(server))[0] == 200

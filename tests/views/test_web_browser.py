@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from contextlib import suppress
 from pathlib import Path
 from typing import cast
@@ -28,6 +27,7 @@ from minerva_bus.runtime.client import Client  # noqa: E402
 from minerva_bus.semantics.bounds import Bounds  # noqa: E402
 from minerva_bus.semantics.picture import Lists, Texts  # noqa: E402
 from minerva_services.views.web.camera_control import FIELD, bounds_of, camera_pose  # noqa: E402
+from tests.patience import eventually, patience  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = [
@@ -50,16 +50,6 @@ FLAGS = [
 WIDTH, HEIGHT = 800, 400
 WALL_HEIGHT = cast(Raster, vocabulary.primitives["PMap"].shape).height
 COARSE = "&fixedDpr=0.2"  # Fewer pixels, because the processor draws them here.
-PATIENCE = 40.0
-
-
-def eventually(what, why, patience=PATIENCE):
-    """Wait until `what()` is true; `why` is the message of a failure, or makes it."""
-    until = time.monotonic() + patience
-    while not (result := what()):
-        assert time.monotonic() < until, why() if callable(why) else why
-        time.sleep(0.1)
-    return result
 
 
 class Building:
@@ -139,7 +129,7 @@ def chromium():
 def page(building, chromium):
     browser = chromium()
     opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
-    opened.set_default_timeout(1000 * PATIENCE)
+    opened.set_default_timeout(1000 * patience())
     opened.asked = []
     opened.on("request", lambda request: opened.asked.append(request.url))
     opened.on("websocket", lambda socket: opened.asked.append(socket.url))
@@ -297,13 +287,13 @@ def test_a_click_on_the_name_of_a_robot_selects_it(page, building):
             return False
         page.mouse.click(*place)
         with suppress(playwright.TimeoutError):
-            page.get_by_text("ARobot#r1").wait_for(timeout=5000)
+            page.get_by_text("ARobot#r1").wait_for(timeout=1000 * patience(5))
             return True
         tried.append(f"a click at ({place[0]:.0f}, {place[1]:.0f}) selects nothing")
         page.get_by_role("button", name="Step").click()
         return False
 
-    eventually(selected, lambda: f"r1 cannot be selected: {tried[-20:]}", 2 * PATIENCE)
+    eventually(selected, lambda: f"r1 cannot be selected: {tried[-20:]}", 80)
     page.get_by_role("button", name="Resume").click()
 
 
@@ -320,7 +310,7 @@ def test_the_slider_sets_the_speed_and_follows_it(page, building):
 def test_two_browsers_show_the_same_and_are_independent(page, building, chromium):
     other = chromium()
     second = other.new_page(viewport={"width": WIDTH, "height": HEIGHT})
-    second.set_default_timeout(1000 * PATIENCE)
+    second.set_default_timeout(1000 * patience())
     visit(second, building)
     second.get_by_text("ARobot#r1").wait_for()
     killer = other.new_browser_cdp_session()
@@ -346,6 +336,6 @@ def test_pause_step_and_resume(page, building):
 
 def test_the_end_is_on_the_page_soon(page, building):
     os.kill(building.process.pid, signal.SIGINT)
-    building.process.wait(PATIENCE)
+    building.process.wait()
     page.get_by_text("the world has ended").first.wait_for()
     assert not [line for line in building.lines if "Traceback" in line]

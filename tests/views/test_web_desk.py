@@ -1,6 +1,5 @@
 """User input at a page becomes events and orders; each rejection is one line."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from minerva_services.views.web import html
 from minerva_services.views.web.controller import PageController
 from minerva_services.views.web.panel import ALL, NOTABLE, EventFeed, Panel
 from minerva_services.views.web.picking import Clicked
+from tests.patience import eventually
 
 
 class Stage:
@@ -26,13 +26,6 @@ class Stage:
 
     def labels(self):
         return self.known
-
-
-def eventually(holds):
-    until = time.monotonic() + 10.0
-    while not holds():
-        assert time.monotonic() < until
-        time.sleep(0.01)
 
 
 class Room:

@@ -28,7 +28,7 @@ def page():
 def test_it_prints_its_address_and_serves_the_page(page, capsys):
     where = url(page._server)
     assert where.startswith("http://127.0.0.1:")
-    with urllib.request.urlopen(where, timeout=10) as answer:
+    with urllib.request.urlopen(where) as answer:
         assert answer.status == 200
         assert b"<html" in answer.read(500).lower()
 
@@ -36,7 +36,7 @@ def test_it_prints_its_address_and_serves_the_page(page, capsys):
 @pytest.mark.parametrize("encoding", ["gzip", "identity"])
 def test_the_title_of_the_page_is_the_name_of_the_world(page, encoding):
     request = urllib.request.Request(url(page._server), headers={"Accept-Encoding": encoding})
-    with urllib.request.urlopen(request, timeout=10) as answer:
+    with urllib.request.urlopen(request) as answer:
         content = answer.read()
         assert answer.headers["Content-Length"] == str(len(content))
     plain = gzip.decompress(content) if encoding == "gzip" else content

@@ -1,7 +1,6 @@
 """The thread that requests the status of a world and executes actions."""
 
 import threading
-import time
 from dataclasses import replace
 
 from window_world import WORDS, Ledger, status
@@ -13,14 +12,7 @@ from minerva_services.views.palette import person_colour
 from minerva_services.views.window.actions import OrderAction, PauseAction
 from minerva_services.views.window.composer import caption
 from minerva_services.views.window.monitor import WorldMonitor
-
-
-def eventually(what):
-    until = time.monotonic() + 20
-    while not (result := what()):
-        assert time.monotonic() < until
-        time.sleep(0.005)
-    return result
+from tests.patience import eventually, patience
 
 
 def test_it_asks_again_and_again():
@@ -70,7 +62,7 @@ def test_it_is_busy_until_the_status_is_from_after_the_deed():
 
         def status(self, since=0):
             if self.told:
-                assert self.may.wait(20)
+                assert self.may.wait(patience(20))
             return status(paused=bool(self.told))
 
     ledger = Slow()
