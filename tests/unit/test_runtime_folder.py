@@ -1,15 +1,22 @@
-"""The folder of running worlds is used only if no other user owns or can write to it."""
+"""Running worlds: the folder that lists them, and their state as operators see it."""
 
 import fcntl
 import json
 import os
 import threading
+from dataclasses import replace
 
 import pytest
 
 from minerva_bus.errors import BusError
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.scene import EMPTY
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.registry import WorldLock, find, running
 from minerva_bus.launch.runtime_folder import make_runtime_folder, runtime_folder
+from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.runtime.world_status import status_of
 
 
 @pytest.fixture
@@ -139,3 +146,25 @@ def test_of_several_worlds_the_preferred_one_is_chosen(tmp_path, monkeypatch):
             find(preferred=preferred)
     for lock in locks:
         lock.release()
+
+
+WORLD = World("w", EMPTY, Vocabulary.of())
+
+
+def ignore(*_):
+    """Watch nothing."""
+
+
+def waited(world, seconds):
+    """The awaited members of a world, and the seconds of which its state speaks."""
+    watchers = Watchers(said=ignore, status=ignore, listening=ignore, stalled=ignore)
+    coordinator = Coordinator(world, watchers)
+    coordinator.status.waited = seconds
+    status = status_of(coordinator._operated())
+    return status.waiting, status.waited
+
+
+def test_a_world_that_waits_for_nobody_has_not_waited():
+    """The waiting time is measured at intervals, and who is awaited is known at once."""
+    assert waited(WORLD, 3.8) == ((), 0.0)
+    assert waited(replace(WORLD, expected=frozenset({"a"})), 3.8) == (("a",), 3.8)

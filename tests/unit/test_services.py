@@ -1,14 +1,21 @@
-"""Generators and devices: the declarations of their classes."""
+"""Services: declarations of their classes, options, and when they take part."""
 
+from dataclasses import dataclass
+from inspect import Parameter, signature
 from typing import Any
 
+import hypothesis.strategies as st
 import pytest
+from hypothesis import given
 
 from minerva_bus import Context, Device, Event, Frame, Generator
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.frame.member import Member
-from minerva_bus.launch.specs import bind
+from minerva_bus.launch.specs import bind, find_service
+from minerva_bus.world.service_attributes import when_of
 from minerva_bus.world.service_inputs import Tick
+from minerva_bus.world.when import Participation, When
+from minerva_services.options import grouped, takes_options
 
 
 class Rain(Generator, events=("eRain",)):
@@ -113,3 +120,210 @@ def test_an_agent_emits_in_its_own_name():
     moment = Context(Frame(), "#a")
     moment.emit(Event("eRain", sender="someone else"))
     assert moment.emitted == [Event("eRain", sender="a")]
+
+
+@pytest.mark.parametrize(
+    ("bases", "argument", "problem"),
+    [
+        ((Generator,), "event", "Odd has the unknown class argument event; did you mean 'events'?"),
+        ((Generator,), "generates", "generates; it may have events, when"),
+        ((Generator,), "draws", "draws; it may have events, when"),
+        ((Device,), "every", "every; it may have draws, coupled, when"),
+        ((Generator, Device), "draw", "draw; did you mean 'draws'?"),
+    ],
+)
+def test_an_unknown_argument_is_named(bases, argument, problem):
+    with pytest.raises(MisuseError) as caught:
+        type("Odd", bases, {}, **{argument: ("eHonk",)})
+    assert problem in str(caught.value)
+
+
+def test_another_base_class_may_have_arguments():
+    class Tagged:
+        tag = ""
+
+        def __init_subclass__(cls, tag="", **rest):
+            super().__init_subclass__(**rest)
+            cls.tag = tag
+
+    for bases in ((Generator, Tagged), (Tagged, Generator)):
+        made = type("Odd", bases, {}, tag="a", events=("eHonk",))
+        assert (made.tag, made.events) == ("a", ("eHonk",))
+
+
+@dataclass(frozen=True)
+class Position:
+    where: str
+    level: int = 0
+    hidden: float = 1.0
+
+
+@dataclass(frozen=True)
+class Size:
+    width: float = 2.0
+
+
+class Board:
+    @takes_options(Position, Size, without=("hidden",))
+    def __init__(self, name: str, width: int = 3, **further):
+        self.name, self.width = name, width
+        self.place, _ = grouped(further, Position, Size)
+
+
+def test_the_signature_lists_own_options_then_those_of_the_groups():
+    parameters = signature(Board.__init__).parameters
+    assert list(parameters) == ["self", "name", "width", "where", "level"]
+    assert parameters["where"].default is Parameter.empty
+    assert (parameters["level"].default, parameters["level"].annotation) == (0, int)
+
+
+def test_groups_are_created_from_their_own_options():
+    assert grouped({"where": "hall", "width": 1.0}, Position, Size) == (Position("hall"), Size(1.0))
+    assert Board("b", where="hall", level=2).place == Position("hall", 2)
+
+
+def test_an_option_of_no_group_is_an_error():
+    with pytest.raises(TypeError, match="unknown options: wide"):
+        Board("b", where="hall", wide=1)
+
+
+@pytest.mark.parametrize(
+    ("service", "options", "problem"),
+    [
+        ("sprites", {"widht": 3}, "no option 'widht'; did you mean 'width'"),
+        ("opengl", {"fps": "many"}, "fps must be a number"),
+        ("mqtt", {"broker": "b", "user": 3}, "user must be a"),
+        ("ros2_robot", {"router": "tcp/h:1", "near": "far"}, "near must be a number"),
+        ("markers", {"size": 0.2}, "needs the option 'dictionary'"),
+    ],
+)
+def test_world_files_are_checked_against_the_groups(service, options, problem):
+    with pytest.raises(WorldFileError, match=problem):
+        bind(find_service(service), options, "member")
+
+
+TIMES = {
+    "": When(),
+    "in step": When(Participation.IN_STEP),
+    "on orders": When(Participation.ON_ORDERS),
+    "freely": When(Participation.FREELY),
+    "each frame": When(every=1),
+    "each 10 frames": When(every=10),
+    "at 25 Hz": When(rate=25.0),
+    "at 0.001 Hz": When(rate=0.001),
+    "freely, each 2 frames": When(Participation.FREELY, every=2),
+    "in step, at 29.97002997 Hz": When(Participation.IN_STEP, rate=29.97002997),
+}
+
+
+@pytest.mark.parametrize("text", TIMES)
+def test_a_text_and_its_value(text):
+    assert When.read(text) == TIMES[text]
+    assert str(TIMES[text]) == text
+
+
+def test_other_texts_have_the_same_value():
+    assert When.read("each 1 frames") == When(every=1)
+    assert When.read("each 5 frames, in step") == When(Participation.IN_STEP, every=5)
+
+
+@given(st.sampled_from(Participation), st.floats(0, allow_infinity=False, exclude_min=True))
+def test_a_rate_keeps_every_bit(asked, rate):
+    assert When.read(str(When(asked, rate=rate))).rate == rate
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            "lockstep",
+            '"lockstep" is not possible; it may have "in step", "on orders", "freely", "ea',
+        ),
+        ("each 5 frame", '"each 5 frame" is not possible'),
+        ("freely,each frame", "is not possible"),
+        ("each frame, ", '"" is not possible'),
+        ("at -1 Hz", '"at -1 Hz" is not possible'),
+        ("at inf Hz", '"at inf Hz" is not possible'),
+        ("at 1e999 Hz", 'expected a number above 0 in "at 1e999 Hz"'),
+        ("at 0 Hz", 'expected a number above 0 in "at 0 Hz"'),
+        ("each 0 frames", 'expected a number above 0 in "each 0 frames"'),
+        ("in step, freely", 'choose one of "in step" and "freely"'),
+        ("at 5 Hz, each 2 frames", 'choose one of "at 5 Hz" and "each 2 frames"'),
+    ],
+)
+def test_what_is_not_possible(text, problem):
+    with pytest.raises(MisuseError) as caught:
+        When.read(text)
+    assert str(caught.value).startswith(f'when = "{text}": ')
+    assert problem in str(caught.value)
+
+
+class Shower(Generator, events=("eRain",)):
+    pass
+
+
+class Picture(Device, draws=("eShow",)):
+    def show(self, view):
+        pass
+
+
+class Both(Picture, Shower):
+    pass
+
+
+@pytest.mark.parametrize(
+    ("cls", "declared", "when"),
+    [
+        (Shower, "", "in step"),
+        (Shower, "freely", "freely"),
+        (Shower, "on orders", "on orders"),
+        (Shower, "each 3 frames", "in step, each 3 frames"),
+        (Picture, "", ""),
+        (Picture, "at 20 Hz", "at 20 Hz"),
+        (Both, "", "in step"),
+        (Both, "each 5 frames", "in step, each 5 frames"),
+        (Both, "freely, each frame", "freely, each frame"),
+    ],
+)
+def test_a_generator_is_in_step_unless_it_says_otherwise(cls, declared, when):
+    made = type("Made", (cls,), {}, when=declared)()
+    assert str(when_of(made)) == when
+    assert str(Member("made", made).hello().when) == when
+
+
+@pytest.mark.parametrize(
+    ("cls", "when", "problem"),
+    [
+        (Picture, "on orders", 'when = "on orders" is for generators, and it is a device'),
+        (Picture, "in step, each frame", "is for generators, and it is a device"),
+        (Shower, "at 5 Hz", 'its `when` is "in step, at 5 Hz", but it draws no views'),
+        (Shower, "freely, each frame", "but it draws no views and is not in step"),
+        (Both, "on orders", "so it has events on orders only, but it draws views"),
+    ],
+)
+def test_times_that_a_service_cannot_have(cls, when, problem):
+    made = type("Made", (cls,), {}, when=when)()
+    with pytest.raises(MisuseError) as caught:
+        Member("made", made)
+    assert str(caught.value).startswith("Made: ")
+    assert problem in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("topics", ("sight",), "subscribes to topics"),
+        ("publishes", ("sight",), "publishes on topics"),
+        ("takes_orders", lambda self: ("eRain",), "takes orders"),
+    ],
+)
+def test_a_generator_that_is_not_always_asked_has_no_inputs(name, value, reason):
+    made = type("Made", (Shower,), {name: value}, when="each 2 frames")()
+    with pytest.raises(MisuseError, match=f"so some frames do not ask it, but it {reason}"):
+        Member("made", made)
+
+
+@pytest.mark.parametrize("when", ["often", 5])
+def test_a_class_argument_is_checked_at_once(when):
+    with pytest.raises(MisuseError, match=r"^Odd: when"):
+        type("Odd", (Shower,), {}, when=when)

@@ -1,4 +1,4 @@
-"""The end of a process whose sessions are still being closed in threads."""
+"""Ends of processes: sessions that threads still close, and pipes of other handlers."""
 
 import os
 import threading
@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from minerva_bus.launch.pipes import Pipes
 from minerva_bus.runtime.session import close_aside, end_at_once
+from tests.patience import patience
 
 
 class Slow:
@@ -32,3 +34,20 @@ def test_a_process_ends_at_once_while_a_link_is_being_closed(monkeypatch: pytest
     closing.join()
     end_at_once(3)
     assert codes == [3]
+
+
+def test_the_handler_of_a_closed_pipe_is_not_called():
+    pipes, calls = Pipes(), []
+    ends = [os.pipe() for _ in range(2)]
+
+    def read_all():
+        calls.append("once")
+        for read, _ in ends:
+            assert pipes.read(read) is None  # and closes it
+
+    for read, write in ends:
+        pipes.listen(read, read_all)
+        os.close(write)
+    pipes.wait(patience(5))
+    assert calls == ["once"]
+    pipes.close()

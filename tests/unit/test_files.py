@@ -1,15 +1,25 @@
-"""No output overwrites an input, or a file that the program did not write."""
+"""Files of any name, kind and size: inputs, and outputs that overwrite no other file."""
 
 import os
+import sys
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from minerva_bus import outputs
+from minerva_agents.robot.maps import load_map
+from minerva_bus import outputs, record, resume
 from minerva_bus.collect.drafts import TableFiles
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.writers import CsvWriter
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.file_marks import is_own
+from minerva_bus.input_files import read_text
+from minerva_bus.launch.installed import declared_options, file_text
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.log import scanning
+from minerva_bus.log.chunks import Chunks
 from minerva_bus.log.exporting import new_folder
 from minerva_bus.outputs import (
     check_file,
@@ -19,6 +29,55 @@ from minerva_bus.outputs import (
     replacing,
     write_output,
 )
+from minerva_bus.path_text import path_of_text, text_of_path
+from minerva_bus.security.certificate_files import read_certificate
+from minerva_services.options import read_password
+
+SPARSE = 64 << 30
+"""Bytes of a file that takes no space on the disk, but hours or all memory to read."""
+
+
+@pytest.fixture
+def sparse(tmp_path):
+    path = tmp_path / "sparse.toml"
+    with path.open("wb") as file:
+        file.truncate(SPARSE)
+    return path
+
+
+READERS = {
+    "a world": read_world_file,
+    "the options of a world": lambda path: declared_options(str(path)),
+    "a string": file_text,
+    "a map": load_map,
+    "a certificate": read_certificate,
+    "a password": lambda path: read_password("mqtt", "", str(path)),
+}
+
+
+@pytest.mark.parametrize("what", READERS)
+def test_a_huge_file_is_refused_by_its_size(what, sparse, monkeypatch):
+    monkeypatch.setattr(Path, "read_bytes", lambda path: pytest.fail("read"))
+    monkeypatch.setattr(Path, "read_text", lambda path, **_: pytest.fail("read"))
+    with pytest.raises(MinervaError, match=r"68.?719.?476.?736 bytes"):
+        READERS[what](sparse)
+
+
+@pytest.mark.parametrize("begin", [b"", scanning.MAGIC])
+def test_a_record_of_unwritten_bytes_is_not_searched_to_its_end(begin, sparse, monkeypatch):
+    monkeypatch.setattr(scanning, "MAX_DAMAGE", 1 << 20)
+    with sparse.open("r+b") as file:
+        file.write(begin)
+    with pytest.raises(MinervaError, match="no record of an MCAP file in 1,048,576 bytes"):
+        Chunks(sparse)
+
+
+def test_folders_and_pipes_are_named(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path, reason in ((tmp_path, "a folder"), (tmp_path / "pipe", "a pipe or device")):
+        with pytest.raises(OSError, match=reason):
+            read_text(path)
+
 
 TEXTS = (".svg", ".html", ".yaml", ".toml", ".mnv", ".mmd")
 SVG = b"<svg xmlns='http://www.w3.org/2000/svg'/>\n"
@@ -199,3 +258,57 @@ def test_a_file_that_cannot_be_written_reports_why_and_leaves_nothing(tmp_path):
     with pytest.raises(MisuseError, match=r"picture: cannot write .*No such file"):
         write_output(tmp_path / "nowhere" / "a.svg", SVG, "picture")
     assert not any(tmp_path.iterdir())
+
+
+CODE = """
+from minerva_bus import Disc, EventType, Primitive
+PSpot = Primitive("PSpot", Disc(0.2, "#8a5a44"), x=float, y=float)
+eTick = EventType("eTick")
+ePicture = EventType("ePicture", visual=True)
+"""
+WORLD = """
+[world]
+string = "PSpot<x=1, y=1>"
+vocabulary = ["odd_spot:PSpot", "odd_spot:eTick", "odd_spot:ePicture"]
+frames = 3
+[process.ticks]
+service = "each"
+event = "eTick"
+[process.picture]
+service = "svg"
+path = "picture.svg"
+"""
+
+
+@pytest.fixture
+def odd(tmp_path, monkeypatch):
+    """A folder with a world, whose name is not UTF-8."""
+    folder = tmp_path / os.fsdecode(b"odd\xff")
+    folder.mkdir()
+    (folder / "odd_spot.py").write_text(CODE)
+    (folder / "spot.toml").write_text(WORLD)
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
+    return folder
+
+
+@given(st.binary(min_size=1, max_size=40).filter(lambda name: b"\0" not in name))
+def test_the_text_of_each_path_is_utf_8_and_leads_back_to_it(name):
+    path = os.fsdecode(name)
+    text = text_of_path(path)
+    assert text.encode().decode() == text
+    try:
+        name.decode()
+    except UnicodeDecodeError:
+        assert "\\x" in text
+    else:
+        assert os.fspath(path_of_text(text)) == os.path.normpath(path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="macOS refuses such names")
+@pytest.mark.parametrize("bus", [False, True])
+def test_a_world_runs_and_is_recorded_in_a_folder_of_such_a_name(odd, bus):
+    path, kept = odd / "spot.toml", odd / "spot.mcap"
+    done = record(path, kept, bus=bus)
+    assert done.figures["picture"].endswith(".png") or done.figures["picture"].endswith(".svg")
+    assert resume(kept, path, frames=5, bus=bus).frames == 5

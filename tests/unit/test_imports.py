@@ -1,4 +1,4 @@
-"""Modules beside world files are imported as they are now, also after a quick edit."""
+"""Imports: names of the package on first access, and modules of users as they are now."""
 
 import os
 import subprocess
@@ -8,12 +8,36 @@ from pathlib import Path
 
 import pytest
 
+import minerva_bus
 from minerva_bus.cli.calibrating import _objective
 from minerva_bus.cli.evolving import read_fitness
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
+
+
+@pytest.mark.parametrize("name", minerva_bus.__all__)
+def test_every_public_name_is_there(name):
+    assert getattr(minerva_bus, name) is not None
+    assert name in dir(minerva_bus)
+
+
+def test_all_names_that_can_be_imported_are_public():
+    listed = [name for names in minerva_bus._HOMES.values() for name in names.split()]
+    assert sorted(listed) == sorted(minerva_bus.__all__)
+
+
+def test_another_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="has no attribute 'Fox'"):
+        _ = minerva_bus.Fox
+
+
+def test_the_package_alone_brings_no_numpy():
+    said = "import sys, minerva_bus; print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
 
 READ = """
 import sys

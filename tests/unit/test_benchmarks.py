@@ -1,6 +1,8 @@
-"""Exit codes of benchmarks/chaos.py, with a world that is replaced by its results."""
+"""Benchmarks: usage after wrong arguments, and exit codes of chaos.py."""
 
+import runpy
 import subprocess
+import sys
 from collections import Counter
 from contextlib import nullcontext
 from types import SimpleNamespace
@@ -9,6 +11,24 @@ import pytest
 
 from benchmarks import chaos
 from benchmarks.chaos_faults import LONG_WAIT, Chaos
+
+WRONG = {
+    "environments": [["robot"]],
+    "peer_statistics": [[], ["mesa", "wealth", "10", "1", "last"], ["mesaframes", "wolf_sheep"]],
+    "comparison.worker": [[], ["mesa"], ["minerva", "schelling", "crowd"]],
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [(name, words) for name, given in WRONG.items() for words in given]
+)
+def test_wrong_arguments_end_with_the_usage(name, words, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [name, *words])
+    monkeypatch.setattr(sys, "path", [*sys.path])  # peer_statistics adds the current folder
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_module(f"benchmarks.{name}", run_name="__main__")
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith("usage: ")
 
 
 class Disturbed:
