@@ -29,6 +29,7 @@ from minerva_bus import (
 )
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.stimuli import Abandoned
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.order import Order
@@ -284,7 +285,42 @@ def host(name: str, *kinds: type[Agent]) -> Any:
     return partial(Member, name, None, kinds)
 
 
-def counters(text: str = "ACounter#a · ACounter#b", **rest: Any) -> MemoryBus:
+class Bus(MemoryBus):
+    """A bus that executes the steps of a scenario as a text, and compares its trace with one."""
+
+    def do(self, steps: str) -> "Bus":
+        """Execute steps such as "hold up host, frame, vanish host, settle, release, run 2".
+
+        They are methods of the bus with names, links or numbers of frames as arguments. `abandon`
+        gives a member up; `clear` empties the trace.
+        """
+        for step in steps.split(", "):
+            match step.split():
+                case ["clear"]:
+                    self.trace.clear()
+                case ["abandon", name]:
+                    self.handle(Abandoned(name))
+                case ["run", frames]:
+                    self.run(int(frames))
+                case ["hold" | "step" | "drop" as deed, *link]:
+                    getattr(self, deed)((*link, "") if len(link) == 1 else tuple(link))
+                case [deed, *names]:
+                    getattr(self, deed)(*names)
+        return self
+
+    def join(self, name: str, make: Any) -> None:
+        """Let another member appear, or one of this name as another."""
+        self.makers[name] = make
+        self.appear(name)
+
+    def expect(self, trace: str) -> None:
+        """Check the trace since the last call; blanks around lines are ignored."""
+        lines = [line.strip() for line in self.trace]
+        self.trace.clear()
+        assert lines == [line.strip() for line in trace.strip().splitlines()], "\n".join(lines)
+
+
+def counters(text: str = "ACounter#a · ACounter#b", **rest: Any) -> Bus:
     """The plain world: one generator, and one host of counters; `members` adds to them."""
     members = {
         "add": service("add", Add),
@@ -292,11 +328,19 @@ def counters(text: str = "ACounter#a · ACounter#b", **rest: Any) -> MemoryBus:
         **rest.pop("members", {}),
     }
     expected = rest.pop("expected", members)
-    return MemoryBus(world(text, expected, **rest), members)
+    return Bus(world(text, expected, **rest), members)
 
 
-def expect(bus: MemoryBus, trace: str) -> None:
-    """Check the trace since the last call; blanks around lines are ignored."""
-    lines = [line.strip() for line in bus.trace]
-    bus.trace.clear()
-    assert lines == [line.strip() for line in trace.strip().splitlines()], "\n".join(lines)
+def started(*text: str, after: int = 1, **rest: Any) -> Bus:
+    """Counters after some frames, with an empty trace."""
+    return counters(*text, **rest).do(f"start, run {after}, clear")
+
+
+def finished(*text: str, **rest: Any) -> Bus:
+    """Counters whose world has run to its end."""
+    return counters(*text, **rest).do("start, run")
+
+
+def undisturbed(frames: int, **rest: Any) -> list[str]:
+    """The digests of so many frames in which nothing else happens."""
+    return started(after=frames, **rest).digests

@@ -1,45 +1,48 @@
 """Ends of a world: by its rules, by an operator, in any phase; reports of members."""
 
 import pytest
-from pond import Add, Counter, Mother, Screen, counters, eCroak, eDone, expect, host, service
+from pond import (
+    Add,
+    Counter,
+    Mother,
+    Screen,
+    counters,
+    eCroak,
+    eDone,
+    finished,
+    host,
+    service,
+    started,
+)
 
 from minerva_bus import EMPTY, Agent, on
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
-from minerva_bus.testing.memory_bus import BEGIN
 
 
 @pytest.mark.parametrize("frames", [1, 2, 9])
 def test_after_so_many_frames(frames):
-    bus = counters(frames=frames)
-    bus.start()
-    bus.run()
+    bus = finished(frames=frames)
     assert bus.ended.reason == "the frames are over"
     assert len(bus.records) == bus.algorithm.frame == frames
 
 
 def test_when_every_agent_has_sent_an_event():
     """Counters send eDone when they reach 7."""
-    bus = counters("ACounter#a<n=5> · ACounter#b<n=3>", until="eDone")
-    bus.start()
-    bus.run()
+    bus = finished("ACounter#a<n=5> · ACounter#b<n=3>", until="eDone")
     assert bus.ended.reason == "every agent has sent eDone"
     assert bus.algorithm.reached
     assert bus.algorithm.frame == 4
 
 
 def test_agents_of_kinds_that_do_not_send_it_are_not_asked():
-    bus = counters("ACounter#a<n=5> · AMother#m", until="eDone")
-    bus.start()
-    bus.run()
+    bus = finished("ACounter#a<n=5> · AMother#m", until="eDone")
     assert bus.algorithm.frame == 2
 
 
 def test_it_is_not_reached_while_one_of_the_kind_has_not_sent_it():
-    bus = counters("ACounter#a<n=5> · ACounter#b<n=7>", until="eDone")
-    bus.start()
-    bus.run(10)
+    bus = started("ACounter#a<n=5> · ACounter#b<n=7>", until="eDone", after=10)
     assert bus.ended is None
     assert not bus.algorithm.reached
 
@@ -54,40 +57,28 @@ class Quitter(Counter, symbol="ACounter"):
             moment.emit(eDone() if self.n == 7 else eCroak(0.5))
 
 
+QUITTERS = {"give_up": "eCroak", "members": {"host": host("host", Quitter)}}
+
+
 def test_agents_that_give_up_end_a_world_with_their_reasons():
-    bus = counters(
-        "ACounter#a<n=5> · ACounter#b<n=2>", until="eDone", give_up="eCroak",
-        members={"host": host("host", Quitter)},
-    )  # fmt: skip
-    bus.start()
-    bus.run()
+    bus = finished("ACounter#a<n=5> · ACounter#b<n=2>", until="eDone", **QUITTERS)
     assert bus.ended.reason == "#b has given up: eCroak<x=0.5>"
     assert not bus.algorithm.reached
     assert "b: gave up: eCroak<x=0.5>" in "\n".join(bus.trace)
 
 
 def test_one_that_gives_up_and_goes_on_can_still_reach_it():
-    bus = counters(
-        "ACounter#a<n=2> · ACounter#b<n=-4>", until="eDone", give_up="eCroak",
-        members={"host": host("host", Quitter)},
-    )  # fmt: skip
-    bus.start()
-    bus.run(3)
+    bus = started("ACounter#a<n=2> · ACounter#b<n=-4>", after=3, until="eDone", **QUITTERS)
     state = bus.algorithm.checkpoint
     assert bus.ended is None
     bus.run()
     assert bus.ended.reason == "#b has given up: eCroak<x=0.5>"
-    again = counters(
-        str(bus.algorithm.scene), until="eDone", give_up="eCroak", past=state,
-        members={"host": host("host", Quitter)},
-    )  # fmt: skip
+    again = counters(str(bus.algorithm.scene), until="eDone", past=state, **QUITTERS)
     assert again.algorithm.finished == ""
 
 
 def test_giving_up_ends_nothing_without_until():
-    bus = counters("ACounter#a<n=2>", give_up="eCroak", members={"host": host("host", Quitter)})
-    bus.start()
-    bus.run(9)
+    bus = started("ACounter#a<n=2>", after=9, **QUITTERS)
     assert bus.ended is None
 
 
@@ -106,11 +97,9 @@ class Mayfly(Agent, symbol="ACounter"):
 
 
 def test_one_that_sends_it_and_dies_does_not_speak_for_the_others():
-    bus = counters(
+    bus = finished(
         "ACounter#a<n=5> · ACounter#b<n=3>", until="eDone", members={"host": host("host", Mayfly)}
     )
-    bus.start()
-    bus.run()
     assert bus.algorithm.frame == 4
 
 
@@ -120,46 +109,23 @@ def test_a_person_may_end_it_in_any_phase(phase):
     for name in sorted(bus.makers):
         if phase is not Phase.WAITING or name != "host":
             bus.appear(name)
-    links = {
-        Phase.TICK: ("up", "add"),
-        Phase.EVOLVE: ("up", "host"),
-        Phase.CLOSING: ("up", "host"),
-        Phase.STOPPING: ("up", "screen"),
+    steps = {
+        Phase.TICK: "hold up add, frame",
+        Phase.EVOLVE: "hold up host, frame",
+        Phase.CLOSING: "frame, hold down host, frame, step down host, step up host",
+        Phase.STOPPING: "frame, hold down screen, frame",
+        Phase.ENDED: "frame, hold down screen, frame, release, settle",
     }
-    bus.settle()
-    if phase is Phase.CLOSING:
-        bus.frame()
-    if phase in (Phase.STOPPING, Phase.ENDED):
-        bus.frame()
-        bus.hold(("down", "screen"))
-        bus.frame()
-        if phase is Phase.ENDED:
-            bus.release()
-            bus.settle()
-    elif phase is Phase.CLOSING:
-        bus.hold(("down", "host"))
-        bus.frame()
-        bus.step(("down", "host"))
-        bus.step(("up", "host"))
-    elif phase in links:
-        bus.hold(links[phase])
-        bus.frame()
+    bus.do(f"settle, {steps.get(phase, 'settle')}")
     assert bus.algorithm.phase is phase
     bus.handle(s.End("a person wishes it"))
-    bus.release()
-    bus.settle()
-    assert bus.ended is not None
-    wanted = (
-        "the frames are over" if phase in (Phase.STOPPING, Phase.ENDED) else "a person wishes it"
-    )
-    assert bus.ended.reason == wanted
+    bus.do("release, settle")
+    over = phase in (Phase.STOPPING, Phase.ENDED)
+    assert bus.ended.reason == ("the frames are over" if over else "a person wishes it")
 
 
 def test_messages_after_the_end_are_ignored():
-    bus = counters(frames=1)
-    bus.start()
-    bus.run()
-    bus.trace.clear()
+    bus = counters(frames=1).do("start, run, clear")
     for stimulus in (
         s.Begin(),
         s.End("again"),
@@ -183,31 +149,22 @@ def test_figures_of_one_name_are_added_and_others_stand_side_by_side():
         "more": service("more", lambda: Add(10)),
         "screen": service("screen", Screen),
     }
-    bus = counters(frames=2, members=members)
-    bus.start()
-    bus.run()
+    bus = finished(frames=2, members=members)
     assert bus.ended.figures == {"adders": 2, "added": 13, "pictures": 3}
 
 
 def test_figures_of_guests_count_and_those_of_the_dead_do_not():
     bus = counters(members={"more": service("more", lambda: Add(10))})
     bus.start()
-    bus.makers["guest"] = service("guest", lambda: Add(30))
-    bus.appear("guest")
-    bus.run(1)
-    bus.vanish("more")
+    bus.join("guest", service("guest", lambda: Add(30)))
+    bus.do("run 1, vanish more")
     bus.handle(s.End("enough"))
     bus.settle()
     assert bus.ended.figures == {"adders": 2, "added": 31}
 
 
 def test_a_report_counts_once_and_from_members_only():
-    bus = counters(frames=1)
-    bus.start()
-    bus.settle()
-    bus.hold(("up", "add"), ("up", "host"))
-    bus.frame()
-    bus.release()
+    bus = started(frames=1, after=0).do("hold up add, hold up host, frame, release")
     bus.put(m.Report("stranger", {"added": 5}))
     bus.settle()
     bus.put(m.Report("add", {"added": 5}))
@@ -216,38 +173,19 @@ def test_a_report_counts_once_and_from_members_only():
 
 
 def test_one_that_dies_with_its_report_unsaid_does_not_hold_the_end_up():
-    bus = counters(frames=1)
-    bus.start()
-    bus.settle()
-    bus.hold(("down", "host"))
-    bus.frame()
-    bus.step(("down", "host"))
-    bus.step(("down", "host"))
-    bus.settle()
-    bus.vanish("host")
-    bus.trace.clear()
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus = started(frames=1, after=0)
+    bus.do("hold down host, frame, step down host, step down host")
+    bus.do("settle, vanish host, clear, settle").expect("""
         > host vanished
         > silent
         > silent
             ended: the frames are over {'adders': 1, 'added': 1}
-    """,
-    )
+    """)
 
 
 def test_a_silent_member_is_not_awaited_for_ever():
     """The time-out is detected outside the algorithm, which receives `End`."""
-    bus = counters(frames=1)
-    bus.start()
-    bus.settle()
-    bus.hold(("up", "host"))
-    bus.step(BEGIN)
-    bus.settle()
-    bus.step(("up", "host"))
-    bus.settle()
+    bus = started(frames=1, after=0).do("hold up host, step begin, settle, step up host, settle")
     assert bus.algorithm.phase is Phase.STOPPING
     assert bus.algorithm.waiting_for() == ["host"]
     bus.handle(s.End("no report in time"))
@@ -262,24 +200,12 @@ def test_a_world_without_agents_ends_at_once():
 
 
 def test_the_last_view_waits_for_a_host_that_is_away_unless_it_is_given_up():
-    bus = counters(frames=1, members={"screen": service("screen", Screen)})
-    bus.start()
-    bus.settle()
-    bus.hold(("down", "host"))
-    bus.frame()
-    bus.step(("down", "host"))
-    bus.step(("down", "host"))
-    bus.step(("up", "host"))
-    bus.vanish("host")
-    bus.settle()
+    bus = started(frames=1, members={"screen": service("screen", Screen)}, after=0)
+    bus.do("hold down host, frame, step down host, step down host")
+    bus.do("step up host, vanish host, settle")
     assert bus.algorithm.phase is Phase.CLOSING
     assert bus.algorithm.waiting_for() == ["host"]
-    bus.trace.clear()
-    bus.handle(s.Abandoned("host"))
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("clear, abandon host, settle").expect("""
         > host is given up
             says host: is not restarted; the world continues without it
             screen ← view 1 of eShow, number 2: all of #a #b
@@ -290,8 +216,7 @@ def test_the_last_view_waits_for_a_host_that_is_away_unless_it_is_given_up():
             ended: the frames are over {'adders': 1, 'added': 1, 'pictures': 2}
         > add vanished
         > screen vanished
-    """,
-    )
+    """)
 
 
 def test_mothers_and_counters_end_the_same_way_however_often():
@@ -299,8 +224,7 @@ def test_mothers_and_counters_end_the_same_way_however_often():
         bus = counters(
             "AMother#m · ACounter#c", members={"host": host("host", Counter, Mother)}, frames=5
         )
-        bus.start()
-        bus.run()
+        bus.do("start, run")
         return bus.digests, bus.trace
 
     assert run() == run()

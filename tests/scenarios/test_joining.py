@@ -12,9 +12,9 @@ from pond import (
     Screen,
     Steps,
     counters,
-    expect,
     host,
     service,
+    started,
 )
 
 from minerva_bus import Agent, Generator, Vocabulary
@@ -27,11 +27,7 @@ from minerva_bus.world.when import Participation, When
 
 def test_all_are_there_before_the_first_frame():
     bus = counters(frames=1)
-    bus.start()
-    bus.run()
-    expect(
-        bus,
-        """
+    bus.do("start, run").expect("""
         > add appeared
             add ← greet
         > add: hello, generator
@@ -55,51 +51,33 @@ def test_all_are_there_before_the_first_frame():
             ended: the frames are over {'adders': 1, 'added': 1}
         > add vanished
         > host vanished
-    """,
-    )
+    """)
 
 
 def test_the_first_frame_waits_for_all_members_of_the_world_file():
-    bus = counters()
-    bus.appear("add")
-    bus.settle()
+    bus = counters().do("appear add, settle")
     assert bus.algorithm.waiting_for() == ["host"]
-    expect(
-        bus,
-        """
+    bus.expect("""
         > add appeared
             add ← greet
         > add: hello, generator
             add ← welcome to frame 0
-    """,
-    )
-    bus.appear("host")
-    bus.settle()
-    expect(
-        bus,
-        """
+    """)
+    bus.do("appear host, settle").expect("""
         > host appeared
             host ← greet
         > host: hello, agents
             host ← welcome to frame 0
             ready for frame 0
-    """,
-    )
+    """)
 
 
 def test_a_host_that_joins_takes_over_agents_and_changes_nothing():
     plain, bus = counters(), counters()
-    plain.start()
-    plain.run(4)
-    bus.start()
-    bus.run(2)
-    bus.trace.clear()
-    bus.makers["heir"] = host("heir", Counter)
-    bus.appear("heir")
-    bus.run(2)
-    expect(
-        bus,
-        """
+    plain.do("start, run 4")
+    bus.do("start, run 2, clear")
+    bus.join("heir", host("heir", Counter))
+    bus.do("run 2").expect("""
         > heir appeared
             heir ← greet
         > heir: hello, agents
@@ -122,28 +100,17 @@ def test_a_host_that_joins_takes_over_agents_and_changes_nothing():
         > host: evolved 3: #a
             frame 3 done: eAdd<n=1>; #a: ACounter#a<n=4>(), #b: ACounter#b<n=4>()
             ready for frame 4
-    """,
-    )
+    """)
     assert bus.digests == plain.digests
 
 
 def test_a_member_that_joins_in_the_midst_of_a_frame_is_admitted_at_its_edge():
-    bus = counters()
-    bus.start()
-    bus.run(1)
-    bus.makers["heir"] = host("heir", Counter)
-    bus.trace.clear()
-    bus.hold(("up", "host"))
-    bus.frame()
-    bus.appear("heir")
+    bus = started()
+    bus.do("clear, hold up host, frame")
+    bus.join("heir", host("heir", Counter))
     bus.settle()
     assert bus.algorithm.members.get("heir").state is MemberState.JOINING
-    bus.release()
-    bus.settle()
-    bus.frame()
-    expect(
-        bus,
-        """
+    bus.do("release, settle, frame").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -165,43 +132,28 @@ def test_a_member_that_joins_in_the_midst_of_a_frame_is_admitted_at_its_edge():
         > host: evolved 2: #a
             frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
             ready for frame 3
-    """,
-    )
+    """)
 
 
 def test_an_observer_that_joins_gets_the_last_view_whole():
-    bus = counters(members={"screen": service("screen", Screen)})
-    bus.start()
-    bus.run(2)
-    bus.makers["look"] = service("look", lambda: Screen(0))
+    bus = started(members={"screen": service("screen", Screen)}, after=2)
     bus.trace.clear()
-    bus.appear("look")
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.join("look", service("look", lambda: Screen(0)))
+    bus.do("settle").expect("""
         > look appeared
             look ← greet
         > look: hello, device
             look ← welcome to frame 2
             look ← view 1 of eShow, number 2: all of #a #b
-    """,
-    )
+    """)
     bus.frame()
     assert bus.alive["look"].service.shown == bus.alive["screen"].service.shown[-2:]
 
 
 def test_a_generator_that_joins_is_asked_from_the_next_frame_on():
-    bus = counters("ACounter#a")
-    bus.start()
-    bus.run(1)
-    bus.makers["more"] = service("more", lambda: Add(10))
-    bus.appear("more")
-    bus.trace.clear()
-    bus.run(1)
-    expect(
-        bus,
-        """
+    bus = started("ACounter#a")
+    bus.join("more", service("more", lambda: Add(10)))
+    bus.do("clear, run 1").expect("""
         > more appeared
             more ← greet
         > more: hello, generator
@@ -214,26 +166,17 @@ def test_a_generator_that_joins_is_asked_from_the_next_frame_on():
         > host: evolved 1: #a
             frame 1 done: eAdd<n=1>, eAdd<n=10>; #a: ACounter#a<n=12>()
             ready for frame 2
-    """,
-    )
+    """)
 
 
 def test_a_successor_with_the_same_name_and_other_faces_is_taken_for_what_it_is():
     """A member leaves in the middle of a frame, and another one of its name joins as a host."""
     bus = counters()
     bus.start()
-    bus.makers["heir"] = service("heir", Screen)
-    bus.appear("heir")
-    bus.run(1)
-    bus.leave("heir")
-    bus.makers["heir"] = host("heir", Counter)
-    bus.appear("heir")
-    bus.step(("up", "heir"))
-    bus.hold(("up", "heir"))
-    bus.settle()
-    bus.frame()
-    bus.release()
-    bus.run(2)
+    bus.join("heir", service("heir", Screen))
+    bus.do("run 1, leave heir")
+    bus.join("heir", host("heir", Counter))
+    bus.do("step up heir, hold up heir, settle, frame, release, run 2")
     assert bus.stuck == []
     assert bus.algorithm.members.get("heir").hello.roles == ("agents",)
     assert len(bus.alive["heir"].host.fragments) + len(bus.alive["host"].host.fragments) == 2
@@ -257,11 +200,8 @@ class Rain(Generator, events=("eRain",)):
     ],
 )
 def test_a_stranger_is_refused_with_a_reason_and_the_world_goes_on(stranger, reason):
-    bus = counters(members={})
-    bus.start()
-    bus.run(1)
-    bus.makers["new"] = stranger
-    bus.appear("new")
+    bus = started(members={})
+    bus.join("new", stranger)
     bus.run(1)
     assert "new" not in bus.alive
     assert any(f"new: may not join: {reason}" in said or reason in said for said in bus.said)
@@ -269,16 +209,10 @@ def test_a_stranger_is_refused_with_a_reason_and_the_world_goes_on(stranger, rea
 
 
 def test_a_member_of_another_protocol_is_refused():
-    bus = counters()
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
+    bus = started()
     bus.handle(s.Appeared("old"))
     bus.put(m.Hello("old", 0, generates=("eAdd",)))
-    bus.run(1)
-    expect(
-        bus,
-        """
+    bus.do("run 1").expect("""
         > old appeared
             old ← greet
         > old: hello, generator
@@ -291,30 +225,21 @@ def test_a_member_of_another_protocol_is_refused():
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
 
 
 def test_a_world_ends_when_one_that_it_needs_is_refused():
-    bus = counters(members={"rain": service("rain", Rain)})
-    bus.start()
-    bus.settle()
+    bus = started(members={"rain": service("rain", Rain)}, after=0)
     assert bus.ended.reason.startswith("rain cannot take part: the world's vocabulary has no")
     assert bus.algorithm.failed
 
 
 def test_a_hello_out_of_turn_is_ignored():
-    bus = counters()
-    bus.start()
-    bus.run(1)
+    bus = started()
     hello = bus.alive["add"].hello()
     bus.put(replace(hello, generates=("eStep",), when=When(Participation.FREELY)))
     bus.put(replace(hello, member="nobody"))
-    bus.trace.clear()
-    bus.run(1)
-    expect(
-        bus,
-        """
+    bus.do("clear, run 1").expect("""
         > add: hello, generator
         > nobody: hello, generator
             says nobody: unknown member: message ignored
@@ -325,28 +250,21 @@ def test_a_hello_out_of_turn_is_ignored():
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
 
 
 def test_a_member_that_appears_during_shutdown_is_notified():
-    bus = counters()
-    bus.start()
-    bus.settle()
+    bus = started(after=0)
     bus.handle(s.End("enough"))
-    bus.makers["late"] = host("late", Mother)
-    bus.appear("late")
+    bus.join("late", host("late", Mother))
     bus.settle()
     assert bus.ended.reason == "enough"
     assert "late" not in bus.alive
 
 
 def test_the_welcome_has_all_that_a_member_needs():
-    bus = counters(seed=3, dt=0.5, name="garden")
-    bus.start()
-    bus.run(2)
-    bus.makers["new"] = service("new", Steps)
-    bus.appear("new")
+    bus = started(seed=3, dt=0.5, name="garden", after=2)
+    bus.join("new", service("new", Steps))
     bus.run(1)
     welcome = bus.alive["new"].world
     assert (welcome.world, welcome.seed, welcome.dt, welcome.frame) == ("garden", 3, 0.5, 2)

@@ -4,7 +4,7 @@ from dataclasses import replace
 from random import Random
 
 import pytest
-from pond import VOCABULARY, Add, Steps, counters, eAdd, expect, service
+from pond import VOCABULARY, Add, Steps, counters, eAdd, service
 
 from minerva_bus import Device, Tick
 from minerva_bus.errors import MisuseError
@@ -45,15 +45,9 @@ def taking(make=OnOrders, **more):
 
 
 def test_it_is_asked_in_its_first_frame_and_in_those_with_orders():
-    bus = taking()
-    bus.start()
-    bus.run(2)
-    bus.trace.clear()
+    bus = taking().do("start, run 2, clear")
     bus.handle(s.Publish(eAdd(3)))
-    bus.run(2)
-    expect(
-        bus,
-        """
+    bus.do("run 2").expect("""
         > order: eAdd<n=3>
         > begin
             says orders: eAdd<n=3> of people counts in frame 2
@@ -67,17 +61,14 @@ def test_it_is_asked_in_its_first_frame_and_in_those_with_orders():
         > begin
             frame 3 done: no events; no change
             ready for frame 4
-    """,
-    )
+    """)
 
 
 def disturbed(make, seed, *, calm):
     """Digests of a run with orders; unless `calm`, members and the coordinator are killed."""
     chance = Random(seed)
     orders = {frame: chance.randrange(1, 9) for frame in range(1, 40) if chance.random() < 0.2}
-    bus = taking(make, steps=service("steps", Steps))
-    bus.start()
-    bus.settle()
+    bus = taking(make, steps=service("steps", Steps)).do("start, settle")
     while (frame := bus.algorithm.frame) < 40:
         if frame in orders:
             bus.handle(s.Publish(eAdd(orders.pop(frame))))
@@ -86,9 +77,7 @@ def disturbed(make, seed, *, calm):
                 bus.restart(chance.choice(("add", "host", "steps")))
             case 1:
                 bus.hold(("up", chance.choice(("add", "host", "steps"))))
-                bus.frame()
-                bus.restart("add")
-                bus.release()
+                bus.do("frame, restart add, release")
             case 2 if not bus.algorithm.inbox:
                 bus.kill_coordinator()
             case _:
@@ -106,13 +95,9 @@ def test_strings_are_those_of_a_generator_that_is_asked_always(seed):
 
 
 def test_a_new_process_is_asked_once_without_its_first_event():
-    bus = taking()
-    bus.start()
-    bus.run(3)
+    bus = taking().do("start, run 3")
     before = str(bus.algorithm.scene)
-    bus.restart("add")
-    bus.trace.clear()
-    bus.run(3)
+    bus.do("restart add, clear, run 3")
     assert sum("add ← tick" in line for line in bus.trace) == 1
     assert str(bus.algorithm.scene) == before
 
@@ -120,60 +105,40 @@ def test_a_new_process_is_asked_once_without_its_first_event():
 def test_an_order_that_arrives_while_it_is_away_waits_for_it():
     """It is killed in a frame for which it was not asked, and another generator delays."""
     bus = taking(steps=service("steps", Steps))
-    bus.start()
-    bus.run(2)
-    bus.hold(("up", "steps"))
-    bus.frame()
-    bus.vanish("add")
-    bus.settle()
+    bus.do("start, run 2, hold up steps, frame, vanish add, settle")
     bus.handle(s.Publish(eAdd(3)))
-    bus.release()
-    bus.settle()
+    bus.do("release, settle")
     assert bus.algorithm.waiting_for() == ["add"]
-    bus.appear("add")
-    bus.run(2)
+    bus.do("appear add, run 2")
     assert "n=-36" in str(bus.algorithm.scene)
 
 
 def test_a_frame_that_no_longer_waits_for_it_asks_it_in_the_next():
-    bus = taking()
-    bus.start()
-    bus.run(2)
-    bus.hold(("down", "add"))
+    bus = taking().do("start, run 2, hold down add")
     bus.handle(s.Publish(eAdd(3)))
     bus.frame()
     bus.handle(s.Skip("add"))
-    bus.settle()
-    bus.frame()
+    bus.do("settle, frame")
     assert bus.algorithm.waiting_for() == ["add"]
 
 
 def test_an_order_for_a_frame_that_it_has_answered_counts_in_the_next():
     """The coordinator is killed in the first frame, when an order has arrived after the tick."""
     bus = taking(steps=service("steps", Steps))
-    bus.start()
-    bus.settle()
-    bus.hold(("up", "steps"))
-    bus.frame()
-    bus.kill_coordinator()
+    bus.do("start, settle, hold up steps, frame, kill_coordinator")
     bus.handle(s.Publish(eAdd(3)))
-    bus.release()
-    bus.run(4)
+    bus.do("release, run 4")
     assert "n=-36" in str(bus.algorithm.scene)
 
 
 def test_a_world_whose_generators_wait_for_orders_rests():
-    bus = taking()
-    bus.start()
-    bus.run(1)
+    bus = taking().do("start, run 1")
     assert bus.algorithm.frame == 1
     bus.run(1)
     assert bus.algorithm.at_rest
     bus.handle(s.Publish(eAdd(3)))
     assert not bus.algorithm.at_rest
-    always = taking(AskedAlways)
-    always.start()
-    always.run(2)
+    always = taking(AskedAlways).do("start, run 2")
     assert not always.algorithm.at_rest
 
 

@@ -1,6 +1,6 @@
 """Orders of people: through a generator that takes them, or directly into the next frame."""
 
-from pond import Add, Steps, counters, eAdd, eStep, expect, service
+from pond import Add, Steps, counters, eAdd, eStep, service, started
 
 from minerva_bus.frame import stimuli as s
 
@@ -20,15 +20,9 @@ def taking(**more):
 
 
 def test_an_order_goes_through_the_generator_that_takes_it():
-    bus = taking()
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
+    bus = taking().do("start, run 1, clear")
     bus.handle(s.Publish(eAdd(3)))
-    bus.run(2)
-    expect(
-        bus,
-        """
+    bus.do("run 2").expect("""
         > order: eAdd<n=3>
         > begin
             says orders: eAdd<n=3> of people counts in frame 1
@@ -45,20 +39,13 @@ def test_an_order_goes_through_the_generator_that_takes_it():
         > add: ticked 2: no events
             frame 2 done: no events; no change
             ready for frame 3
-    """,
-    )
+    """)
 
 
 def test_an_order_without_a_taker_counts_in_the_next_frame():
-    bus = counters()
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
+    bus = started()
     bus.handle(s.Publish(eAdd(3, receivers=["b"])))
-    bus.run(2)
-    expect(
-        bus,
-        """
+    bus.do("run 2").expect("""
         > order: eAdd<n=3> to #b
         > begin
             ~tick ← tick 1
@@ -75,29 +62,20 @@ def test_an_order_without_a_taker_counts_in_the_next_frame():
         > host: evolved 2: #a #b
             frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=6>()
             ready for frame 3
-    """,
-    )
+    """)
 
 
 def test_orders_in_a_tick_wait_for_the_next():
-    bus = taking(slow=service("slow", Steps))
-    bus.start()
-    bus.run(1)
-    bus.hold(("up", "slow"))
-    bus.frame()
+    bus = taking(slow=service("slow", Steps)).do("start, run 1, hold up slow, frame")
     bus.handle(s.Publish(eAdd(3)))
-    bus.settle()
-    bus.release()
-    bus.settle()
+    bus.do("settle, release, settle")
     assert "n=0" in str(bus.algorithm.scene)
     bus.run(1)
     assert "n=6" in str(bus.algorithm.scene)
 
 
 def test_many_orders_keep_their_order_and_each_counts():
-    bus = taking()
-    bus.start()
-    bus.run(1)
+    bus = taking().do("start, run 1")
     for n in (1, 2, 3):
         bus.handle(s.Publish(eAdd(n)))
     bus.run(1)
@@ -108,51 +86,31 @@ def test_many_orders_keep_their_order_and_each_counts():
 
 def test_an_order_whose_taker_is_away_is_not_lost():
     """It is kept until the frame and passes through the taker, which has returned by then."""
-    bus = taking()
-    bus.start()
-    bus.run(1)
-    bus.vanish("add")
-    bus.settle()
+    bus = taking().do("start, run 1, vanish add, settle")
     bus.handle(s.Publish(eAdd(3)))
-    bus.appear("add")
-    bus.run(1)
+    bus.do("appear add, run 1")
     assert "n=6" in str(bus.algorithm.scene)
 
 
 def test_an_order_whose_taker_has_gone_for_good_counts_as_it_is():
-    bus = taking()
-    bus.start()
-    bus.run(1)
+    bus = taking().do("start, run 1")
     bus.handle(s.Publish(eAdd(3)))
-    bus.vanish("add")
-    bus.handle(s.Abandoned("add"))
-    bus.run(1)
+    bus.do("vanish add, abandon add, run 1")
     assert "n=3" in str(bus.algorithm.scene)
 
 
 def test_a_taker_restarted_during_a_tick_receives_the_orders_again():
-    bus = taking()
-    bus.start()
-    bus.run(1)
-    bus.hold(("up", "add"))
+    bus = taking().do("start, run 1, hold up add")
     bus.handle(s.Publish(eAdd(3)))
-    bus.frame()
-    bus.vanish("add")
-    bus.release()
-    bus.appear("add")
-    bus.run(1)
+    bus.do("frame, vanish add, release, appear add, run 1")
     assert "n=6" in str(bus.algorithm.scene)
 
 
 def test_an_order_without_receivers_changes_nothing():
-    bus = counters()
-    bus.start()
-    bus.run(1)
+    bus = started()
     before = bus.algorithm.scene
-    bus.vanish("add")
-    bus.handle(s.Abandoned("add"))
+    bus.do("vanish add, abandon add")
     bus.handle(s.Publish(eStep(1)))
-    bus.settle()
-    bus.run(1)
+    bus.do("settle, run 1")
     assert bus.algorithm.scene == before
     assert [str(event) for event in bus.records[-1].events] == ["eStep<count=1>"]

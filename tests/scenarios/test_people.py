@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import pytest
-from pond import Add, Steps, counters, eAdd, service
+from pond import Add, Steps, counters, eAdd, service, started, undisturbed
 from test_orders import Taker, taking
 
 from minerva_bus import EventType, Of, Primitive, Vocabulary, parse
@@ -20,26 +20,12 @@ class Keys(Add):
     people = True
 
 
-def undisturbed(frames):
-    """The digests of frames in which only the processes take part."""
-    bus = counters()
-    bus.start()
-    bus.run(frames)
-    return bus.digests
-
-
 def refusal(bus, event_type):
     return refusal_of_order(bus.algorithm, event_type)
 
 
-def started(bus):
-    bus.start()
-    bus.run(1)
-    return bus
-
-
 def test_types_of_generators_are_not_for_people():
-    bus = started(counters())
+    bus = started()
     said = refusal(bus, "eAdd")
     assert "eAdd comes from add, so people may not send it" in said
     assert 'people = ["eAdd"] under [world]' in said
@@ -47,23 +33,21 @@ def test_types_of_generators_are_not_for_people():
 
 
 def test_nor_is_it_while_that_generator_is_away():
-    bus = started(counters())
-    bus.vanish("add")
-    bus.settle()
+    bus = started().do("vanish add, settle")
     assert "comes from add" in refusal(bus, "eAdd")
     bus.handle(s.Abandoned("add"))
     assert refusal(bus, "eAdd") == ""
 
 
 def test_people_may_send_types_with_a_taker_even_if_another_generates_them():
-    assert refusal(started(taking()), "eAdd") == ""
-    also = started(taking(more=service("more", Taker), steps=service("steps", Steps)))
+    assert refusal(taking().do("start, run 1"), "eAdd") == ""
+    also = taking(more=service("more", Taker), steps=service("steps", Steps)).do("start, run 1")
     assert refusal(also, "eAdd") == ""
     assert "comes from steps" in refusal(also, "eStep")
 
 
 def test_the_world_file_may_allow_it():
-    bus = started(counters(people=("eAdd",)))
+    bus = started(people=("eAdd",))
     assert refusal(bus, "eAdd") == ""
     bus.handle(s.Publish(eAdd(3)))
     bus.run(1)
@@ -78,7 +62,7 @@ def test_before_all_members_are_present_no_result_is_known():
 
 def test_nor_are_they_for_people_who_attach_a_generator():
     """The reply to its hello says why, and it may still take part in worlds that allow it."""
-    bus = started(counters())
+    bus = started()
     said, digests = attached(bus, Keys)
     assert said[:-1] == [
         "guest: may not join: eAdd comes from add, so people may not send it; to let them, write"
@@ -86,13 +70,13 @@ def test_nor_are_they_for_people_who_attach_a_generator():
     ]
     assert digests == undisturbed(3)[1:]
     assert attached(bus, Steps, "other") == ([], undisturbed(5)[3:])
-    allowed = started(counters(people=("eAdd",)))
+    allowed = started(people=("eAdd",))
     assert attached(allowed, lambda: Keys(2))[0] == []
     assert "n=7" in str(allowed.algorithm.scene)
 
 
 def test_a_sensor_may_be_attached_that_makes_the_same_events_as_a_process():
-    bus = started(counters())
+    bus = started()
     assert attached(bus, lambda: Add(2))[0] == []
     assert "n=7" in str(bus.algorithm.scene)
 
@@ -103,10 +87,8 @@ def test_a_guest_that_joins_before_the_process_may_not_send_them_either(when):
         pass
 
     bus = counters()
-    bus.makers["guest"] = service("guest", Early)
-    for name in ("guest", "host", "add"):
-        bus.appear(name)
-        bus.settle()
+    bus.join("guest", service("guest", Early))
+    bus.do("settle, appear host, settle, appear add, settle")
     assert bus.said == []
     if when == "freely":
         bus.put(m.Emitted("guest", (eAdd(30),)))
@@ -121,7 +103,7 @@ def test_a_guest_that_takes_orders_allows_nothing():
         def takes_orders(self):
             return ("eAdd",)
 
-    bus = started(counters())
+    bus = started()
     assert attached(bus, Accomplice)[0] == []
     assert bus.algorithm.members.takers("eAdd") == ["guest"]
     assert "eAdd comes from add" in refusal(bus, "eAdd")
@@ -134,7 +116,7 @@ def test_the_types_of_an_attached_sensor_are_not_for_people(people):
         pass
 
     Guest.people = people
-    bus = started(counters())
+    bus = started()
     assert attached(bus, Guest)[0] == []
     assert bus.algorithm.members.get("guest").active
     assert ("eStep comes from guest" in refusal(bus, "eStep")) is not people
@@ -143,8 +125,7 @@ def test_the_types_of_an_attached_sensor_are_not_for_people(people):
 def attached(bus, generator, name="guest"):
     """What a world says while a guest joins and takes part in two frames, and their digests."""
     count = len(bus.said), len(bus.digests)
-    bus.makers[name] = service(name, generator)
-    bus.appear(name)
+    bus.join(name, service(name, generator))
     bus.run(2)
     return bus.said[count[0] :], bus.digests[count[1] :]
 
@@ -154,7 +135,7 @@ def test_people_may_send_types_of_a_keyboard(hands):
     class Hands(Steps):
         people = hands
 
-    bus = started(counters(members={"steps": service("steps", Hands)}))
+    bus = started(members={"steps": service("steps", Hands)})
     assert bool(refusal(bus, "eStep")) is not hands
 
 

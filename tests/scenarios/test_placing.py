@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from pond import VOCABULARY, Add, Counter, Minnow, Steps, host, service, world
+from pond import VOCABULARY, Add, Bus, Counter, Minnow, Steps, host, service, world
 
 from minerva_bus.frame import load
 from minerva_bus.frame.composition import Composition
@@ -13,7 +13,6 @@ from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.stimuli import Drain
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.testing.memory_bus import MemoryBus
 
 FOUR = " · ".join(f"ACounter#{id}" for id in "abcd")
 
@@ -22,7 +21,7 @@ def pond(hosts, placement, text=FOUR, **rest):
     """Counters on hosts with given machines; the generator runs on the machine `lab`."""
     members = {"add": on("lab", "add", service("add", Add))}
     members |= {name: on(where, name, host(name, Counter)) for name, where in hosts.items()}
-    bus = MemoryBus(world(text, ["add"], placement=placement, **rest), members)
+    bus = Bus(world(text, ["add"], placement=placement, **rest), members)
     bus.start()
     return bus
 
@@ -63,10 +62,8 @@ def test_agents_follow_the_member_that_they_have_to_be_near():
     bus = pond({"east": "field", "west": "lab"}, near)
     bus.run(2)
     assert set(homes(bus).values()) == {"west"}
-    bus.vanish("add")
-    bus.settle()
-    bus.makers["add"] = on("field", "add", service("add", Add))
-    bus.appear("add")
+    bus.do("vanish add, settle")
+    bus.join("add", on("field", "add", service("add", Add)))
     bus.run(2)
     assert set(homes(bus).values()) == {"east"}
     assert counts(bus) == dict.fromkeys("abcd", 4)
@@ -77,8 +74,7 @@ def test_agents_beyond_the_capacity_of_hosts_stand_still():
     bus.run(2)
     assert sorted(counts(bus).values()) == [0, 2, 2, 2]
     assert [line for line in bus.said if "1 agent has no host and does not evolve" in line]
-    bus.makers["west"] = host("west", Counter)
-    bus.appear("west")
+    bus.join("west", host("west", Counter))
     bus.run(1)
     assert sorted(counts(bus).values()) == [1, 3, 3, 3]
     assert "every agent has a host again" in bus.said[-1]
@@ -98,19 +94,16 @@ def test_kinds_that_no_host_offers_are_named_once():
         f"placement: no host offers {kind}: these agents do not evolve; attach a host that does"
         for kind in ("ACounter", "AMinnow")
     ]
-    bus.makers["west"] = host("west", Counter)
-    bus.appear("west")
+    bus.join("west", host("west", Counter))
     bus.run(2)
     assert counts(bus)["a"] == 2
-    bus.vanish("west")
-    bus.settle()
-    bus.run(2)
+    bus.do("vanish west, settle, run 2")
     assert len([line for line in bus.said if "no host offers" in line]) == 2
 
 
 def shoal(hosts, placement, text, **rest):
     members = {"steps": service("steps", Steps)} | {name: host(name, Minnow) for name in hosts}
-    bus = MemoryBus(world(text, members, placement=placement, seed=5, **rest), members)
+    bus = Bus(world(text, members, placement=placement, seed=5, **rest), members)
     bus.start()
     return bus
 
@@ -147,15 +140,9 @@ def test_a_host_that_dies_amid_a_frame_leaves_its_string_as_it_is():
     text = " · ".join(f"ACounter#n{n}" for n in range(9))
     plain = pond(members, PlacementRules(), text)
     plain.run(3)
-    bus = pond(members, PlacementRules(agents_per_host=3), text)
-    bus.run(2)
-    bus.hold(("up", "two"))
-    bus.frame()
+    bus = pond(members, PlacementRules(agents_per_host=3), text).do("run 2, hold up two, frame")
     assert bus.algorithm.waiting_for() == ["two"]
-    bus.release()
-    bus.drop(("up", "two"))
-    bus.vanish("two")
-    bus.settle()
+    bus.do("release, drop up two, vanish two, settle")
     assert bus.digests == plain.digests
     bus.run(2)
     assert sorted(counts(bus).values()) == [3, 3, 3, 5, 5, 5, 5, 5, 5]
@@ -165,8 +152,7 @@ def test_agents_wait_for_the_member_near_which_they_live_to_be_attached():
     bus = pond({"east": "field"}, PlacementRules({"ACounter": Rule(near="second")}))
     bus.run(2)
     assert set(counts(bus).values()) == {0}
-    bus.makers["second"] = on("field", "second", service("second", Steps))
-    bus.appear("second")
+    bus.join("second", on("field", "second", service("second", Steps)))
     bus.run(2)
     assert set(counts(bus).values()) == {2}
 

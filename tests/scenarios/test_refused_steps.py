@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pond import host, service
+from pond import Bus, host, service
 
 from minerva_bus import (
     Agent,
@@ -26,7 +26,6 @@ from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.rest import rested
 from minerva_bus.grammar.scene import FigureNode, agents
 from minerva_bus.grammar.traversal import walk
-from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.order import Order
 
@@ -148,7 +147,7 @@ def world(text, norms=(WALL,), hosts=1, **rest):
     w = VOCABULARY.read(text) if isinstance(text, str) else text
     rest = {"order": ORDER, "frames": 14, **rest}
     made = World("carts", w, VOCABULARY, expected=frozenset(members), norms=norms, **rest)
-    bus = MemoryBus(made, members)
+    bus = Bus(made, members)
     bus.motor = motor
     return bus
 
@@ -159,8 +158,7 @@ def states(bus):
 
 def together(bus, frames):
     """Run frame by frame; check that bodies are where agents were when the frame began."""
-    bus.start()
-    bus.settle()
+    bus.do("start, settle")
     first = {who: state["x"] for who, state in states(bus).items()}
     for number in range(frames):
         before = {who: state["x"] - first[who] for who, state in states(bus).items()}
@@ -217,8 +215,7 @@ def test_a_sanction_that_is_forbidden_itself_does_not_count():
 
 
 def run(bus):
-    bus.start()
-    bus.run()
+    bus.do("start, run")
     return bus.digests
 
 
@@ -264,15 +261,10 @@ def test_a_train_stands_still_with_all_in_it():
 @pytest.mark.parametrize("steps", range(1, 14, 2))
 def test_hosts_that_die_within_a_refused_frame_change_nothing(steps):
     calm = run(world("ACart#a · AWalker#b<x=-2>", hosts=2))
-    bus = world("ACart#a · AWalker#b<x=-2>", hosts=2)
-    bus.start()
-    bus.run(4)
+    bus = world("ACart#a · AWalker#b<x=-2>", hosts=2).do("start, run 4")
     for _ in range(steps):
         bus.step(bus.ready()[0])
-    bus.restart("host-0")
-    bus.restart("host-1")
-    bus.settle()
-    bus.run()
+    bus.do("restart host-0, restart host-1, settle, run")
     assert bus.digests == calm
     assert bus.motor.bodies["a"] == 3.0
 
@@ -280,13 +272,10 @@ def test_hosts_that_die_within_a_refused_frame_change_nothing(steps):
 @pytest.mark.parametrize("steps", range(1, 14, 2))
 def test_a_coordinator_that_dies_within_a_refused_frame_changes_nothing(steps):
     calm = run(world("ACart#a · AWalker#b<x=-2>"))
-    bus = world("ACart#a · AWalker#b<x=-2>")
-    bus.start()
-    bus.run(5)
+    bus = world("ACart#a · AWalker#b<x=-2>").do("start, run 5")
     for _ in range(steps):
         bus.step(bus.ready()[0])
-    bus.kill_coordinator()
-    bus.run()
+    bus.do("kill_coordinator, run")
     assert bus.digests[-1] == calm[-1]
     assert bus.motor.bodies["a"] == 3.0
 
@@ -301,15 +290,9 @@ def test_negative_zero_comes_to_rest_as_zero_in_nodes_and_columns():
 
 
 def test_agents_that_are_left_out_of_a_frame_carry_nothing_out():
-    bus = world("ACart#a", ())
-    bus.start()
-    bus.run(3)
-    bus.hold(("up", "host-0"))
-    bus.frame()
+    bus = world("ACart#a", ()).do("start, run 3, hold up host-0, frame")
     bus.handle(s.Skip("host-0"))
-    bus.settle()
-    bus.release()
-    bus.settle()
+    bus.do("settle, release, settle")
     before = states(bus)["a"]["x"]
     bus.run(1)
     assert bus.motor.bodies["a"] == before

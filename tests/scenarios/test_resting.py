@@ -4,7 +4,7 @@ import signal
 from contextlib import suppress
 
 import pytest
-from pond import Add, Screen, counters, eAdd, expect, service
+from pond import Add, Screen, eAdd, service, started
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -19,11 +19,7 @@ class Bell(Add, when="freely"):
 
 
 def resting(text="ACounter#a<n=6>", *, frames=0, **more):
-    bus = counters(text, members={"add": service("add", Bell), **more}, frames=frames)
-    bus.start()
-    bus.run(2)
-    bus.trace.clear()
-    return bus
+    return started(text, members={"add": service("add", Bell), **more}, frames=frames, after=2)
 
 
 def test_it_rests_until_an_event_waits_and_while_agents_answer_one_another():
@@ -35,9 +31,7 @@ def test_it_rests_until_an_event_waits_and_while_agents_answer_one_another():
     assert not bus.algorithm.at_rest  # At 7 a counter sends eDone for the next frame.
     bus.run(1)
     assert bus.algorithm.at_rest
-    expect(
-        bus,
-        """
+    bus.expect("""
         > add: emitted eAdd<n=1>
         > begin
             host ← fragments #a
@@ -48,8 +42,7 @@ def test_it_rests_until_an_event_waits_and_while_agents_answer_one_another():
         > begin
             frame 3 done: eDone from #a; no change
             ready for frame 4
-    """,
-    )
+    """)
 
 
 def test_an_order_ends_the_rest():
@@ -72,9 +65,7 @@ def test_it_rests_when_every_device_has_seen_what_has_changed(every):
 
 
 def test_a_world_with_a_rhythm_of_its_own_never_rests():
-    bus = counters()
-    bus.start()
-    bus.run(2)
+    bus = started(after=2)
     assert not bus.algorithm.at_rest
 
 

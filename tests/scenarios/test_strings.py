@@ -4,6 +4,7 @@ import pytest
 from pond import (
     VOCABULARY,
     Add,
+    Bus,
     Counter,
     Fly,
     Frog,
@@ -14,27 +15,20 @@ from pond import (
     Tadpole,
     counters,
     eAdd,
-    expect,
     host,
     service,
+    started,
     world,
 )
 
 from minerva_bus import Agent, Vocabulary, on
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
-from minerva_bus.testing.memory_bus import MemoryBus
 
 
 def test_a_newborn_receives_its_first_events_in_the_next_frame():
-    bus = counters("AMother#m", members={"host": host("host", Counter, Mother)}, frames=3)
-    bus.start()
-    bus.settle()
-    bus.trace.clear()
-    bus.run()
-    expect(
-        bus,
-        """
+    bus = started("AMother#m", members={"host": host("host", Counter, Mother)}, frames=3, after=0)
+    bus.do("run").expect("""
         > begin
             ~tick ← tick 0
         > add: ticked 0: eAdd<n=1>
@@ -65,14 +59,13 @@ def test_a_newborn_receives_its_first_events_in_the_next_frame():
             ended: the frames are over {'adders': 1, 'added': 1}
         > add vanished
         > host vanished
-    """,
-    )
+    """)
 
 
 def test_the_dead_are_gone_from_everywhere():
-    bus = counters("ACounter#a<n=98> · ACounter#b", members={"screen": service("screen", Screen)})
-    bus.start()
-    bus.run(4)
+    bus = started(
+        "ACounter#a<n=98> · ACounter#b", members={"screen": service("screen", Screen)}, after=4
+    )
     assert str(bus.algorithm.scene) == "ACounter#b<n=4>()"
     assert list(bus.alive["host"].host.fragments) == ["b"]
     assert bus.alive["screen"].service.shown == [
@@ -85,23 +78,15 @@ def test_the_dead_are_gone_from_everywhere():
 
 def test_transformations_around_agents_stay():
     text = "PDot<x=5> · TAt<x=1>(ACounter#a<n=99> · TAt<x=2>(ACounter#b)) · PDot<x=6>"
-    bus = counters(text)
-    bus.start()
-    bus.run(1)
+    bus = started(text)
     assert str(bus.algorithm.scene) == (
         "PDot<x=5> · TAt<x=1>(TAt<x=2>(ACounter#b<n=1>())) · PDot<x=6>"
     )
 
 
 def test_the_world_ends_with_the_empty_string():
-    bus = counters("ACounter#a<n=98>")
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    bus.run()
-    expect(
-        bus,
-        """
+    bus = started("ACounter#a<n=98>")
+    bus.do("run").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -115,24 +100,19 @@ def test_the_world_ends_with_the_empty_string():
             ended: the string is empty {'adders': 1, 'added': 1}
         > add vanished
         > host vanished
-    """,
-    )
+    """)
 
 
 def test_only_what_has_changed_travels():
     """A host that computes its fragments itself never receives them."""
     members = {"host": host("host", Counter), "steps": service("steps", Steps)}
-    bus = counters(members=members)
-    bus.start()
-    bus.run(5)
+    bus = counters(members=members).do("start, run 5")
     assert sum("host ← fragments" in line for line in bus.trace) == 1
 
 
 def test_hosts_that_no_event_concerns_are_not_asked():
     members = {"frogs": host("frogs", Frog), "flies": host("flies", Fly)}
-    bus = counters("ACounter#a · AFrog#f · AFly#y", members=members)
-    bus.start()
-    bus.run(3)
+    bus = counters("ACounter#a · AFrog#f · AFly#y", members=members).do("start, run 3")
     assert [line.strip() for line in bus.trace if "evolve" in line and "←" in line] == [
         f"~hosts ← evolve {frame} on host: eAdd<n=1>" for frame in range(3)
     ]
@@ -145,9 +125,7 @@ def test_a_fragment_with_agents_of_many_kinds_goes_where_all_are_offered():
         "all": host("all", Lily, Frog, Counter),
         "steps": service("steps", Steps),
     }
-    bus = counters("ALily#l(AFrog#f(ACounter#c))", members=members)
-    bus.start()
-    bus.run(2)
+    bus = started("ALily#l(AFrog#f(ACounter#c))", members=members, after=2)
     assert [name for name, process in bus.alive.items() if process.host.fragments] == ["all"]
     assert "ALily#l<steps=4>" in str(bus.algorithm.scene)
 
@@ -163,9 +141,7 @@ def test_an_agent_that_leaves_another_s_scope_becomes_a_fragment_of_its_own():
             return self.string + out
 
     members = {"host": host("host", Pond, Counter), "steps": service("steps", Steps)}
-    bus = counters("ALily#l(ACounter#c)", members=members)
-    bus.start()
-    bus.run(3)
+    bus = started("ALily#l(ACounter#c)", members=members, after=3)
     assert str(bus.algorithm.scene) == "ALily#l<steps=3>() · ACounter#c<n=3>()"
 
 
@@ -174,9 +150,7 @@ def test_an_agent_that_turns_into_another_kind_goes_where_that_is_offered(text):
     members = {"host": host("host", Counter), "pool": host("pool", Tadpole, Lily)}
     if "Lily" in text:
         members["all"] = host("all", Lily, Counter)
-    bus = counters(text, members=members)
-    bus.start()
-    bus.run(5)
+    bus = started(text, members=members, after=5)
     assert "ACounter#t<n=5>" in str(bus.algorithm.scene)
 
 
@@ -188,9 +162,7 @@ def test_a_kind_that_makes_one_id_twice_is_named():
         def bear(self, add, moment):
             return self.string + Counter("same").string
 
-    bus = counters("AMother#m", members={"host": host("host", Careless)})
-    bus.start()
-    bus.run(5)
+    bus = started("AMother#m", members={"host": host("host", Careless)}, after=5)
     assert len(bus.records) == 1
     assert "host: broke the protocol: it made a second agent #same" in bus.said
     assert bus.algorithm.waiting_for() == ["host"]
@@ -213,9 +185,8 @@ def test_one_host_or_many_give_the_same_strings():
     for count in (1, 2, 5):
         members = {f"host-{n}": host(f"host-{n}", *kinds) for n in range(count)}
         members["steps"] = service("steps", Steps)
-        bus = MemoryBus(world(text, members, frames=15, seed=3), members)
-        bus.start()
-        bus.run()
+        bus = Bus(world(text, members, frames=15, seed=3), members)
+        bus.do("start, run")
         digests.append(bus.digests)
     assert digests[0] == digests[1] == digests[2]
     assert len(set(digests[0])) == 15
@@ -224,9 +195,8 @@ def test_one_host_or_many_give_the_same_strings():
 def test_another_seed_gives_other_strings():
     def digests(seed):
         members = {"host": host("host", Frog), "steps": service("steps", Steps)}
-        bus = MemoryBus(world("AFrog#f", members, frames=2, seed=seed), members)
-        bus.start()
-        bus.run()
+        bus = Bus(world("AFrog#f", members, frames=2, seed=seed), members)
+        bus.do("start, run")
         return bus.digests
 
     assert digests(1) == digests(1)
@@ -238,9 +208,7 @@ def test_without_events_nothing_is_asked_and_nothing_changes():
         def generate(self, tick):
             return ()
 
-    bus = counters(members={"add": service("add", Silent)}, frames=3)
-    bus.start()
-    bus.run()
+    bus = counters(members={"add": service("add", Silent)}, frames=3).do("start, run")
     assert len(set(bus.digests)) == 1
     assert not any("evolve" in line for line in bus.trace)
 
@@ -262,9 +230,8 @@ def test_an_agent_may_become_many_in_columns(hosts):
     members = {f"h{n}": host(f"h{n}", Spawner) for n in range(hosts)}
     members["add"] = service("add", Add)
     w = World("spawn", vocabulary.read("ASpawner#a"), vocabulary, expected=frozenset(members))
-    bus = MemoryBus(w, members)
-    bus.start()
-    bus.run(4)
+    bus = Bus(w, members)
+    bus.do("start, run 4")
     assert bus.stuck == []
     assert len(bus.digests) == 4
     assert len(bus.algorithm.scene) == 40

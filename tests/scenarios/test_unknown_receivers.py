@@ -23,9 +23,7 @@ def said(bus):
 
 
 def test_an_unknown_receiver_is_reported_once():
-    bus = counters(members={"add": service("add", Misspelt)})
-    bus.start()
-    bus.run(3)
+    bus = counters(members={"add": service("add", Misspelt)}).do("start, run 3")
     assert len(said(bus)) == 1
     problem = "eAdd goes to an agent that the string does not have: #aa; did you mean 'a'?"
     assert problem in said(bus)[0]

@@ -3,6 +3,7 @@
 import pytest
 from pond import (
     Add,
+    Bus,
     Counter,
     Eye,
     Fly,
@@ -10,39 +11,22 @@ from pond import (
     Steps,
     Water,
     counters,
-    expect,
     host,
     service,
+    started,
+    undisturbed,
     world,
 )
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member_states import MemberState
-from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
-
-
-def undisturbed(frames, **rest):
-    bus = counters(**rest)
-    bus.start()
-    bus.run(frames)
-    return bus.digests
 
 
 def test_the_world_waits_for_a_generator_that_dies_in_a_tick():
-    bus = counters()
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    bus.step(BEGIN)
-    bus.vanish("add")
-    bus.settle()
+    bus = started().do("step begin, vanish add, settle")
     assert bus.algorithm.waiting_for() == ["add"]
-    bus.appear("add")
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("appear add, settle").expect("""
         > begin
             ~tick ← tick 1
         > add vanished
@@ -57,24 +41,14 @@ def test_the_world_waits_for_a_generator_that_dies_in_a_tick():
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
     assert bus.digests == undisturbed(2)
 
 
 def test_the_world_waits_for_a_generator_that_died_between_frames():
-    bus = counters()
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    bus.vanish("add")
-    bus.run(1)
+    bus = started().do("vanish add, run 1")
     assert bus.algorithm.waiting_for() == ["add"]
-    bus.appear("add")
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("appear add, settle").expect("""
         > add vanished
             says add: is gone; the world waits for it
         > begin
@@ -88,26 +62,14 @@ def test_the_world_waits_for_a_generator_that_died_between_frames():
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
     assert bus.digests == undisturbed(2)
 
 
 def test_a_dead_generators_reply_is_requested_again_during_the_tick():
     """Its successor must know what it had published; here it had published nothing."""
-    bus = counters(members={"slow": service("slow", Steps)})
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    bus.hold(("up", "slow"))
-    bus.frame()
-    bus.restart("add")
-    bus.settle()
-    bus.release()
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus = started(members={"slow": service("slow", Steps)})
+    bus.do("hold up slow, frame, restart add, settle, release, settle").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -124,39 +86,23 @@ def test_a_dead_generators_reply_is_requested_again_during_the_tick():
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>, eStep<count=2>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
 
 
 def test_a_successor_goes_on_from_what_was_saved_in_the_last_whole_frame():
-    plain = MemoryBus(world("ACounter#a", ["steps"]), {"steps": service("steps", Steps)})
-    plain.start()
-    plain.run(6)
-    bus = MemoryBus(world("ACounter#a", ["steps"]), {"steps": service("steps", Steps)})
+    members = {"steps": service("steps", Steps)}
+    plain, bus = (Bus(world("ACounter#a", members), members) for _ in range(2))
+    plain.do("start, run 6")
     bus.start()
     for _ in range(6):
-        bus.run(1)
-        bus.restart("steps")
+        bus.do("run 1, restart steps")
     assert [record.events for record in bus.records] == [record.events for record in plain.records]
 
 
 def test_the_world_waits_for_a_host_that_dies_in_evolution():
-    bus = counters()
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    bus.hold(("down", "host"))
-    bus.frame()
-    bus.vanish("host")
-    bus.settle()
-    bus.release()
-    bus.settle()
+    bus = started().do("hold down host, frame, vanish host, settle, release, settle")
     assert bus.algorithm.waiting_for() == ["host"]
-    bus.appear("host")
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("appear host, settle").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -172,27 +118,14 @@ def test_the_world_waits_for_a_host_that_dies_in_evolution():
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
     assert bus.digests == undisturbed(2)
 
 
 def test_another_host_takes_over_what_one_that_died_in_evolution_leaves():
     members = {"host": host("host", Counter), "other": host("other", Counter)}
-    bus = counters(members=members)
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    bus.hold(("down", "host"))
-    bus.frame()
-    bus.vanish("host")
-    bus.settle()
-    bus.release()
-    bus.settle()
-    bus.frame()
-    expect(
-        bus,
-        """
+    bus = started(members=members)
+    bus.do("hold down host, frame, vanish host, settle, release, settle, frame").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -212,27 +145,14 @@ def test_another_host_takes_over_what_one_that_died_in_evolution_leaves():
         > other: evolved 2: #a #b
             frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
             ready for frame 3
-    """,
-    )
+    """)
     assert bus.digests == undisturbed(3)
 
 
 def test_a_dead_hosts_reply_counts_and_goes_to_its_successor():
     members = {"host": host("host", Counter), "other": host("other", Counter)}
-    bus = counters(members=members)
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    bus.hold(("down", "other"))
-    bus.frame()
-    bus.vanish("host")
-    bus.settle()
-    bus.release()
-    bus.settle()
-    bus.frame()
-    expect(
-        bus,
-        """
+    bus = started(members=members)
+    bus.do("hold down other, frame, vanish host, settle, release, settle, frame").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -251,28 +171,17 @@ def test_a_dead_hosts_reply_counts_and_goes_to_its_successor():
         > other: evolved 2: #a #b
             frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
             ready for frame 3
-    """,
-    )
+    """)
     assert bus.digests == undisturbed(3)
 
 
 def test_the_first_of_two_hosts_that_is_back_is_given_what_the_other_had_answered():
     """Both were lost in a frame, and one of them is still absent when the next frame begins."""
     members = {"host": host("host", Counter), "other": host("other", Counter)}
-    bus = counters(members=members)
-    bus.start()
-    bus.run(1)
-    bus.hold(("down", "other"))
-    bus.frame()
-    bus.vanish("host")
-    bus.vanish("other")
-    bus.release()
-    bus.settle()
+    bus = started(members=members)
+    bus.do("hold down other, frame, vanish host, vanish other, release, settle")
     assert bus.algorithm.waiting_for() == ["host", "other"]
-    bus.appear("other")
-    bus.settle()
-    bus.frame()
-    bus.frame()
+    bus.do("appear other, settle, frame, frame")
     assert bus.digests == undisturbed(4)
 
 
@@ -280,15 +189,8 @@ def test_a_host_that_returns_in_the_frame_of_its_reply_has_no_fragments():
     """Only `host` has mothers, so the frame waits for it; it shares the counters with `other`."""
     members = {"host": host("host", Counter, Mother), "other": host("other", Counter)}
     text = "ACounter#a · ACounter#b · ACounter#c · ACounter#d · AMother#m"
-    bus = counters(text, members=members)
-    bus.start()
-    bus.run(1)
-    bus.hold(("down", "host"))
-    bus.frame()
-    bus.restart("host")
-    bus.settle()
-    bus.release()
-    bus.run(3)
+    bus = started(text, members=members)
+    bus.do("hold down host, frame, restart host, settle, release, run 3")
     assert bus.stuck == []
     assert bus.digests == undisturbed(5, text=text, members={"host": host("host", Counter, Mother)})
 
@@ -297,39 +199,20 @@ def test_agents_that_move_to_another_host_while_the_old_one_answers_move_with_wh
     """Only `host` has flies, so the frame waits for it; on its return, counters move to it."""
     members = {"host": host("host", Counter, Fly), "other": host("other", Counter)}
     text = "ACounter#a · ACounter#b · ACounter#c · ACounter#d · AFly#y"
-    bus = counters(text, members=members)
-    bus.start()
-    bus.run(1)
-    bus.vanish("host")
-    bus.hold(("up", "other"))
-    bus.frame()
-    bus.appear("host")
-    bus.settle()
-    bus.release()
-    bus.run(3)
+    bus = started(text, members=members)
+    bus.do("vanish host, hold up other, frame, appear host, settle, release, run 3")
     assert bus.stuck == []
     assert bus.digests == undisturbed(5, text=text)
 
 
 def test_agents_without_a_host_stand_still_and_the_others_evolve():
-    bus = counters("ACounter#a · AMother#m")
-    bus.start()
-    bus.run(2)
+    bus = started("ACounter#a · AMother#m", after=2)
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · AMother#m<births=0>()"
 
 
 def test_agents_of_a_host_that_is_given_up_stand_still():
-    bus = counters("ACounter#a · AMother#m", members={"mothers": host("mothers", Mother)})
-    bus.start()
-    bus.run(1)
-    bus.vanish("mothers")
-    bus.trace.clear()
-    bus.run(1)
-    bus.handle(s.Abandoned("mothers"))
-    bus.run(1)
-    expect(
-        bus,
-        """
+    bus = started("ACounter#a · AMother#m", members={"mothers": host("mothers", Mother)})
+    bus.do("vanish mothers, clear, run 1, abandon mothers, run 1").expect("""
         > mothers vanished
             says mothers: is gone; the world waits for it
         > begin
@@ -349,25 +232,14 @@ def test_agents_of_a_host_that_is_given_up_stand_still():
         > host: evolved 2: #a #m:1
             frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #m:1: ACounter#m:1<n=3>()
             ready for frame 3
-    """,
-    )
-    bus.appear("mothers")
-    bus.run(1)
+    """)
+    bus.do("appear mothers, run 1")
     assert "#m<births=2>" in str(bus.algorithm.scene)
 
 
 def test_a_generator_given_up_in_a_tick_is_no_longer_awaited():
-    bus = counters(members={"more": service("more", lambda: Add(10))})
-    bus.start()
-    bus.run(1)
-    bus.vanish("more")
-    bus.run(1)
-    bus.trace.clear()
-    bus.handle(s.Abandoned("more"))
-    bus.run(1)
-    expect(
-        bus,
-        """
+    bus = started(members={"more": service("more", lambda: Add(10))})
+    bus.do("vanish more, run 1, clear, abandon more, run 1").expect("""
         > more is given up
             says more: is not restarted; the world continues without it
             ~hosts ← evolve 1 on host: eAdd<n=1>
@@ -381,18 +253,13 @@ def test_a_generator_given_up_in_a_tick_is_no_longer_awaited():
         > host: evolved 2: #a #b
             frame 2 done: eAdd<n=1>; #a: ACounter#a<n=13>(), #b: ACounter#b<n=13>()
             ready for frame 3
-    """,
-    )
+    """)
 
 
 def test_a_member_given_up_before_the_start_is_not_awaited():
-    bus = counters(members={"more": service("more", Add)})
-    bus.appear("add")
-    bus.appear("host")
-    bus.settle()
+    bus = counters(members={"more": service("more", Add)}).do("appear add, appear host, settle")
     assert bus.algorithm.waiting_for() == ["more"]
-    bus.handle(s.Abandoned("more"))
-    bus.run(1)
+    bus.do("abandon more, run 1")
     assert len(bus.records) == 1
 
 
@@ -400,11 +267,9 @@ def joined(bus, guest, returned):
     """Run a frame with a guest that joins, or that returns to the next coordinator."""
     if returned:
         bus.algorithm.expect(["guest"])
-    bus.start()
-    bus.settle()
+    bus.do("start, settle")
     assert bus.algorithm.waiting_for() == ["guest"] * returned
-    bus.makers["guest"] = guest
-    bus.appear("guest")
+    bus.join("guest", guest)
     bus.run(1)
 
 
@@ -417,12 +282,7 @@ def test_a_guest_that_goes_is_not_waited_for(how, hold, returned):
     """The world file does not name this generator; it leaves before or after its reply."""
     bus = counters(members={"slow": service("slow", Steps)})
     joined(bus, service("guest", Add), returned)
-    bus.hold(hold)
-    bus.frame()
-    getattr(bus, how)("guest")
-    bus.settle()
-    bus.release()
-    bus.run(2)
+    bus.do(f"hold {' '.join(hold)}, frame, {how} guest, settle, release, run 2")
     assert bus.stuck == []
     assert len(bus.records) == 4
     assert bus.algorithm.members.get("guest").state is MemberState.LEFT
@@ -436,12 +296,7 @@ def test_a_guest_that_goes_is_not_waited_for(how, hold, returned):
 def test_a_guest_that_hosted_agents_gives_them_back(how, hold, returned):
     bus = counters()
     joined(bus, host("guest", Counter), returned)
-    bus.hold(hold)
-    bus.frame()
-    getattr(bus, how)("guest")
-    bus.settle()
-    bus.release()
-    bus.run(2)
+    bus.do(f"hold {' '.join(hold)}, frame, {how} guest, settle, release, run 2")
     assert bus.stuck == []
     assert bus.digests == undisturbed(4)
 
@@ -449,36 +304,26 @@ def test_a_guest_that_hosted_agents_gives_them_back(how, hold, returned):
 def test_a_member_under_a_missing_guests_name_that_is_refused_does_not_end_the_world():
     bus = counters()
     bus.algorithm.expect(["guest"])
-    bus.start()
-    bus.settle()
+    bus.do("start, settle")
     bus.handle(s.Appeared("guest"))
     bus.put(m.Hello("guest", 0, generates=("eAdd",)))
     bus.settle()
     assert any(line.startswith("guest: may not join") for line in bus.said)
     assert bus.algorithm.waiting_for() == ["guest"]
-    bus.handle(s.Abandoned("guest"))
-    bus.run(2)
+    bus.do("abandon guest, run 2")
     assert bus.digests == undisturbed(2)
 
 
 def test_one_that_leaves_of_its_own_will_is_not_waited_for():
-    bus = counters()
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    bus.leave("add")
-    bus.run(1)
-    expect(
-        bus,
-        """
+    bus = started()
+    bus.do("leave add, run 1").expect("""
         > add: leaving
             says add: has left
         > add vanished
         > begin
             frame 1 done: no events; no change
             ready for frame 2
-    """,
-    )
+    """)
 
 
 def sights():
@@ -491,11 +336,7 @@ def sights():
 
 def test_readings_go_straight_from_one_to_the_other_in_the_same_frame():
     bus = sights()
-    bus.start()
-    bus.run(2)
-    expect(
-        bus,
-        """
+    bus.do("start, run 2").expect("""
         > add appeared
             add ← greet
         > add: hello, generator
@@ -535,27 +376,19 @@ def test_readings_go_straight_from_one_to_the_other_in_the_same_frame():
             water ← view 1 of eShow, number 2: #a
             frame 1 done: eAdd<n=1>, eSeen<figures=1>, eShow; #a: ACounter#a<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
 
 
 @pytest.mark.parametrize("who", ["water", "eye"])
 @pytest.mark.parametrize(
-    "hold", [("down", "eye"), ("down", "water"), ("up", "eye"), ("up", "water")]
+    "hold", [(way, name) for way in ("down", "up") for name in ("eye", "water")]
 )
 def test_readings_are_restored_after_any_death(who, hold):
     plain, bus = sights(), sights()
-    plain.start()
-    plain.run()
-    bus.start()
-    bus.run(1)
+    plain.do("start, run")
+    bus.do("start, run 1")
     for _ in range(2):
-        bus.hold(hold)
-        bus.frame()
-        bus.restart(who)
-        bus.settle()
-        bus.release()
-        bus.settle()
+        bus.do(f"hold {' '.join(hold)}, frame, restart {who}, settle, release, settle")
     bus.run()
     assert bus.stuck == []
     assert bus.ended is not None
@@ -564,16 +397,7 @@ def test_readings_are_restored_after_any_death(who, hold):
 
 def test_a_generator_does_not_wait_for_a_source_that_has_left():
     bus = sights()
-    bus.start()
-    bus.run(1)
-    bus.vanish("water")
-    bus.run(1)
-    bus.trace.clear()
-    bus.handle(s.Abandoned("water"))
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("start, run 1, vanish water, run 1, clear, abandon water, settle").expect("""
         > water is given up
             says water: is not restarted; the world continues without it
         > eye: ticked 1: no events
@@ -581,8 +405,7 @@ def test_a_generator_does_not_wait_for_a_source_that_has_left():
         > host: evolved 1: #a
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
 
 
 @pytest.mark.parametrize("who", ["add", "host", "more"])
@@ -592,12 +415,9 @@ def test_a_member_has_left_even_if_its_token_vanishes_first(who, frames):
     members = {"more": host("more", Counter)}
     plain, overtaken = counters(members=members), counters(members=members)
     for bus in (plain, overtaken):
-        bus.start()
-        bus.run(frames)
-        bus.hold(("up", who))
+        bus.do(f"start, run {frames}, hold up {who}")
         if bus is overtaken:
-            bus.leave(who)
-            bus.settle()
+            bus.do(f"leave {who}, settle")
             assert bus.algorithm.members.get(who).state is MemberState.LOST
         bus.release()
         if bus is plain:
@@ -612,14 +432,7 @@ def test_a_member_has_left_even_if_its_token_vanishes_first(who, frames):
 
 @pytest.mark.parametrize("who", ["add", "host"])
 def test_a_world_before_its_start_does_not_wait_for_members_that_left(who):
-    bus = counters()
-    bus.start()
-    bus.hold(("up", who))
-    bus.settle()
-    bus.leave(who)
-    bus.settle()
-    bus.release()
-    bus.run(2)
+    bus = counters().do(f"start, hold up {who}, settle, leave {who}, settle, release, run 2")
     assert bus.algorithm.members.get(who).state is MemberState.LEFT
     assert bus.stuck == []
     assert len(bus.records) == 2

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pond import (
+    Bus,
     Counter,
     Mother,
     PDot,
@@ -15,9 +16,9 @@ from pond import (
     counters,
     eShow,
     eStep,
-    expect,
     host,
     service,
+    started,
 )
 
 from minerva_bus import (
@@ -31,9 +32,7 @@ from minerva_bus import (
     visualize,
 )
 from minerva_bus.frame import messages as m
-from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
-from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
 def shown(bus, name="screen"):
@@ -53,25 +52,21 @@ class Looker(Screen):
 
 
 def test_a_visual_event_of_a_generator_shows_the_string_of_its_frame():
-    bus = counters(
-        "ACounter#a", members={"show": service("show", Show), "look": service("look", Looker)}
+    bus = started(
+        "ACounter#a",
+        members={"show": service("show", Show), "look": service("look", Looker)},
+        after=4,
     )
-    bus.start()
-    bus.run(4)
     assert shown(bus, "look") == ["0: PDot<x=0>", "2: PDot<x=2>"]
 
 
 def test_a_device_is_its_own_source_every_so_many_frames():
     screens = {f"screen-{n}": service(f"screen-{n}", lambda n=n: Screen(n)) for n in (1, 2, 3)}
-    bus = counters("ACounter#a", members=screens)
-    bus.start()
-    bus.run(7)
+    bus = started("ACounter#a", members=screens, after=7)
     views = {"screen-1": range(7), "screen-2": range(7), "screen-3": range(7)}
     for name, frames in views.items():
         assert shown(bus, name) == [f"{n}: PDot<x={n}>" for n in frames]
-    alone = counters("ACounter#a", members={"screen-3": screens["screen-3"]})
-    alone.start()
-    alone.run(7)
+    alone = started("ACounter#a", members={"screen-3": screens["screen-3"]}, after=7)
     assert shown(alone, "screen-3") == ["0: PDot<x=0>", "3: PDot<x=3>", "6: PDot<x=6>"]
 
 
@@ -84,22 +79,15 @@ def test_visual_events_are_collected_once_and_do_not_evolve_anything():
     }
     bus, plain = counters(members=members), counters()
     for each in (bus, plain):
-        each.start()
-        each.run(2)
+        each.do("start, run 2")
     assert [str(event) for event in bus.records[0].events] == ["eAdd<n=1>", "eShow"]
     assert bus.digests == plain.digests
 
 
 def test_a_delta_has_only_what_looks_different_and_a_new_skeleton_makes_it_whole():
     members = {"screen": service("screen", Screen), "host": host("host", Counter, Mother)}
-    bus = counters("ACounter#a<n=98> · TAt<x=1>(ACounter#b)", members=members)
-    bus.start()
-    bus.settle()
-    bus.trace.clear()
-    bus.run(4)
-    expect(
-        bus,
-        """
+    bus = started("ACounter#a<n=98> · TAt<x=1>(ACounter#b)", members=members, after=0)
+    bus.do("run 4").expect("""
         > begin
             ~tick ← tick 0
         > add: ticked 0: eAdd<n=1>
@@ -133,34 +121,20 @@ def test_a_delta_has_only_what_looks_different_and_a_new_skeleton_makes_it_whole
             observers of eShow ← view 3 of eShow, number 4: #b
             frame 3 done: eAdd<n=1>, eShow; #b: ACounter#b<n=4>()
             ready for frame 4
-    """,
-    )
+    """)
 
 
 def test_an_agent_that_looks_as_before_is_not_shown_again():
-    bus = counters("ACounter#a · AMother#m", members={"screen": service("screen", Screen)})
-    bus.start()
-    bus.run(2)
-    bus.hold(("down", "screen"))
-    bus.vanish("add")
-    bus.handle(s.Abandoned("add"))
-    bus.settle()
-    bus.run(1)
+    bus = started("ACounter#a · AMother#m", members={"screen": service("screen", Screen)}, after=2)
+    bus.do("hold down screen, vanish add, abandon add, settle, run 1")
     assert shown(bus)[-1].startswith("1:")
-    bus.release()
-    bus.run(1)
+    bus.do("release, run 1")
     assert shown(bus)[-1] == "3: PDot<x=2>"
 
 
 def test_a_coupled_device_has_the_view_of_a_frame_before_it_is_asked_for_the_next():
-    bus = counters("ACounter#a", members={"water": service("water", Water)}, frames=3)
-    bus.start()
-    bus.settle()
-    bus.trace.clear()
-    bus.run()
-    expect(
-        bus,
-        """
+    bus = started("ACounter#a", members={"water": service("water", Water)}, frames=3, after=0)
+    bus.do("run").expect("""
         > begin
             ~tick ← tick 0
         > add: ticked 0: eAdd<n=1>
@@ -200,41 +174,31 @@ def test_a_coupled_device_has_the_view_of_a_frame_before_it_is_asked_for_the_nex
         > add vanished
         > host vanished
         > water vanished
-    """,
-    )
+    """)
 
 
 def test_an_observer_never_holds_a_frame_up():
-    bus = counters("ACounter#a", members={"screen": service("screen", Screen)}, frames=20)
-    bus.start()
-    bus.settle()
+    bus = started("ACounter#a", members={"screen": service("screen", Screen)}, frames=20, after=0)
     bus.hold(("down", "screen"))
     for _ in range(20):
         bus.frame()
     assert len(bus.records) == 20
     assert bus.algorithm.waiting_for() == ["screen"]  # for its report
-    bus.release()
-    bus.settle()
+    bus.do("release, settle")
     assert bus.ended.reason == "the frames are over"
 
 
 @pytest.mark.parametrize("lost", [1, 2, 3])
 def test_an_observer_that_missed_views_asks_for_a_whole_one(lost):
-    bus = counters("ACounter#a · ACounter#b", members={"screen": service("screen", Screen)})
-    bus.start()
-    bus.run(1)
-    bus.hold(("down", "screen"))
+    bus = started("ACounter#a · ACounter#b", members={"screen": service("screen", Screen)})
+    bus.do("hold down screen")
     for _ in range(lost):
         bus.frame()
     for _ in range(lost):
         bus.drop(("down", "screen"))
-    bus.release()
-    bus.trace.clear()
-    bus.run(1)
+    bus.do("release, clear, run 1")
     if lost == 1:
-        expect(
-            bus,
-            """
+        bus.expect("""
         > begin
             ~tick ← tick 2
         > add: ticked 2: eAdd<n=1>
@@ -245,17 +209,14 @@ def test_an_observer_that_missed_views_asks_for_a_whole_one(lost):
             ready for frame 3
         > screen: resync eShow
             screen ← view 2 of eShow, number 3: all of #a #b
-    """,
-        )
+        """)
     assert shown(bus)[-1] == f"{lost + 1}: PDot<x={lost + 1}> · PDot<x={lost + 1}>"
     bus.run(1)
     assert shown(bus)[-1].startswith(f"{lost + 2}:")
 
 
 def test_a_repeated_or_late_view_is_not_shown_again():
-    bus = counters("ACounter#a", members={"screen": service("screen", Screen)})
-    bus.start()
-    bus.run(3)
+    bus = started("ACounter#a", members={"screen": service("screen", Screen)}, after=3)
     before = list(shown(bus))
     for sequence in (1, 2, 3):
         bus.alive["screen"].receive(m.ViewShown("eShow", 0, sequence, {}))
@@ -264,14 +225,11 @@ def test_a_repeated_or_late_view_is_not_shown_again():
 
 
 def test_a_resync_for_what_was_never_shown_or_by_a_stranger_is_ignored():
-    bus = counters()
-    bus.start()
-    bus.run(1)
+    bus = started()
     bus.put(m.Resync("host", "eShow"))
     bus.put(m.Resync("stranger", "eShow"))
     bus.put(m.Resync("host", "eNothing"))
-    bus.settle()
-    bus.run(1)
+    bus.do("settle, run 1")
     assert len(bus.records) == 2
 
 
@@ -286,11 +244,9 @@ def test_the_last_string_is_shown_at_the_end():
 def test_a_guest_that_watches_changes_no_digest():
     bus, plain = counters(), counters()
     bus.start()
-    plain.start()
-    plain.run(6)
+    plain.do("start, run 6")
     for n in range(3):
-        bus.makers[f"look-{n}"] = service(f"look-{n}", Screen)
-        bus.appear(f"look-{n}")
+        bus.join(f"look-{n}", service(f"look-{n}", Screen))
         bus.run(1)
         bus.vanish(f"look-{n}")
         bus.run(1)
@@ -308,15 +264,12 @@ def test_a_device_cannot_be_the_source_of_events_that_need_data():
     from minerva_bus.frame.description import World
     from minerva_bus.frame.member import Member
     from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
-    from minerva_bus.testing.memory_bus import MemoryBus
 
     members = {"host": lambda: Member("host", None, FAMILY)}
     w = FAMILY_VOCABULARY.read("AWalker#w")
-    bus = MemoryBus(World("w", w, FAMILY_VOCABULARY, expected=frozenset(members)), members)
-    bus.start()
-    bus.run(1)
-    bus.makers["sizes"] = service("sizes", Sizes)
-    bus.appear("sizes")
+    bus = Bus(World("w", w, FAMILY_VOCABULARY, expected=frozenset(members)), members)
+    bus.do("start, run 1")
+    bus.join("sizes", service("sizes", Sizes))
     bus.run(2)
     assert "host" in bus.alive
     assert "sizes" not in bus.alive
@@ -324,15 +277,11 @@ def test_a_device_cannot_be_the_source_of_events_that_need_data():
 
 
 def test_a_view_arrives_in_the_order_of_frames_also_for_one_that_lags():
-    bus = counters("ACounter#a", members={"screen": service("screen", Screen)})
-    bus.start()
-    bus.settle()
+    bus = started("ACounter#a", members={"screen": service("screen", Screen)}, after=0)
     bus.hold(("down", "screen"))
     for _ in range(5):
-        bus.step(BEGIN)
-        bus.settle()
-    bus.release()
-    bus.settle()
+        bus.do("step begin, settle")
+    bus.do("release, settle")
     assert [int(line.split(":")[0]) for line in shown(bus)] == [0, 1, 2, 3, 4]
 
 
@@ -363,17 +312,14 @@ def test_key_views_and_what_differs_add_up_to_the_view_of_the_whole(hosts):
     members = {f"h{n}": host(f"h{n}", Drifter) for n in range(hosts)}
     members |= {"steps": service("steps", Steps), "screen": service("screen", Screen)}
     members["late"] = service("late", Screen)
-    bus = MemoryBus(replace(w, expected=frozenset(members) - {"late"}), members)
-    bus.start()
-    bus.vanish("late")
-    bus.settle()
+    bus = Bus(replace(w, expected=frozenset(members) - {"late"}), members)
+    bus.do("start, vanish late, settle")
     wanted, sent = [], []
     receive = bus.algorithm.receive
     bus.algorithm.receive = lambda stimulus: sent.append(stimulus) or receive(stimulus)
     for frame in range(24):
         if frame == 12:
-            bus.appear("late")
-            bus.settle()
+            bus.do("appear late, settle")
         wanted.append(f"{frame}: {visualize(bus.algorithm.scene, [eShow()], [Drifter])}")
         bus.frame()
     assert shown(bus) == wanted

@@ -1,19 +1,7 @@
 """Replies that are late, from the wrong member, or about fragments of others."""
 
 import pytest
-from pond import (
-    VOCABULARY,
-    Counter,
-    Frog,
-    Screen,
-    counters,
-    eAdd,
-    eCroak,
-    eDone,
-    expect,
-    host,
-    service,
-)
+from pond import VOCABULARY, Counter, Frog, Screen, eAdd, eCroak, eDone, host, service, started
 
 from minerva_bus import Generator
 from minerva_bus.frame import messages as m
@@ -21,14 +9,6 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member_states import MemberState
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.testing.memory_bus import BEGIN
-
-
-def started(text="ACounter#a · ACounter#b", **rest):
-    bus = counters(text, **rest)
-    bus.start()
-    bus.run(1)
-    bus.trace.clear()
-    return bus
 
 
 def member(bus, name):
@@ -46,16 +26,9 @@ def test_an_answer_to_another_tick_is_dropped_and_counted(frame):
 
 
 def test_a_second_answer_to_a_tick_is_dropped_and_counted():
-    bus = started()
-    bus.hold(("up", "host"))
-    bus.frame()
+    bus = started().do("hold up host, frame")
     bus.put(m.TickReply("add", 1, (eAdd(50),)))
-    bus.settle()
-    bus.release()
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("settle, release, settle").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -64,21 +37,16 @@ def test_a_second_answer_to_a_tick_is_dropped_and_counted():
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
-    """,
-    )
+    """)
     assert member(bus, "add").late == 1
 
 
 def test_an_unrequested_reply_is_dropped_and_counted():
-    bus = started(members={"screen": service("screen", Screen)})
-    bus.hold(("down", "add"))
-    bus.step(BEGIN)
+    bus = started(members={"screen": service("screen", Screen)}).do("hold down add, step begin")
     for name in ("screen", "nobody", "host"):
         bus.put(m.TickReply(name, 1, (eAdd(50),)))
         bus.put(m.EvolveReply(name, 1, 0, {"a": VOCABULARY.read("ACounter#a<n=66>")}))
-    bus.settle()
-    bus.release()
-    bus.settle()
+    bus.do("settle, release, settle")
     assert [member(bus, name).late for name in ("screen", "host")] == [2, 2]
     assert bus.algorithm.members.strangers == 2
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
@@ -86,28 +54,16 @@ def test_an_unrequested_reply_is_dropped_and_counted():
 
 @pytest.mark.parametrize(("frame", "part"), [(0, 0), (2, 0), (1, 1), (1, 7)])
 def test_an_answer_of_a_host_for_another_frame_or_part_is_dropped_and_counted(frame, part):
-    bus = started()
-    bus.hold(("down", "host"))
-    bus.frame()
+    bus = started().do("hold down host, frame")
     bus.put(m.EvolveReply("host", frame, part, {"a": VOCABULARY.read("ACounter#a<n=66>")}))
-    bus.settle()
-    bus.release()
-    bus.settle()
+    bus.do("settle, release, settle")
     assert member(bus, "host").late == 1
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 
 def test_a_dead_hosts_reply_is_dropped_after_another_was_asked():
     bus = started(members={"other": host("other", Counter)})
-    bus.hold(("up", "host"))
-    bus.frame()
-    bus.vanish("host")
-    bus.settle()
-    bus.release()
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("hold up host, frame, vanish host, settle, release, settle").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -121,26 +77,20 @@ def test_a_dead_hosts_reply_is_dropped_after_another_was_asked():
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
         > host: evolved 1: #a
-    """,
-    )
+    """)
     assert member(bus, "host").late == 1
 
 
 def test_a_late_member_is_one_until_it_answers():
-    bus = started()
-    bus.hold(("up", "add"))
-    bus.frame()
+    bus = started().do("hold up add, frame")
     bus.handle(s.Silent())
     assert member(bus, "add").state is MemberState.LATE
-    bus.release()
-    bus.settle()
+    bus.do("release, settle")
     assert member(bus, "add").state is MemberState.PRESENT
-    bus.hold(("up", "host"))
-    bus.frame()
+    bus.do("hold up host, frame")
     bus.handle(s.Silent())
     assert member(bus, "host").state is MemberState.LATE
-    bus.release()
-    bus.settle()
+    bus.do("release, settle")
     assert member(bus, "host").state is MemberState.PRESENT
 
 
@@ -162,13 +112,11 @@ def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
     held = list(bus.alive["other"].host.fragments)
     swap = {"other": "host", "host": "other"} if held == ["b"] else {}
     answer = STRANGE[how]
-    bus.hold(("down", "host"), ("down", "other"))
-    bus.frame()
+    bus.do("hold down host, hold down other, frame")
     name = swap.get("other", "other")
     bus.put(m.EvolveReply(name, 1, 0, answer.changed, answer.emitted, answer.views))
     bus.step(("up", name))
-    bus.release()
-    bus.settle()
+    bus.do("release, settle")
     assert name not in bus.alive
     assert any(said.startswith(f"{name}: broke the protocol: ") for said in bus.said)
     if name in bus.algorithm.world.expected:
@@ -187,8 +135,7 @@ def test_a_patch_of_a_view_that_there_is_not_is_refused(name):
     patch = Delta(1, ("PDot",), ())
     bus.put(m.EvolveReply(owner, 1, 0, view_patches={"eShow": {name: patch}}))
     bus.step(("up", owner))
-    bus.release()
-    bus.settle()
+    bus.do("release, settle")
     said = f"it sent a patch of {name}, which is not in columns, which do not match the string"
     assert f"{owner}: broke the protocol: {said}" in bus.said
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
@@ -196,14 +143,9 @@ def test_a_patch_of_a_view_that_there_is_not_is_refused(name):
 
 def test_the_trace_of_one_that_is_shut_out():
     bus = started(members={"other": host("other", Counter)})
-    bus.hold(("down", "host"), ("down", "other"))
-    bus.frame()
+    bus.do("hold down host, hold down other, frame")
     bus.put(m.EvolveReply("other", 1, 0, {"z": VOCABULARY.read("ACounter#z")}))
-    bus.release()
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("release, settle").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
@@ -219,8 +161,7 @@ def test_the_trace_of_one_that_is_shut_out():
             ready for frame 2
         > other: evolved 1: #b
         > other vanished
-    """,
-    )
+    """)
 
 
 def test_an_agent_may_not_become_two_with_an_id_of_another():
@@ -245,11 +186,7 @@ def test_undeclared_events_of_a_generator_are_rejected():
     bus = started()
     bus.step(BEGIN)
     bus.put(m.TickReply("add", 1, (eCroak(1.0),)))
-    bus.step(("up", "add"))
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("step up add, settle").expect("""
         > begin
             ~tick ← tick 1
         > add: ticked 1: eCroak<x=1>
@@ -257,10 +194,8 @@ def test_undeclared_events_of_a_generator_are_rejected():
             add ← refused: it sent eCroak, but its hello declares eAdd
         > add: ticked 1: eAdd<n=1>
         > add vanished
-    """,
-    )
-    bus.appear("add")
-    bus.settle()
+    """)
+    bus.do("appear add, settle")
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 
@@ -272,16 +207,9 @@ def test_events_of_a_free_generator_count_in_the_next_frame():
     bus = started(members={"free": service("free", Free)})
     bus.put(bus.alive["free"].emitted(eAdd(10)))
     bus.put(bus.alive["free"].emitted(eAdd(20)))
-    bus.settle()
-    bus.hold(("up", "add"))
-    bus.frame()
+    bus.do("settle, hold up add, frame")
     bus.put(bus.alive["free"].emitted(eAdd(30)))
-    bus.settle()
-    bus.release()
-    bus.settle()
-    expect(
-        bus,
-        """
+    bus.do("settle, release, settle").expect("""
         > free: emitted eAdd<n=10>
         > free: emitted eAdd<n=20>
         > begin
@@ -292,8 +220,7 @@ def test_events_of_a_free_generator_count_in_the_next_frame():
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>, eAdd<n=10>, eAdd<n=20>, eAdd<n=30>; #a: ACounter#a<n=62>(), #b: ACounter#b<n=62>()
             ready for frame 2
-    """,
-    )
+    """)
 
 
 def test_a_free_generator_with_a_forbidden_event_is_removed():
@@ -324,8 +251,7 @@ def test_a_member_that_fails_is_named_with_its_frame_and_the_world_waits_for_the
 
     bus = started()
     bus.put(m.Failed("add", 1, "ZeroDivisionError: division by zero", "Traceback ..."))
-    bus.vanish("add")
-    bus.run(1)
+    bus.do("vanish add, run 1")
     assert bus.said[0].startswith("add: failed in frame 1: ZeroDivisionError: division by zero")
     assert bus.algorithm.waiting_for() == ["add"]
 
@@ -336,8 +262,7 @@ def test_garbage_from_a_member_is_named_and_the_member_is_shut_out():
     bus.settle()
     assert "add" not in bus.alive
     assert bus.said == ["add: broke the protocol: this is not msgpack"]
-    bus.appear("add")
-    bus.run(1)
+    bus.do("appear add, run 1")
     assert len(bus.records) == 2
 
 
@@ -348,8 +273,7 @@ def test_a_repeated_sender_of_garbage_is_named_once_until_it_rejoins():
             bus.handle(s.Violation("add", f"garbage {number}"))
         bus.settle()
         assert bus.said == ["add: broke the protocol: garbage 0"] * round_
-        bus.appear("add")
-        bus.run(1)
+        bus.do("appear add, run 1")
     bus.handle(s.Appeared("odd"))
     for _ in range(20):
         bus.handle(m.Hello("odd", 0))
