@@ -1,14 +1,20 @@
-"""Generators send events in their own name, or in that of agents that the world file names."""
+"""Events of generators: in whose name, how many may wait, and which of them newborns receive.
+
+Generators send in their own name, or in that of agents that the world file names.
+"""
 
 import pytest
-from pond import VOCABULARY, eAdd, eCroak
+from pond import VOCABULARY, Counter, Mother, eAdd, eCroak
 
 from minerva_bus.errors import WorldFileError
+from minerva_bus.frame import inbox
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.reading import read_world_file
@@ -18,8 +24,9 @@ from minerva_bus.world.when import When
 MANY = 100
 
 
-def begun(text="ACounter#a · ACounter#b · AFrog#f", when="freely", **speaks_for):
-    world = FrameAlgorithm(World("w", VOCABULARY.read(text), VOCABULARY, speaks_for=speaks_for))
+def begun(text="ACounter#a · ACounter#b · AFrog#f", when="freely", past=None, **speaks_for):
+    string, rest = VOCABULARY.read(text), {"past": past or Checkpoint(), "speaks_for": speaks_for}
+    world = FrameAlgorithm(World("w", string, VOCABULARY, **rest))
     world.receive(s.Appeared("rain"))
     hello = m.Hello("rain", PROTOCOL_VERSION, generates=("eAdd", "eCroak"), when=When.read(when))
     world.receive(hello)
@@ -163,3 +170,47 @@ def test_the_world_file_names_them(tmp_path):
 def test_a_world_file_that_names_them_wrongly(tmp_path, add, agents, problem):
     with pytest.raises(WorldFileError, match=problem):
         read(tmp_path, add, agents)
+
+
+# --- excess events: memory is bounded; dropped events are counted and reported ---
+
+
+def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
+    monkeypatch.setattr(inbox, "MAX_WAITING", 10)
+    world = begun()
+    texts = [said(world.receive(m.Emitted("rain", (eAdd(number),)))) for number in range(25)]
+    full = "event queue full: 10 events wait for a frame; dropping further events"
+    assert [text for text in texts if text] == [full]
+    assert world.members.get("rain").dropped == 15
+    assert happened(world) == [f"eAdd<n={number}>" for number in range(10)]
+
+
+def test_waiting_events_count_after_succession(monkeypatch):
+    monkeypatch.setattr(inbox, "MAX_WAITING", 10)
+    past = Checkpoint(3, inbox={"rain": tuple(eAdd(number) for number in range(8))})
+    world = begun(past=past)
+    for number in range(8, 20):
+        world.receive(m.Emitted("rain", (eAdd(number),)))
+    assert world.members.get("rain").dropped == 10
+    assert happened(world) == [f"eAdd<n={number}>" for number in range(10)]
+
+
+def test_a_newborn_gets_no_event_of_the_frame_of_its_birth_and_all_of_the_next():
+    """Section 9 of PROTOCOL.md."""
+    world, host = begun("AMother#m"), Member("host", None, [Mother, Counter])
+
+    def tell(stimulus):
+        for message in world.receive(stimulus):
+            if isinstance(message, s.Send) and message.to in ("host", s.HOSTS, s.EVERYONE):
+                for reply in host.receive(message.message):
+                    tell(reply)
+
+    tell(s.Appeared("host"))
+    early = eAdd(100, receivers=["m:1"])
+    tell(m.Emitted("rain", (eAdd(1), eAdd(2), early)))
+    tell(s.Begin())
+    assert "ACounter#m:1<n=1>" in str(world.scene)
+    assert "ACounter#m:2<n=2>" in str(world.scene)
+    tell(m.Emitted("rain", (eAdd(10, receivers=["m:1"]),)))
+    tell(s.Begin())
+    assert "ACounter#m:1<n=11>" in str(world.scene)
