@@ -6,12 +6,11 @@ import re
 from pathlib import Path
 
 from minerva_bus import Event, Scene
-from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.batch import single
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
+from tests.one_process import run_file
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "worlds" / "minerva_worlds"
 
@@ -22,24 +21,16 @@ class Run:
     def __init__(self, world: Path, frames: int = 0, *settings: str, **options: str) -> None:
         overrides = Overrides(frames=frames or None, settings=settings, options=options)
         file = read_world_file(world, overrides)
-        algorithm = FrameAlgorithm(file.world)
         self.scenes: list[Scene] = []
         self.digests: list[str] = []
         self.events: list[list[Event]] = []
 
-        def watch(instruction: s.Instruction) -> None:
-            if isinstance(instruction, s.FrameDone):
-                self.scenes.append(algorithm.scene)
-                self.digests.append(algorithm.scene.digest.hex())
-                self.events.append(list(single(instruction.record.events)))
+        def watch(done: FrameDone, scene: Scene) -> None:
+            self.scenes.append(scene)
+            self.digests.append(scene.digest.hex())
+            self.events.append(list(single(done.record.events)))
 
-        runner = InProcessRunner(
-            algorithm, [process.participant() for process in file.processes], watch
-        )
-        runner.start()
-        while runner.ended is None:
-            runner.handle(s.Begin())
-        assert not algorithm.failed, runner.ended.reason
+        run_file(file, watch=watch)
 
 
 def blocks(readme: Path, language: str) -> list[str]:

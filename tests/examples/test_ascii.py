@@ -22,14 +22,12 @@ from minerva_bus import (
     Vocabulary,
     WorldInfo,
 )
-from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_service
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
+from tests.one_process import run_file
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "ascii"
@@ -50,12 +48,7 @@ def show(spec: str, world: str, frames: int) -> None:
     file = read_world_file(find_world(world), Overrides(frames=frames))
     device = find_service(spec, FOLDER)()
     device.when = "each 1000000 frames"
-    members = [process.participant() for process in file.processes]
-    algorithm = FrameAlgorithm(file.world)
-    runner = InProcessRunner(algorithm, [*members, Member("ascii", device)], lambda _: None)
-    runner.start()
-    while runner.ended is None:
-        runner.handle(s.Begin())
+    run_file(file, Member("ascii", device))
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,10 @@ from pathlib import Path
 import pytest
 
 from minerva_bus import Frame, evolve
-from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.stimuli import Begin
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
+from tests.one_process import run_file
 from tests.runtime.running import here, minerva, summary
 
 FOLDER = Path(__file__).parents[2] / "worlds" / "minerva_worlds" / "traffic"
@@ -29,15 +27,9 @@ def lived(norms, frames=500):
     """An in-process run: its metrics, and the states of the drivers at its end."""
     overrides = Overrides(options={"norms": norms}, frames=frames)
     file = read_world_file(FOLDER / "traffic.toml", overrides)
-    algorithm = FrameAlgorithm(file.world)
-    members = [process.participant() for process in file.processes]
-    runner = InProcessRunner(algorithm, members, lambda instruction: None)
-    runner.start()
-    while runner.ended is None:
-        runner.handle(Begin())
-    return runner.ended.figures, [
-        agent.state for agent in agents(algorithm.scene) if "c" in agent.id
-    ]
+    runner = run_file(file)
+    drivers = [agent for agent in agents(runner.algorithm.scene) if "c" in agent.id]
+    return runner.ended.figures, [driver.state for driver in drivers]
 
 
 def test_norms_make_the_difference():

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.rerunning import Rerun, Without
 from minerva_bus.log.cursor import Cursor
@@ -13,6 +12,7 @@ from minerva_bus.log.reader import Record
 from minerva_bus.runtime.direct import InProcessRunner
 from tests.log.recorded_runs import CHECKPOINTS, bytes_of, happened, record_of, strings_of
 from tests.log.test_swapping import LOCKSTEP, OTHERS, swapped
+from tests.one_process import run_world
 from tests.runtime.running import here, summary, write_world
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
@@ -39,18 +39,8 @@ def futures(record, number, file, seed):
     cursor = Cursor(record, state=True)
     scene = cursor.seek(number)
     world = replace(file.world, scene=scene, past=cursor.checkpoint, seed=seed)
-    algorithm, digests = FrameAlgorithm(world), []
-
-    def watch(notice):
-        if isinstance(notice, s.FrameDone):
-            digests.append(notice.record.digest)
-
-    runner = InProcessRunner(
-        algorithm, [process.participant() for process in file.processes], watch
-    )
-    runner.start()
-    while runner.ended is None:
-        runner.handle(s.Begin())
+    members, digests = [process.participant() for process in file.processes], []
+    run_world(world, members, lambda done, scene: digests.append(scene.digest))
     return digests
 
 

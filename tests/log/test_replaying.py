@@ -17,6 +17,7 @@ from minerva_bus.launch.resuming import kinds_in
 from minerva_bus.log.cursor import Cursor
 from minerva_bus.runtime.direct import InProcessRunner
 from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
+from tests.one_process import run_file
 
 mcap = pytest.importorskip("mcap")
 
@@ -39,17 +40,7 @@ def lived(name):
     """The views of a run, and its digests."""
     world, overrides = WORLDS[name]
     file, seen, digests = world_file(world, **overrides), Seen(name), []
-    algorithm = FrameAlgorithm(file.world)
-    members = [process.participant() for process in file.processes]
-
-    def watch(message):
-        if isinstance(message, s.FrameDone):
-            digests.append(message.record.digest)
-
-    runner = InProcessRunner(algorithm, [*members, Member("seen", seen)], watch)
-    runner.start()
-    while runner.ended is None:
-        runner.handle(s.Begin())
+    run_file(file, Member("seen", seen), watch=lambda done, scene: digests.append(scene.digest))
     return seen.shown, digests
 
 

@@ -35,19 +35,18 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.semantics.volumes import volumes
 from minerva_bus.world.order import Order
 from minerva_services.input.each import Each
 from minerva_services.physics.collisions import Collisions
 from minerva_services.physics.service import Physics
 from tests.collision_event import eCollision
+from tests.one_process import run_world
 
 SIZE, RADIUS = 8.0, 0.3
 CELLS = np.ones((20, 20), np.int16)
@@ -168,23 +167,17 @@ class Story:
             order=Order(("eCollision", "eStep")),
             expected=names,
         )
-        algorithm = FrameAlgorithm(world)
         self.digests: list[str] = []
         self.scenes: list[Scene] = []
         self.collisions: list[list[Event]] = []
 
-        def watch(instruction: s.Instruction) -> None:
-            if isinstance(instruction, s.FrameDone):
-                events = single(instruction.record.events)
-                self.digests.append(algorithm.scene.digest.hex())
-                self.scenes.append(algorithm.scene)
-                self.collisions.append([event for event in events if event.type == "eCollision"])
+        def watch(done: FrameDone, scene: Scene) -> None:
+            events = single(done.record.events)
+            self.digests.append(scene.digest.hex())
+            self.scenes.append(scene)
+            self.collisions.append([event for event in events if event.type == "eCollision"])
 
-        runner = InProcessRunner(algorithm, members, watch)
-        runner.start()
-        while runner.ended is None:
-            runner.handle(s.Begin())
-        assert not algorithm.failed, runner.ended.reason
+        run_world(world, members, watch)
 
 
 def billiards(count: int = 32) -> Scene:

@@ -10,14 +10,12 @@ import pytest
 
 from benchmarks.models import flock, schelling
 from minerva_bus import Agent, Scene
-from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.order import Order
+from tests.one_process import run_file, run_world
 
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = pytest.mark.parametrize("model", [flock, schelling], ids=lambda model: model.NAME)
@@ -44,18 +42,9 @@ def run(
         order=Order(model.order),
         expected=names,
     )
-    algorithm, digests = FrameAlgorithm(world), list[str]()
-
-    def watch(instruction: s.Instruction) -> None:
-        if isinstance(instruction, s.FrameDone):
-            digests.append(algorithm.scene.digest.hex())
-
-    runner = InProcessRunner(algorithm, members, watch)
-    runner.start()
-    while runner.ended is None:
-        runner.handle(s.Begin())
-    assert not algorithm.failed, runner.ended.reason
-    return digests, algorithm.scene
+    digests = list[str]()
+    runner = run_world(world, members, lambda done, scene: digests.append(scene.digest.hex()))
+    return digests, runner.algorithm.scene
 
 
 @MODELS
@@ -116,14 +105,8 @@ def test_the_flock_of_the_examples_is_the_same_in_any_number_of_processes() -> N
         file = read_world_file(
             ROOT / "worlds" / "minerva_worlds" / "flock" / "flock.toml", overrides
         )
-        members = [process.participant() for process in file.processes]
-        assert len(members) == processes + 2
-        algorithm = FrameAlgorithm(file.world)
-        runner = InProcessRunner(algorithm, members, lambda _: None)
-        runner.start()
-        while runner.ended is None:
-            runner.handle(s.Begin())
-        assert not algorithm.failed, runner.ended.reason
+        assert len(file.processes) == processes + 2
+        algorithm = run_file(file).algorithm
         assert algorithm.frame == 30
         digests.add(algorithm.scene.digest)
     assert len(digests) == 1

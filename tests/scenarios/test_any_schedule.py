@@ -31,11 +31,10 @@ from pond import (
 )
 
 from minerva_bus import Scene
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.stimuli import Abandoned, Begin, FrameDone
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.frame.stimuli import Abandoned
 from minerva_bus.testing.memory_bus import MemoryBus
+from tests.one_process import run_world
 
 POND = """
     AFrog#f1 · AFrog#f2<x=2> · TAt<x=1>(AFrog#f3 · PDot<x=0>) · AFly#y1 · AFly#y2
@@ -60,17 +59,10 @@ class Setting:
     @cached_property
     def undisturbed(self):
         """The digests of a run in one process, and the reason for its end."""
-        digests = []
-
-        def watch(instruction):
-            if isinstance(instruction, FrameDone):
-                digests.append(instruction.record.digest.hex())
-
-        members = [make() for make in self.members.values()]
-        runner = InProcessRunner(FrameAlgorithm(self.world), members, watch)
-        runner.start()
-        while runner.ended is None:
-            runner.handle(Begin())
+        digests, members = [], [make() for make in self.members.values()]
+        runner = run_world(
+            self.world, members, lambda done, scene: digests.append(scene.digest.hex())
+        )
         return digests, runner.ended
 
 

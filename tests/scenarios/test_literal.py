@@ -9,26 +9,23 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, note, settings
 from pond import VOCABULARY as POND
-from pond import Add, Counter, Lily, Minnow, Mother, Screen, eAdd, eCroak, eShow, service
+from pond import Add, Bus, Counter, Lily, Minnow, Mother, Screen, eAdd, eCroak, eShow, service
 from pond import eStep as eHop
 from test_any_schedule import play
 
 from minerva_bus import Agent, EventType, Generator, Policy, Vocabulary, evolve, on
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
 from minerva_bus.grammar.traversal import walk
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
-from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.context import Frame
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.order import Order, collect
+from tests.one_process import run_world
 
 ORDER = Order(("eAdd", "eStep", "eHit"))
 SEED = 5
@@ -57,7 +54,7 @@ def world(scene, script, hosts, vocabulary=POND, **rest):
 
 
 def bus_of(*what, **rest):
-    bus = MemoryBus(*world(*what, **rest))
+    bus = Bus(*world(*what, **rest))
     bus.start()
     return bus
 
@@ -74,18 +71,8 @@ def ran(*what, **rest):
 def in_one_process(*what, **rest):
     """The digests of a world in one process."""
     described, members = world(*what, **rest)
-    digests = []
-
-    def watch(instruction):
-        if isinstance(instruction, FrameDone):
-            digests.append(instruction.record.digest.hex())
-
-    runner = InProcessRunner(
-        FrameAlgorithm(described), [make() for make in members.values()], watch
-    )
-    runner.start()
-    while runner.ended is None:
-        runner.handle(Begin())
+    members, digests = [make() for make in members.values()], []
+    run_world(described, members, lambda done, scene: digests.append(scene.digest.hex()))
     return digests
 
 
@@ -244,9 +231,8 @@ def test_a_world_in_which_agents_would_vanish_does_not_rest():
         expected=frozenset(members),
         policy=Policy.LITERAL,
     )
-    bus = MemoryBus(described, members)
-    bus.start()
-    bus.settle()
+    bus = Bus(described, members)
+    bus.do("start, settle")
     assert not bus.algorithm.at_rest
     bus.handle(m.Emitted("bell", (eAdd(1),)))
     bus.frame()
@@ -301,15 +287,11 @@ def test_copies_send_in_their_own_names_and_are_answered():
 
 def test_a_member_may_not_send_in_the_name_of_a_copy_that_is_not():
     bus = bus_of("ATalker#t", [[eGo()], []], {"host": (Talker,)}, vocabulary=TALK)
-    bus.settle()
-    bus.hold(("up", "host"))
-    bus.frame()
-    bus.drop(("up", "host"))
+    bus.do("settle, hold up host, frame, drop up host")
     event = eAsk()
     forged = type(event)(event.type, sender="t:0-2")
     bus.put(m.EvolveReply("host", 0, 0, {}, {"t": (forged,)}, {}))
-    bus.release()
-    bus.settle()
+    bus.do("release, settle")
     assert "it sent events of #t in another's name" in bus.said[0]
 
 
@@ -431,8 +413,7 @@ def guest():
 def test_a_second_host_is_refused_as_long_as_there_is_one():
     bus = bus_of("ACounter#a", [[eAdd(1)]] * 4, {"host": (Counter,)})
     bus.run(1)
-    bus.makers["guest"] = guest
-    bus.appear("guest")
+    bus.join("guest", guest)
     bus.run(1)
     assert bus.said[0] == f"guest: may not join: {ONE_HOST}"
     assert bus.algorithm.members.offers().keys() == {"host"}

@@ -9,16 +9,15 @@ from pond import host, service
 from street import FINE, VOCABULARY, Light, Many, One, Passer, Steps, eFine, eShout, states, street
 
 from minerva_bus import Generator
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Emitted
 from minerva_bus.frame.norms import PEOPLE
-from minerva_bus.frame.stimuli import Abandoned, Begin, FrameDone, Publish
+from minerva_bus.frame.stimuli import Abandoned, Publish
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import SOURCE, Norm, Then
+from tests.one_process import run_world
 
 KINDS = (One, Light, Passer)
 SHOUT = replace(FINE, name="quiet", on=("eShout",))
@@ -33,19 +32,13 @@ def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):
     members = {f"runners-{n}": host(f"runners-{n}", *kinds) for n in range(hosts)}
     members["steps"] = service("steps", Steps)
     lived = []
-    algorithm = FrameAlgorithm(street(scene, norms, members, frames=frames, **rest))
-
-    def watch(message):
-        if isinstance(message, FrameDone):
-            lived.append((message.events, algorithm.scene))
-
-    runner = InProcessRunner(algorithm, [make() for make in members.values()], watch)
-    runner.start()
-    for stimulus in before:
-        runner.handle(stimulus)
-    while runner.ended is None:
-        runner.handle(Begin())
-    return lived, algorithm, runner.ended.figures
+    runner = run_world(
+        street(scene, norms, members, frames=frames, **rest),
+        [make() for make in members.values()],
+        lambda done, scene: lived.append((done.events, scene)),
+        before,
+    )
+    return lived, runner.algorithm, runner.ended.figures
 
 
 def happened(frames, event_type, sender=None):

@@ -15,16 +15,14 @@ from pond import host, service
 from street import Light, Steps, eBoo, eFine, eShout, eStep
 
 from minerva_bus import Agent, Vocabulary, on
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.population_outcomes import outcome_of
-from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
+from tests.one_process import run_world
 
 COUNT = 20
 """Fewer agents of a shape than the engine packs into columns by itself."""
@@ -80,23 +78,15 @@ def run(scene, norms, kind=Walker, frames=4):
     members = {"walkers": host("walkers", kind, Light), "steps": service("steps", Steps)}
     order = Order(("eFine", "eShout", "eBoo", "eStep"))
     expected = frozenset(members)
-    algorithm = FrameAlgorithm(
-        World(
-            "street", scene, VOCABULARY,
-            expected=expected, norms=norms, frames=frames, seed=5, order=order,
-        )
-    )  # fmt: skip
+    rest = {"norms": norms, "frames": frames, "seed": 5, "order": order}
+    world = World("street", scene, VOCABULARY, expected=expected, **rest)
     scenes, events = [], []
 
-    def watch(instruction):
-        if isinstance(instruction, FrameDone):
-            scenes.append(algorithm.scene)
-            events.append(list(single(instruction.events)))
+    def watch(done, scene):
+        scenes.append(scene)
+        events.append(list(single(done.events)))
 
-    runner = InProcessRunner(algorithm, [make() for make in members.values()], watch)
-    runner.start()
-    while runner.ended is None:
-        runner.handle(Begin())
+    runner = run_world(world, [make() for make in members.values()], watch)
     return scenes, events, runner.ended.figures
 
 

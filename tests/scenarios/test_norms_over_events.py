@@ -12,14 +12,12 @@ from street import Light, eFine, eStep
 from test_norms_over_columns import LIGHT, conditions
 
 from minerva_bus import Agent, EventType, Generator, Vocabulary, on
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.norms import Norm, Then
+from tests.one_process import run_world
 
 eShout = EventType("eShout", loud=float)
 eHorn = EventType("eHorn", loud=float)
@@ -81,22 +79,16 @@ def run(norms, events, **world):
         "agents": host("agents", Walker, Rider, Light),
         "crier": service("crier", lambda: Crier(events)),
     }
-    algorithm = FrameAlgorithm(
-        World(
-            "street", SCENE, VOCABULARY, expected=frozenset(members), norms=norms, frames=3,
-            speaks_for={"crier": ("AWalker", "ARider", "ALight")}, **world,
-        )
+    street = World(
+        "street", SCENE, VOCABULARY, expected=frozenset(members), norms=norms, frames=3,
+        speaks_for={"crier": ("AWalker", "ARider", "ALight")}, **world,
     )  # fmt: skip
     frames = []
 
-    def watch(instruction):
-        if isinstance(instruction, FrameDone):
-            frames.append((list(single(instruction.events)), instruction.record.digest))
+    def watch(done, scene):
+        frames.append((list(single(done.events)), scene.digest))
 
-    runner = InProcessRunner(algorithm, [make() for make in members.values()], watch)
-    runner.start()
-    while runner.ended is None:
-        runner.handle(Begin())
+    runner = run_world(street, [make() for make in members.values()], watch)
     return frames, runner.ended.figures
 
 

@@ -3,14 +3,12 @@
 import wave
 from pathlib import Path
 
-from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from minerva_services.views.sound import Sound
+from tests.one_process import run_file
 
 FRAMES = 150
 
@@ -21,13 +19,7 @@ def test_bumps_of_the_robot_click(tmp_path: Path):
     )
     file = read_world_file(find_world("robot"), overrides)
     sound = Sound(str(tmp_path / "w.wav"))
-    members = [process.participant() for process in file.processes]
-    runner = InProcessRunner(
-        FrameAlgorithm(file.world), [*members, Member("sound", sound)], lambda _: None
-    )
-    runner.start()
-    while runner.ended is None:
-        runner.handle(s.Begin())
+    runner = run_file(file, Member("sound", sound))
     sound.close()
     figures = dict(runner.ended.figures)
     assert 0 < int(figures["clicks"]) <= int(figures["collisions"])
