@@ -16,7 +16,6 @@ QUICK = (
     "paper",
     "laws/test_language_laws.py",
     "laws/test_collect_laws.py",
-    "laws/test_distinct_events.py",
     "frame/test_frame_parts.py",
     "scenarios/test_endings.py",
     "scenarios/test_joining.py",

@@ -1,8 +1,10 @@
-"""The tables of shell commands match the pages, and one test file types each page."""
+"""Shell commands: their tables match the pages, and tutorials install what they need."""
 
+import re
 from pathlib import Path
 
-from pages import PAGES, shell
+import pytest
+from pages import PAGES, blocks, shell
 from reader import GROUPS, TABLES, means, of
 
 
@@ -24,3 +26,30 @@ def test_each_group_of_pages_has_a_file_that_types_it():
     for group in GROUPS:
         path = Path(__file__).with_name(f"test_shell_commands_of_{group}.py")
         assert f'of("{group}")' in path.read_text(encoding="utf-8")
+
+
+EXTRA_OF = {
+    r"--record\b": "record",
+    r"--view svg": "picture",
+    r"--view web": "web",
+    r"--view sprites": "sprites",
+    r"minerva plot\b": "plot",
+    r"--listen tls": "tls",
+    r"minerva top\b": "top",
+}
+"""Commands, and the extras that they need."""
+
+TUTORIALS = [page for page in PAGES if re.match(r"docs/tutorials/\d", page)]
+
+
+@pytest.mark.parametrize("page", TUTORIALS)
+def test_a_tutorial_installs_what_its_commands_need(page):
+    installed = re.findall(r"'minerva-bus\[(.*?)\]'", PAGES[page].read_text(encoding="utf-8"))
+    extras = {extra for group in installed for extra in group.split(",")}
+    typed = "\n".join(block.text for block in blocks(page, "console"))
+    needed = {extra for pattern, extra in EXTRA_OF.items() if re.search(pattern, typed)}
+    assert needed <= extras
+
+
+def test_all_tutorials_are_checked():
+    assert len(TUTORIALS) == 7

@@ -1,8 +1,10 @@
-"""Norms on agents inside others and on newborns: the agents judged and sanctioned."""
+"""Norms on agents inside others and on newborns, and what is logged of them."""
 
-from street import FINE, eFine
+from street import FINE, eFine, eShout, street
 from test_norms import happened, live, states
 
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.stimuli import Notify
 from minerva_bus.grammar.batch import single
 from minerva_bus.world.norms import Norm, Then, ViolationCounts
 
@@ -73,3 +75,14 @@ def test_counts_are_saved_as_long_as_they_matter():
     assert resumed.saved((quiet,), 6)["lately"] == {"quiet": {"a": [0, 2]}}
     assert counts.saved((quiet,), 7) == {"broken": {}, "lately": {}}
     assert [resumed.exceeds(quiet, who, 4) for who in "ab"] == [True, False]
+
+
+def test_the_first_violation_is_logged_under_the_name_of_norms():
+    quiet = Norm("quiet", on=("eShout",), then=Then.COUNT)
+    algorithm = FrameAlgorithm(street("ARunner#a", (quiet,)))
+    for _ in range(2):
+        algorithm.norms.events(0, {"crier": [eShout(1.0, sender="a")]})
+    algorithm.norms.publish(algorithm.out, algorithm.inbox, {})
+    (line,) = [each for each in algorithm.out.pending if isinstance(each, Notify)]
+    assert line.member == "norms"
+    assert line.text.endswith(": allowed; from now on this is only counted")

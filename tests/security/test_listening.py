@@ -1,12 +1,10 @@
-"""A world accepts remote members only with certificates, or with --insecure."""
+"""Endpoints: a world accepts remote members only with certificates, or with --insecure."""
 
 import errno
 import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MEMBERS, Run, write_world
 
 from minerva_bus.errors import BusError, KeysError, WorldFileError
@@ -16,6 +14,10 @@ from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoi
 from minerva_bus.security.keys import KeyFolder
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
+from tests.runtime.yard import Screen
+from tests.security.secured import Joined, World, goes_on, keyed_world, present, secured_endpoint
+
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 
 
 def border(path, listen="", **given):
@@ -144,3 +146,19 @@ def test_own_members_find_a_world_that_listens_everywhere(listen, tmp_path):
     with Run(tmp_path, *words) as run:
         assert run.ends() == 0
         assert "bus at tcp/127.0.0.1:" in run.text or "bus at tcp/[::1]:" in run.text
+
+
+def test_a_member_rejoins_with_its_certificate(tmp_path):
+    path, keys = keyed_world(tmp_path, {"look": {"roles": ("view",)}}, frames=0, rate=50)
+    with World(path) as world:
+        endpoint = secured_endpoint(world)
+        world.runs("steps", "walkers")
+        with Joined(world, endpoint, keys.credentials("look"), Screen()) as guest:
+            present(world, "look")
+            world.kill_coordinator()
+            present(world, "look")
+            goes_on(world)
+            assert guest.result is None
+        doors = [line for line in world.lines if "listens at tls/" in line]
+        assert len(doors) == 2
+        assert len(set(doors)) == 1

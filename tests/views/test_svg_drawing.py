@@ -1,10 +1,15 @@
-"""Shapes are drawn where the string's transformations lead."""
+"""SVG drawings: places, markup, the part of the world that they show, and traced matrices."""
 
+import gc
 import random
+import re
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from svg_world import (
+    VOCABULARY,
     PBall,
     PInner,
     PMap,
@@ -20,7 +25,11 @@ from svg_world import (
 )
 
 from minerva_bus import EMPTY, MinervaError, Scene
+from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.poses import Pose
+from minerva_services.views.svg.markup import exact, line_of_text, paint, short
+from minerva_services.views.svg.page import Page, frame_of
+from minerva_services.views.svg.tracing import Tracer, trace
 
 FLOOR = PMap(np.zeros((20, 10), np.int16), 1.0, -5.0, -5.0)
 
@@ -126,3 +135,176 @@ def test_no_place_is_too_far_for_a_picture(place: float):
 def test_a_colour_that_is_none_is_refused():
     with pytest.raises(MinervaError, match="is not a colour"):
         picture(PUgly())
+
+
+HOSTILE = [
+    "</text></svg><script>alert(1)</script>",
+    "<![CDATA[ ]]> &amp; &lt; &#0; <!-- -->",
+    "\"quotes\" 'apostrophes' \\ % {braces}",
+    "\x00\x01\x1b[31m\ufffe\uffff",
+    "žluťoučký 東京 🤖",
+    "line\nbreak\ttab\r\n",
+    "x" * 1_000_000,
+    "",
+]
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_a_hostile_label_stays_a_text(text: str):
+    document = picture(PSign(text))
+    document.encode()
+    root = ElementTree.fromstring(document)
+    tags = {element.tag.rpartition("}")[2] for element in root.iter()}
+    assert tags <= {"svg", "title", "rect", "g", "path", "circle", "text", "tspan"}
+    assert len(document) < 6000
+
+
+def test_a_label_reads_as_it_was_written():
+    shown = [e.text for e in elements(picture(PSign("<A & B> 'žluť' 東京")), "text")]
+    assert "<A & B> 'žluť' 東京" in shown
+
+
+def test_texts_are_cut_to_one_line():
+    assert line_of_text("a\n b\t\tc ") == "a b c"
+    assert line_of_text("\ud800\x00a") == "\ufffd\ufffda"
+    assert line_of_text("x" * 100) == "x" * 59 + "…"
+
+
+def test_numbers_are_short():
+    assert [short(n) for n in (1.0, 0.12345, -2.5, 1e300, 123456.7894)] == [
+        "1", "0.123", "-2.5", "1000000000", "123456.789",
+    ]  # fmt: skip
+    assert exact(0.0375) == "0.0375"
+
+
+def test_colours_are_colours():
+    assert [paint(c) for c in ("#123", "#A0b1C2", "teal")] == ["#123", "#A0b1C2", "teal"]
+
+
+def test_rasters_frame_the_picture():
+    scene = TMove(50.0)(PBall(1.0)) + PMap(np.zeros((4, 2), np.int16), 0.5) + PBall(9.0)
+    assert frame_of(scene, VOCABULARY) == Bounds(0.0, 0.0, 2.0, 1.0)
+
+
+def test_without_rasters_everything_is_on_the_picture_with_a_margin():
+    frame = frame_of(PPath((0.0, 10.0), (0.0, 8.0)), VOCABULARY)
+    assert frame.left < 0 < 10 < frame.right
+    assert frame.bottom < 0 < 8 < frame.top
+
+
+def test_without_rasters_the_frame_only_grows():
+    near = frame_of(PPath((0.0, 10.0), (0.0, 8.0)), VOCABULARY)
+    assert frame_of(TMove(5.0, 5.0)(PBall(1.0)), VOCABULARY, near) is near
+    far = frame_of(TMove(30.0)(PBall(1.0)), VOCABULARY, near)
+    assert near.around(far) == far
+    assert frame_of(EMPTY, VOCABULARY, far) is far
+
+
+def test_a_lone_disc_does_not_fill_the_picture():
+    frame = frame_of(PBall(0.25), VOCABULARY)
+    assert frame.right - frame.left == pytest.approx(8 * 0.25)
+
+
+def test_y_grows_upwards():
+    page = Page(Bounds(0.0, 0.0, 10.0, 10.0), 1000)
+    assert page.pixel(0.0, 1.0)[1] < page.pixel(0.0, 0.0)[1] < page.height
+    assert page.pixel(1.0, 0.0)[0] > page.pixel(0.0, 0.0)[0]
+
+
+@pytest.mark.parametrize(("x", "y"), [(1000.0, 0.0), (0.0, 1000.0), (1.0, 1.0)])
+def test_no_world_makes_a_picture_too_flat_or_too_tall(x: float, y: float):
+    page = page_of(PPath((0.0, x), (0.0, y)))
+    assert 0.2 < page.height / page.width < 1.7
+
+
+def test_a_point_is_enough_for_a_picture():
+    frame = page_of(PSign("x")).frame
+    assert frame == Bounds(-frame.right, -frame.top, frame.right, frame.top)
+    assert 1.0 < frame.right < 2.0
+
+
+@pytest.mark.parametrize("size", [0.003, 1.0, 30.0, 9000.0])
+def test_the_grid_has_round_steps_and_few_lines(size: float):
+    page = Page(Bounds(0.0, 0.0, size, size), 1200)
+    assert 8 <= size / page.grid_step <= 20
+    assert f"{page.grid_step:.0e}"[0] in "125"
+
+
+COLORS = ((-1, "#111111"), (0, ""), (1, "#222222"), (100, "#333333"))
+_RECTANGLE = re.compile(r"M(\d+) (\d+)h(\d+)v(\d+)h-(\d+)z")
+
+
+def painted(paths: tuple[tuple[str, str], ...], shape: tuple[int, ...]) -> NDArray[np.object_]:
+    """The colour of each cell; fails if two rectangles overlap."""
+    cells = np.full(shape, "", object)
+    for color, data in paths:
+        assert _RECTANGLE.sub("", data) == ""
+        for rectangle in _RECTANGLE.findall(data):
+            row, column, rows, columns, back = map(int, rectangle)
+            assert rows == back
+            area = cells[row : row + rows, column : column + columns]
+            assert area.shape == (rows, columns)
+            assert (area == "").all()
+            area[:] = color
+    return cells
+
+
+def expected(cells: NDArray[np.int16]) -> NDArray[np.object_]:
+    def color(value: int) -> str:
+        return next((color for least, color in reversed(COLORS) if value >= least), "")
+
+    return np.array([[color(value) for value in row] for row in cells], object)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (7, 5), (12, 110), (120, 11)])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_cell_has_its_colour_once(shape: tuple[int, int], seed: int):
+    random = np.random.default_rng(seed)
+    cells = random.choice([-2, -1, 0, 1, 99, 100], shape).astype(np.int16)
+    cells[:, shape[1] // 2 :] = cells[:1, :1]
+    assert (painted(trace(cells, COLORS), shape) == expected(cells)).all()
+
+
+def test_a_plain_area_is_one_rectangle():
+    assert trace(np.full((600, 300), 5, np.int16), COLORS) == (("#222222", "M0 0h600v300h-600z"),)
+
+
+def test_rectangles_that_only_touch_are_not_merged():
+    cells = np.zeros((3, 4), np.int16)
+    cells[2, 0:2] = cells[0, 2:4] = 1
+    assert (painted(trace(cells, COLORS), cells.shape) == expected(cells)).all()
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 5), (5, 0)])
+def test_an_empty_matrix_has_no_paths(shape: tuple[int, int]):
+    assert trace(np.empty(shape, np.int16), COLORS) == ()
+
+
+def test_values_without_colour_have_no_paths():
+    assert trace(np.zeros((3, 3), np.int16), COLORS) == ()
+    assert trace(np.full((3, 3), -9, np.int16), COLORS) == ()
+    assert trace(np.ones((3, 3), np.int16), ()) == ()
+
+
+def test_a_matrix_of_reals_is_traced_too():
+    assert trace(np.array([[0.5, 1.5]]), COLORS) == (("#222222", "M0 1h1v1h-1z"),)
+
+
+def test_a_read_only_matrix_is_traced_once_while_it_lives():
+    tracer = Tracer()
+    cells = np.ones((3, 3), np.int16)
+    cells.flags.writeable = False
+    first = tracer.paths(cells, COLORS)
+    assert tracer.paths(cells, COLORS) is first
+    assert tracer.paths(cells, ((1, "#999999"),)) != first
+    del cells
+    gc.collect()
+    assert tracer._known == {}  # pyright: ignore[reportPrivateUsage]
+
+
+def test_a_writable_matrix_is_traced_again():
+    tracer = Tracer()
+    cells = np.ones((3, 3), np.int16)
+    first = tracer.paths(cells, COLORS)
+    cells[0, 0] = 100
+    assert tracer.paths(cells, COLORS) != first

@@ -1,6 +1,8 @@
-"""The diagrams of ARCHITECTURE.md match the code, and the table of phases is complete."""
+"""The drawings of the documents match the code and the tools that make them."""
 
 import ast
+import re
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -8,6 +10,7 @@ import pytest
 from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
 from tools import blocks
 from tools.diagrams import DIAGRAMS, DOCUMENT, written
+from tools.draw_concepts import DRAWINGS, FOLDER
 
 FRAME = Path(__file__).parents[2] / "minerva_bus" / "frame"
 MAX_ATTRIBUTES = 15
@@ -45,3 +48,25 @@ def test_no_class_of_the_frame_sets_many_attributes(path):
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ClassDef):
             assert len(attributes(node)) <= MAX_ATTRIBUTES, f"{path.name} {node.name}"
+
+
+PAGES = sorted(FOLDER.glob("*.md"))
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_a_drawing_is_up_to_date_and_shown_by_a_page(name):
+    text = DRAWINGS[name]().document()
+    ElementTree.fromstring(text)
+    path = FOLDER / f"{name}.svg"
+    assert path.read_text(encoding="utf-8") == text, "run python -m tools.draw_concepts --write"
+    assert any(f"]({name}.svg)" in page.read_text(encoding="utf-8") for page in PAGES)
+
+
+def test_tests_that_the_pages_name_exist():
+    names = {
+        name
+        for page in PAGES
+        for name in re.findall(r"`(tests/[\w/]+\.py)`", page.read_text("utf-8"))
+    }
+    assert names
+    assert [name for name in sorted(names) if not (FOLDER.parents[1] / name).exists()] == []
