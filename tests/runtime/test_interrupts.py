@@ -194,7 +194,7 @@ def test_nothing_survives_a_launcher_that_is_killed(tmp_path, more):
             world.runs("steps", "walkers")
         world.look()
         world.kill(signal.SIGKILL)
-        world.gone(10.0)
+        world.gone()
 
 
 def test_a_world_that_was_killed_may_be_run_again_at_once(tmp_path):
@@ -206,7 +206,7 @@ def test_a_world_that_was_killed_may_be_run_again_at_once(tmp_path):
         world.ends()
         with World(path, "--frames", "3", "--json") as again:
             assert again.summary()["frames"] == 3
-        world.gone(10.0)
+        world.gone()
 
 
 def test_in_one_process(tmp_path):
