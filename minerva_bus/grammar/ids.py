@@ -26,6 +26,11 @@ from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import AGENT_ID
 
 LONGEST: Final = 64
+"""Characters of an id in columns; agents with longer ones are nodes."""
+
+_DIGITS: Final = 19
+"""Digits of the largest number of an id."""
+
 _LINES = re.compile(rb"(?:[A-Za-z0-9_][A-Za-z0-9_:-]*+\n)*+")
 # No leading zeros, which a number would lose; 18 digits always fit into an int64.
 _NUMBERED = re.compile(r"(.*?)(0|[1-9][0-9]{0,17})", re.DOTALL)
@@ -266,6 +271,16 @@ class Ids(Joinable):
                 shown = text.decode(errors="backslashreplace").split("\n")
                 return next(line for line in shown if not AGENT_ID.fullmatch(line))
         return None
+
+    @property
+    def too_long(self) -> bool:
+        """Whether an id is longer than those in columns may be."""
+        stem = self.stem
+        if stem is None:
+            return self.raw.dtype.itemsize > LONGEST and self.pool is None
+        # The numbers are read only if they can decide it.
+        near = len(stem) + _DIGITS > LONGEST and len(self) > 0
+        return near and len(stem) + len(str(int(self.raw.max()))) > LONGEST
 
     def rows_of(self, others: Ids) -> Rows:
         """The row of each of the other ids, -1 if it is not here; shape (len(others),)."""

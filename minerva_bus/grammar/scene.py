@@ -33,7 +33,8 @@ Value: TypeAlias = "bool | int | float | str | Quantity | tuple[Value, ...] | Ar
 Node: TypeAlias = "FigureNode | TransformationNode | AgentNode"
 Piece: TypeAlias = "FigureNode | TransformationNode | AgentNode | Columns"
 
-AGENT_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_:-]*")
+# Bounded, because searching for ids takes time and memory for the longest of them.
+AGENT_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_:-]{0,1023}")
 
 
 class Digested:

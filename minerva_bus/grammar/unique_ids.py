@@ -23,7 +23,7 @@ MAX_SHOWN: Final = 64
 def no_id(text: str) -> str:
     """The message for a text that is not a valid id."""
     shown = text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}…"
-    return f"{shown!r} is not a valid agent id; expected letters, digits, _, : and -"
+    return f"{shown!r} is not a valid agent id; expected letters, digits, _, : and -, at most 1024"
 
 
 def invalid_id(texts: Iterable[str]) -> str | None:

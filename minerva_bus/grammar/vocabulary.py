@@ -130,7 +130,9 @@ class Vocabulary:
         return rewritten(scene, leave, whole)
 
     def _fits(self, part: Columns) -> bool:
-        """Whether columns conform to this vocabulary, except for their ids."""
+        """Whether columns conform to this vocabulary, except for the form of their ids."""
+        if part.ids is not None and part.ids.too_long:
+            return False
         for level in part.levels():
             entry = self.symbols(level.symbol[:1]).get(level.symbol)
             if entry is None or entry.fields.names != level.names:

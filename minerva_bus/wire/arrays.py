@@ -120,6 +120,8 @@ def read_ids(plain: Any, count: int) -> Ids:
         ids = Ids(items[0], _numbers(items[1:], count))
     else:
         raise ProtocolError("ids are [stem, numbers], [stem, first, count] or [nil, width, bytes]")
+    if ids.too_long:
+        raise ProtocolError(f"ids of more than {LONGEST} characters in columns")
     ids = ids.known()
     # Checked before the ids are decoded, because their bytes may not be UTF-8.
     if ids.strange is not None:

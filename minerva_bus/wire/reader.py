@@ -251,6 +251,8 @@ class Reader:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
             if condition:
                 self.vocabulary.check_condition(name, condition, "event")
+            if sender:
+                self._id(sender)
             ids = [self._id(item) for item in as_list(items[4], "receivers")]
             # Sorted and unique, because equal events of different members must compare equal.
             receivers = tuple(sorted(set(ids))) if len(ids) > 1 else tuple(ids)

@@ -13,12 +13,19 @@ from operator import itemgetter
 from typing import Any, Final
 
 from minerva_bus.grammar.fields import Fields
-from minerva_bus.grammar.scene import EMPTY, AgentNode, FigureNode, Node, TransformationNode
+from minerva_bus.grammar.scene import (
+    AGENT_ID,
+    EMPTY,
+    AgentNode,
+    FigureNode,
+    Node,
+    TransformationNode,
+)
 
 RUN: Final = 8
 """Nodes from which on a run is read together."""
 
-_IDS: Final = re.compile(r"(?:[A-Za-z0-9_][A-Za-z0-9_:-]*+\n)*+")
+_IDS: Final = re.compile(rf"(?:{AGENT_ID.pattern}+\n)*+")
 
 
 def end_of_run(flat: list[Any], begin: int, most: int) -> int:

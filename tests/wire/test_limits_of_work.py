@@ -12,6 +12,7 @@ from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.batch import Events, in_columns, single
 from minerva_bus.grammar.literals import DEPTH
+from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import pack, unpack
@@ -261,3 +262,30 @@ def test_a_frame_has_the_events_of_all_members():
     ] * 2
     request = encode(m.EvolveRequest(7, ("host",), (*batches[0], *batches[1])))
     assert sum(map(len, Decoder(VOCABULARY, SMALL).to_member(request).events)) == 60
+
+
+LONG = "a" * 1025
+TOO_LONG = {
+    "an agent": pack(["evolved", 0, 0, {"a": [1, ["AStone", LONG, None, 0]]}, {}, {}]),
+    "many agents": pack(["evolved", 0, 0, {"a": [9, *[["AStone", f"{n}{LONG}", None, 0] for n in range(9)]]}, {}, {}]),
+    "a receiver": pack(["emitted", [["eBare", [], "", "", [LONG]]]]),
+    "a sender": pack(["emitted", [["eBare", [], "", LONG, []]]]),
+    "columns": pack(["evolved", 0, 0, {"~a": [1, [2, ["a" * 64, 0, 2], [["AStone", []]]]]}, {}, {}]),
+    "receivers": pack(["emitted", [many(2, ["a" * 64, 0, 2])]]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", TOO_LONG)
+def test_ids_have_a_longest_one(what):
+    """A search for many ids takes the memory of the longest for each of them."""
+    with pytest.raises(
+        ProtocolError, match=r"is not a valid agent id|ids of more than 64 characters"
+    ):
+        Decoder(VOCABULARY).from_member("x", TOO_LONG[what])
+
+
+def test_agents_with_ids_too_long_for_columns_are_nodes():
+    long = Stone.many("a" * 64, 40)
+    checked = VOCABULARY.check(long)
+    assert str(checked) == str(long)
+    assert {type(piece) for piece in checked.pieces} == {AgentNode}
