@@ -13,7 +13,6 @@ from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.fragments import PART, Fragment, Layout, fragment_in, ids_of
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.id_changes import row_delta_of_ids
 from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.packing import one_by_one, packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
@@ -137,6 +136,16 @@ class Composition:
             homes |= {others[row]: name for row in np.flatnonzero(ids_of(part).rows_of(ids) >= 0)}
         return homes
 
+    def elsewhere(self, agents: Ids, fragment: str, owners: Mapping[str, str]) -> str | None:
+        """The first of these agents that another fragment has; `owners` are fragments of others."""
+        parts = [ids_of(part) for name, part in self.parts.items() if name != fragment]
+        twice = first_in(agents, parts)
+        if twice is None and (self._home or owners):
+            for agent in agents:
+                if not fragment == self._home.get(agent, fragment) == owners.get(agent, fragment):
+                    return agent
+        return twice
+
     def first_missing(self, agents: Ids | None) -> str | None:
         """The first of these agents that is not in the string; None if all are."""
         if agents is None:
@@ -227,63 +236,24 @@ class Composition:
     def replace(self, changes: Mapping[str, Scene]) -> bool:
         """Replace fragments by the results of λ; True if the skeleton has changed.
 
-        Raises VocabularyError, and changes nothing, if two agents would share an id.
+        Agents have different ids after it: replies are checked when they arrive.
         """
         if not changes:
             return False
         # A new skeleton turns all views into keyframes, so fragments are
         # replaced in place if possible.
         in_place = all(map(self._same_shape, changes, changes.values()))
-        # A failed check must leave no trace: the world then ends with the string of this frame.
-        # Dictionaries are changed in place, and only if the shape is the same; all other
-        # attributes are replaced as a whole.
-        before, former = self.__dict__.copy(), [*map(self.fragments.get, changes)]
-        try:
-            if in_place:
-                self._replace(changes)
-            else:
-                parts = {**self._as_strings(), **changes}
-                self._take_apart(self._held(fill(self.skeleton, parts)), parts)
-        except VocabularyError:
-            self.__dict__.update(before)
-            for name, piece in zip(changes, former, strict=True) if in_place else ():
-                self._put(name, cast("Fragment", piece))
-            raise
-        return not in_place
-
-    def _put(self, name: str, piece: Fragment) -> None:
-        self.fragments[name] = piece
-        if piece.ids is not None:
-            self.parts[name] = piece
-
-    def _replace(self, changes: Mapping[str, Scene]) -> None:
-        """Replace fragments by others of the same shape. Raises VocabularyError."""
-        before: dict[str, Ids] = {}
+        if not in_place:
+            parts = {**self._as_strings(), **changes}
+            self._take_apart(self._held(fill(self.skeleton, parts)), parts)
+            return True
         for name, scene in changes.items():
             piece: Any = scene.pieces[0]
-            # Parts whose ids are the same object have no births or
-            # deaths, hence no new id to check.
-            if piece.ids is not None and piece.ids is not self.parts[name].ids:
-                before[name] = ids_of(self.parts[name])
-            self._put(name, piece)
+            self.fragments[name] = piece
+            if piece.ids is not None:
+                self.parts[name] = piece
         self._scene = None
-        if before and not self._newborn_alone(before):
-            self._check_apart()
-
-    def _newborn_alone(self, before: Mapping[str, Ids]) -> bool:
-        """Whether comparing newborns alone shows that all ids are distinct, as they were before."""
-        for name, old in before.items():
-            now = ids_of(self.parts[name])
-            row_delta = row_delta_of_ids(old, now) if now.distinct else None
-            if row_delta is None:
-                return False
-            newborn = now.take(row_delta.born)
-            others = [ids_of(part) for other, part in self.parts.items() if other != name]
-            if len(newborn) and any((ids.rows_of(newborn) >= 0).any() for ids in others):
-                return False
-            if self._home and not self._home.keys().isdisjoint(newborn.texts()):
-                return False
-        return True
+        return False
 
     def _same_shape(self, name: str, scene: Scene) -> bool:
         if len(scene.pieces) != 1:
@@ -361,6 +331,15 @@ def _rows(parts: Iterable[tuple[str, int]]) -> int:
 
 def _any_in(part: Columns, agents: Ids) -> bool:
     return bool((ids_of(part).rows_of(agents) >= 0).any())
+
+
+def first_in(agents: Ids, others: Iterable[Ids]) -> str | None:
+    """The first of these agents that is among others; None if none is."""
+    for ids in others if len(agents) else ():
+        rows = np.flatnonzero(ids.rows_of(agents) >= 0)
+        if len(rows):
+            return agents[int(rows[0])]
+    return None
 
 
 def _has(part: Columns, agent: str) -> bool:

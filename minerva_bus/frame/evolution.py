@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from operator import attrgetter
 from typing import TYPE_CHECKING, Final
 
-from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import HALTED
 from minerva_bus.frame.collection import note_answer
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.phases import Phase
-from minerva_bus.frame.replies import duplicate_agent, foreign_fragment, foreign_sender, patched
+from minerva_bus.frame.replies import checked, foreign_fragment, foreign_sender
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Scene, agents
@@ -20,6 +20,8 @@ from minerva_bus.world.lineage import copy_id
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
+
+_TYPE: Final = attrgetter("type")
 
 BALANCE_INTERVAL: Final = 32
 """Frames between two checks whether hosts need the same time."""
@@ -152,11 +154,11 @@ class EvolutionStep:
         # violation leaves the frame as it was.
         wrong, changed = self._objection(reply, frozenset(requests.outstanding[key])), {}
         try:
-            changed = {} if wrong else patched(reply, algorithm.composition)
-            for event_type, patches in reply.view_patches.items():
-                algorithm.views.check(event_type, patches)
+            if not wrong:
+                result = algorithm.in_flight.result
+                changed = checked(reply, algorithm.composition, algorithm.views, result)
         except Unfit as unfit:
-            wrong = f"it sent {unfit}, which do not match the string"
+            wrong = str(unfit)
         if wrong:
             algorithm.joining.violation(s.Violation(reply.member, wrong))
             return
@@ -171,14 +173,18 @@ class EvolutionStep:
 
     def _objection(self, reply: m.EvolveReply, asked: frozenset[str]) -> str:
         """Reason for rejecting a reply, or an empty string."""
-        composition = self._algorithm.composition
+        composition, in_flight = self._algorithm.composition, self._algorithm.in_flight
         reason = foreign_fragment(reply, asked)
         for name, events in sorted(reply.emitted.items()):
             reason = reason or foreign_sender(
                 name, events, self._sender_names(name), asked, composition
             )
-        newborns = self._algorithm.in_flight.result.newborns
-        return reason or duplicate_agent(reply, newborns, composition)
+        if not reason and reply.views:
+            # Only the first request is about views: a second one of an agent would not fit.
+            reduced, visual = in_flight.requests.reduced, in_flight.events.visual
+            unasked = reply.views.keys() - set(map(_TYPE, visual if reduced is None else ()))
+            reason = f"it sent a view of {min(unasked)}, which was not requested" if unasked else ""
+        return reason
 
     def _sender_names(self, agent: str) -> frozenset[str]:
         """The ids under which an agent sends; under some policies its copies' too."""
@@ -191,11 +197,12 @@ class EvolutionStep:
 
     def _merge_logged(self, inputs: FrameInputs) -> None:
         """Merge the logged replies to the latest request. Raises Unfit."""
-        result = self._algorithm.in_flight.result
+        algorithm, result = self._algorithm, self._algorithm.in_flight.result
         begin, requests = len(result.replies), len(result.answers)
         end = begin + sum(inputs.answers[requests : requests + 1])
         for reply in inputs.replies[begin:end]:
-            result.merge(reply, patched(reply, self._algorithm.composition))
+            changed = checked(reply, algorithm.composition, algorithm.views, result)
+            result.merge(reply, changed)
 
     # --- norms ---
 
@@ -272,17 +279,13 @@ class EvolutionStep:
     # --- step 8 ---
 
     def commit(self) -> None:
-        """Step 8: make the results the next string; the world fails if they do not form one."""
+        """Step 8: make the results the next string."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         result, inbox = in_flight.result, algorithm.inbox
         algorithm.goal.note(result.sent, algorithm.out)
         # Before the replacement, because an agent that died in this frame has no place after it.
         sent = self.sent_in_order()
-        try:
-            algorithm.placement.outdated |= algorithm.composition.replace(result.changed)
-        except VocabularyError as error:
-            algorithm.fail(f"frame {algorithm.frame}: {error}")
-            return
+        algorithm.placement.outdated |= algorithm.composition.replace(result.changed)
         self._note_holders()
         inputs = in_flight.inputs(algorithm.frame, inbox.events)
         record = frame_record(algorithm)

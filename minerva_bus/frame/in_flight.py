@@ -13,6 +13,7 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.trial import Trial
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.delta import Delta
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 
@@ -94,7 +95,8 @@ class FrameResult:
 
     `replies`: the merged replies; `answers`: their number per request, for the log of inputs.
     `changed`: the replacement of each changed fragment; `changed_by`: the host that reported it.
-    `sent`: events that agents sent. `newborns`: the fragment of each agent in a changed fragment.
+    `sent`: events that agents sent. `newborns`: the fragment of each agent in a changed fragment;
+    `born`: the ids that fragments in columns have gained.
     `views`, `view_patches`: changed views by visual event type and fragment.
     `rejected`: fragments that differ from their hosts' reports because of a norm.
     `halted`: agents whose actions devices must not execute in this frame.
@@ -106,6 +108,7 @@ class FrameResult:
     changed_by: dict[str, str] = field(default_factory=_DICT)
     sent: dict[str, Events] = field(default_factory=_DICT)
     newborns: dict[str, str] = field(default_factory=_DICT)
+    born: list[tuple[str, Ids]] = field(default_factory=_LIST)
     views: dict[str, dict[str, Scene]] = field(default_factory=_DICT)
     view_patches: dict[str, dict[str, Delta]] = field(default_factory=_DICT)
     rejected: tuple[str, ...] = ()

@@ -10,15 +10,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from minerva_bus import EMPTY, Scene
-from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import member_states
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION, incompatibility
 from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.in_flight import FrameResult
 from minerva_bus.frame.member_states import TRANSITIONS, MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.members import MAX_DEPARTED, Members
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.placement import place
+from minerva_bus.frame.replies import claim
 from minerva_bus.frame.views import ViewStream
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
@@ -271,30 +272,46 @@ def test_whether_the_skeleton_is_another(before, changes, another):
     assert (composition.skeleton is old) is not another
 
 
-def test_twins_are_refused_and_nothing_changes():
-    w = read("AMortal#a · TShift<x=1>(AMortal#b)")
-    composition = Composition(w)
-    for twins in ("AMortal#a · AMortal#b", "AWalker#a(AMortal#b)"):
-        with pytest.raises(VocabularyError, match="two agents have the id #b"):
-            composition.replace({"a": read(twins)})
-        assert composition.scene is w
-        assert sorted(composition.fragments) == ["a", "b"]
+TWINS = {
+    "beside": ({"a": "AMortal#a · AMortal#b"}, {}, "b"),
+    "within": ({"a": "AWalker#a(AMortal#b)"}, {}, "b"),
+    "moved": ({"a": "AMortal#b", "b": ""}, {}, "b"),
+    "an agent in columns": ({"a": "AMortal#a · AMortal#f3"}, {}, "f3"),
+    "columns and an agent": ({"f": ["f0", "b"]}, {}, "b"),
+    "another part": ({"f": ["f0", "g1"]}, {}, "g1"),
+    "in another order": ({"f": ["g1", "f2", "f1"]}, {}, "g1"),
+    "an agent to columns": ({"a": ["a", "g1"]}, {}, "g1"),
+    "two newborns": ({"a": "AMortal#a · AMortal#n"}, {"b": "AMortal#b · AMortal#n"}, "n"),
+    "two newborns in columns": ({"f": ["f0", "n"]}, {"g": ["g0", "n"]}, "n"),
+    "two in one reply": ({"f": ["f0", "n"], "g": ["g0", "n"]}, {}, "n"),
+    "first an agent": ({"a": "AMortal#a · AMortal#n"}, {"f": ["f0", "n"]}, "n"),
+    "first columns": ({"f": ["f0", "n"]}, {"a": "AMortal#a · AMortal#n"}, "n"),
+}  # fmt: skip
 
 
-def test_twins_in_columns_are_refused_and_nothing_changes():
-    first, second = Mortal.many("a", 3), Mortal.many("b", 3)
-    composition = Composition(first + read("PGrave") + second)
-    w, fragments, parts = composition.scene, {**composition.fragments}, {**composition.parts}
-    left, other = fragments
-    for changes in (
-        {left: Mortal.many(["a0", "b1"])},
-        {left: Mortal.many(["a0", "c"]), other: Mortal.many(["b0", "c"])},
-    ):
-        with pytest.raises(VocabularyError, match=r"two agents have the id #[bc]"):
-            composition.replace(changes)
-        assert composition.scene is w
-        assert composition.fragments == fragments
-        assert all(composition.parts[name] is part for name, part in parts.items())
+@pytest.mark.parametrize("how", TWINS)
+def test_an_id_belongs_to_one_fragment_in_a_frame(how):
+    first, second, twin = TWINS[how]
+    parts = Mortal.many("f", 4) + read("PGrave") + Mortal.many("g", 4)
+    composition, result = Composition(read("AMortal#a · AMortal#b") + parts), FrameResult()
+    names = dict(zip("fg", composition.parts, strict=True))
+
+    def told(changes):
+        changed = {
+            names.get(name, name): read(new) if isinstance(new, str) else Mortal.many(new)
+            for name, new in changes.items()
+        }
+        return claim(changed, result, composition)
+
+    assert told({"a": "AMortal#a", "g": ["g1", "g0"], "f": ["f2", "f9"]}) == ""
+    result = FrameResult()
+    if second:
+        assert told(first) == ""
+    noted = dict(result.newborns), list(result.born)
+    assert told(second or first) == twin
+    assert (result.newborns, result.born) == noted
+    if second:  # The same agents of the same fragment, as after a norm's refusal.
+        assert told(first) == ""
 
 
 # --- views -----------------------------------------------------------------------------------

@@ -22,7 +22,6 @@ from pond import (
 )
 
 from minerva_bus import Agent, Vocabulary, on
-from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 
 
@@ -166,16 +165,6 @@ def test_a_kind_that_makes_one_id_twice_is_named():
     assert len(bus.records) == 1
     assert "host: broke the protocol: it made a second agent #same" in bus.said
     assert bus.algorithm.waiting_for() == ["host"]
-
-
-def test_a_composition_that_refuses_a_change_stays_as_it_was():
-    w = VOCABULARY.read("TAt<x=1>(ACounter#a) · ACounter#b")
-    composition = Composition(w)
-    twin = VOCABULARY.read("ACounter#a · ACounter#b")
-    with pytest.raises(Exception, match="two agents have the id #b"):
-        composition.replace({"a": twin})
-    assert composition.scene is w
-    assert sorted(composition.fragments) == ["a", "b"]
 
 
 def test_one_host_or_many_give_the_same_strings():

@@ -1,14 +1,28 @@
 """Replies that are late, from the wrong member, or about fragments of others."""
 
 import pytest
-from pond import VOCABULARY, Counter, Frog, Screen, eAdd, eCroak, eDone, host, service, started
+from pond import (
+    VOCABULARY,
+    Counter,
+    Frog,
+    Minnow,
+    Screen,
+    Steps,
+    eAdd,
+    eCroak,
+    eDone,
+    host,
+    service,
+    started,
+    world,
+)
 
 from minerva_bus import Generator
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member_states import MemberState
-from minerva_bus.grammar.delta import Delta
-from minerva_bus.testing.memory_bus import BEGIN
+from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
 def member(bus, name):
@@ -180,6 +194,44 @@ def test_an_agent_may_not_become_two_with_an_id_of_another():
     bus.put(m.EvolveReply(thief, 1, 0, {"a": twins}))
     bus.step(("up", thief))
     assert bus.said == [f"{thief}: broke the protocol: it made a second agent #b"]
+
+
+SECOND = {
+    "a patch": lambda part: {"patched": {"~AMinnow.1": difference(part, Minnow.many([*part.ids, "a"]).pieces[0])}},
+    "columns": lambda part: {"changed": {"~AMinnow.1": Minnow.many(["a", *part.ids])}},
+    "rows and a node": lambda part: {"changed": {"~AMinnow.1": Minnow.many(part.ids) + VOCABULARY.read("AFly#a")}},
+    "a patch with the id of another part": lambda part: {
+        "patched": {"~AMinnow.1": difference(part, Minnow.many([*part.ids, "n1"]).pieces[0])}
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("how", SECOND)
+def test_a_host_of_columns_may_not_give_a_newborn_the_id_of_another(how):
+    """The world goes on, and another host evolves its agents; nothing of the reply counts."""
+    w = (
+        Minnow.many([f"m{n}" for n in range(40)])
+        + VOCABULARY.read("ACounter#a")
+        + Minnow.many(["n0", "n1"])
+    )
+    members = {"steps": service("steps", Steps), "host": host("host", Counter)}
+    members |= {name: host(name, Minnow) for name in ("thief", "next")}
+    bus = MemoryBus(world(w, ["host", "steps"]), members)
+    for name in ("host", "thief", "steps"):
+        bus.appear(name)
+    bus.run(1)
+    part = bus.algorithm.composition.parts["~AMinnow.1"]
+    bus.hold(("down", "thief"))
+    bus.frame()
+    bus.put(m.EvolveReply("thief", 1, 0, **SECOND[how](part)))
+    bus.step(("up", "thief"))
+    bus.release()
+    bus.appear("next")
+    bus.run(3)
+    second = "n1" if "another part" in how else "a"
+    assert f"thief: broke the protocol: it made a second agent #{second}" in bus.said
+    assert bus.algorithm.placement.occupied == ["host", "next"]
+    assert len(bus.records) == 5
 
 
 def test_undeclared_events_of_a_generator_are_rejected():
