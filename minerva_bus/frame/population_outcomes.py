@@ -81,6 +81,11 @@ class ColumnsOutcome(PopulationOutcome):
         super().undo(who)
         self._kept[ids_of(self._old).row_of(who)] = False
 
+    def undo_all(self) -> None:
+        """Replace all agents by their previous states."""
+        self._undone = dict.fromkeys(ids_of(self._old).texts())
+        self._kept[:] = False
+
     def was(self, who: str) -> AgentNode | None:
         """An agent as it was before the frame."""
         return cast("AgentNode", self._old.node(ids_of(self._old).row_of(who)))
@@ -157,6 +162,13 @@ def outcome_of(old: Fragment, new: Scene) -> FragmentOutcome:
     if now is None or now.ids is None or now.symbol != old.symbol or now.ids != old.ids:
         return MixedOutcome(old, new)
     return ColumnsOutcome(old, now)
+
+
+def nothing_of(old: Columns) -> FragmentOutcome:
+    """The outcome of agents in columns that are all undone."""
+    outcome = ColumnsOutcome(old, old)
+    outcome.undo_all()
+    return outcome
 
 
 def _changed_rows(old: Columns, new: Columns) -> NDArray[np.bool_]:

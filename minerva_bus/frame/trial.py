@@ -10,15 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.fragments import Fragment
 from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent, state_of
-from minerva_bus.frame.population_outcomes import outcome_of
+from minerva_bus.frame.population_outcomes import nothing_of, outcome_of
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.rest import rested
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
+from minerva_bus.grammar.unique_ids import repeated_in
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import Norm
 
@@ -142,6 +145,10 @@ class Trial:
     def verdict(self, vocabulary: Vocabulary) -> NormVerdict:
         """The final outcome; agents with a rejected step are at rest."""
         rejected = {n: outcome for n, outcome in self._outcomes.items() if outcome.rejected}
+        for name, outcome in rejected.items():
+            # Units of different stages may share an agent if a host has moved it between them.
+            if repeated_in(outcome.scene) is not None:
+                rejected[name] = nothing_of(cast("Columns", self._composition.fragments[name]))
         halted = {who for outcome in rejected.values() for who in outcome.halted}
         for name, outcome in rejected.items():
             # At rest, because in the next frame λ would assume that the action was executed.

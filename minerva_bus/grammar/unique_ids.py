@@ -8,7 +8,7 @@ from typing import Final
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.id_search import apart
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import AGENT_ID
+from minerva_bus.grammar.scene import AGENT_ID, Scene, agents
 
 
 def same_id(agent_id: str) -> str:
@@ -41,6 +41,17 @@ def repeated_id(columns: Sequence[Ids], single: Collection[str] = ()) -> str | N
     if all(apart(ids, other) for n, ids in enumerate(every) for other in every[:n]):
         return None
     return Ids.concatenated(every).duplicate
+
+
+def repeated_in(scene: Scene) -> str | None:
+    """An id that occurs twice in a string; None if all are different."""
+    single = set[str]()
+    for piece in scene.pieces:
+        for agent in agents(Scene((piece,))) if piece.ids is None else ():
+            if agent.id in single:
+                return agent.id
+            single.add(agent.id)
+    return repeated_id([piece.ids for piece in scene.pieces if piece.ids is not None], single)
 
 
 class UniqueIds:

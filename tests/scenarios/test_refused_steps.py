@@ -7,6 +7,7 @@ import pytest
 from pond import Bus, host, service
 
 from minerva_bus import (
+    EMPTY,
     Agent,
     Device,
     EventType,
@@ -20,8 +21,10 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.errors import MisuseError
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
+from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.rest import rested
 from minerva_bus.grammar.scene import FigureNode, agents
@@ -278,6 +281,47 @@ def test_a_coordinator_that_dies_within_a_refused_frame_changes_nothing(steps):
     bus.do("kill_coordinator, run")
     assert bus.digests[-1] == calm[-1]
     assert bus.motor.bodies["a"] == 3.0
+
+
+def test_an_agent_that_two_stages_of_a_host_share_keeps_its_former_state():
+    """In the second stage #c0 holds #c1, whose result of the first stage counts as well."""
+    bus = world(Walker.many("c", 40))
+    bus.start()
+    bus.run(1)
+    before = str(bus.algorithm.scene)
+    bus.hold(("down", "host-0"))
+    bus.frame()
+    rest = [f"AWalker#c{n}" for n in range(2, 40)]
+    first = ["AWalker#c0<x=4>", "AWalker#c1", *rest]
+    for part, nodes in enumerate((first, ["AWalker#c0(AWalker#c1)", *rest])):
+        changed = {"~AWalker.1": VOCABULARY.read(" · ".join(nodes))}
+        bus.put(m.EvolveReply("host-0", 1, part, changed))
+        bus.settle()
+    assert len(bus.records) == 2
+    assert str(bus.algorithm.scene) == before
+    assert bus.records[-1].changed["~AWalker.1"].pieces[0].count == 40
+
+
+def test_a_view_that_a_later_stage_does_not_ask_for_is_refused():
+    bus = world(Walker.many("c", 40))
+    bus.start()
+    bus.run(1)
+    bus.hold(("down", "host-0"))
+    bus.frame()
+    forbidden = Walker.many("c", 40, x=4.0)
+    patch = Delta(40, ("PPush",), ())
+    bus.put(
+        m.EvolveReply(
+            "host-0", 1, 0, {"~AWalker.1": forbidden}, {}, {"eShow": {"~AWalker.1": EMPTY}}
+        )
+    )
+    bus.settle()
+    bus.put(
+        m.EvolveReply("host-0", 1, 1, {}, {}, {"eShow": {}}, {}, {"eShow": {"~AWalker.1": patch}})
+    )
+    bus.settle()
+    said = "host-0: broke the protocol: it sent a view of eShow, which was not requested"
+    assert said in bus.said
 
 
 def test_negative_zero_comes_to_rest_as_zero_in_nodes_and_columns():
