@@ -3,15 +3,7 @@
 import tomllib
 
 from tools.mutation import INCOMPLETE, MODULES, report
-from tools.survivors import (
-    ROOT,
-    Result,
-    Survivor,
-    compared,
-    only_a_cast,
-    read_survivors,
-    recorded,
-)
+from tools.survivors import ROOT, Result, Survivor, compared, only_a_cast, read_survivors, recorded
 
 BEFORE = Survivor("a.py", "f", "- x < 1\n+ x <= 1", "x is no 1")
 OTHER = Survivor("b.py", 'g"', '- "x"\n+ "\\\\XX"', "b")

@@ -23,18 +23,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from minerva_bus import (
-    Agent,
-    EventType,
-    Generator,
-    Vocabulary,
-    World,
-    each,
-    evolve,
-    on,
-    parse,
-    run,
-)
+from minerva_bus import Agent, EventType, Generator, Vocabulary, World, each, evolve, on, parse, run
 from minerva_bus.cli.main import app
 from minerva_bus.errors import BusError, MisuseError
 from minerva_bus.frame import messages as m

@@ -17,15 +17,7 @@ FOLDER = EXAMPLES / "plants"
 WORLD = FOLDER / "plants.toml"
 sys.path.insert(0, str(FOLDER))
 
-from plants import (  # noqa: E402  # pyright: ignore[reportMissingImports]
-    Bud,
-    Stem,
-    eBody,
-    eCollision,
-    eGrow,
-    ePicture,
-    vocabulary,
-)
+from plants import Bud, Stem, eBody, eCollision, eGrow, ePicture, vocabulary  # noqa: E402  # pyright: ignore[reportMissingImports]
 
 KINDS = [Stem, Bud]
 

@@ -6,15 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from minerva_bus import (
-    Agent,
-    Default,
-    Degrees,
-    Metres,
-    Motion,
-    Transformation,
-    Vocabulary,
-)
+from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation, Vocabulary
 from minerva_bus.cli.plotting import plot_file
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.description import World

@@ -2,17 +2,7 @@
 
 import pytest
 
-from minerva_bus import (
-    EMPTY,
-    Agent,
-    EventType,
-    Metres,
-    Primitive,
-    Vocabulary,
-    evolve,
-    on,
-    parse,
-)
+from minerva_bus import EMPTY, Agent, EventType, Metres, Primitive, Vocabulary, evolve, on, parse
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.kinds import ActivityError
 

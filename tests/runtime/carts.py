@@ -1,16 +1,6 @@
 """Carts that a motor moves: each stores its own position and that of its body."""
 
-from minerva_bus import (
-    Agent,
-    Device,
-    EventType,
-    Generator,
-    Metres,
-    Primitive,
-    Vocabulary,
-    on,
-    view,
-)
+from minerva_bus import Agent, Device, EventType, Generator, Metres, Primitive, Vocabulary, on, view
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.traversal import walk
 

@@ -21,16 +21,7 @@ from pond import (
     started,
 )
 
-from minerva_bus import (
-    Agent,
-    Device,
-    Generator,
-    Metres,
-    Vocabulary,
-    on,
-    view,
-    visualize,
-)
+from minerva_bus import Agent, Device, Generator, Metres, Vocabulary, on, view, visualize
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.description import World
 

@@ -14,16 +14,7 @@ from space.worlds import Sheep, meadow, moment
 
 from minerva_bus import Cells, portable
 from minerva_bus.compiled.origin import NotCompilable
-from minerva_bus.space import (
-    ORDERED,
-    CellGrid,
-    Draws,
-    beside,
-    integers,
-    interpreted,
-    rule,
-    within,
-)
+from minerva_bus.space import ORDERED, CellGrid, Draws, beside, integers, interpreted, rule, within
 from minerva_bus.space.compiling import compiler
 from minerva_bus.space.kernels import OPTIONS, rebound
 

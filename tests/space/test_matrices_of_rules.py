@@ -8,15 +8,7 @@ from space.worlds import eStep
 
 from minerva_bus import Cells, MinervaError, Reals, evolve, on
 from minerva_bus.grammar.scene import agents
-from minerva_bus.space import (
-    ORDERED,
-    SIMULTANEOUS,
-    Space,
-    interpreted,
-    kernel,
-    rule,
-    rules,
-)
+from minerva_bus.space import ORDERED, SIMULTANEOUS, Space, interpreted, kernel, rule, rules
 from minerva_bus.space.rules import SpaceRule
 from minerva_bus.world.context import Frame
 

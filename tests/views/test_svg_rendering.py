@@ -10,18 +10,7 @@ pytest.importorskip("resvg_py")
 
 import resvg_py
 from numpy.typing import NDArray
-from svg_world import (
-    FREE,
-    UNKNOWN,
-    WALL,
-    PHeat,
-    PMap,
-    PSign,
-    TMove,
-    page_of,
-    picture,
-    pixels,
-)
+from svg_world import FREE, UNKNOWN, WALL, PHeat, PMap, PSign, TMove, page_of, picture, pixels
 
 from minerva_bus import MinervaError, Scene
 from minerva_bus.semantics.poses import Pose
