@@ -63,10 +63,7 @@ def test_it_finds_its_objective_after_all_that_goes_wrong(tmp_path, floor):
 
 def test_it_stops_when_the_world_pauses_and_when_it_dies(tmp_path, floor):
     endpoint = free_endpoint()
-    with (
-        RosRobot(floor, endpoint) as robot,
-        world(tmp_path, endpoint, "--speed", "0.15") as run,
-    ):
+    with RosRobot(floor, endpoint) as robot, world(tmp_path, endpoint, "--speed", "0.15") as run:
         eventually(lambda: has_left(robot, (1.0, 1.5), 0.1), "it drives")
         with run.client() as asked:
             asked.operator.pause()

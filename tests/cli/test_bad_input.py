@@ -171,10 +171,7 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
             "no view 'sprite' is installed; did you mean 'sprites'?",
         ),
         (("attach", "words:Walker", "--connect", "nonsense", "--world", "w"), "is not an endpoint"),
-        (
-            ("attach", "words:Walker", "--connect", "tcp/127.0.0.1:9", "--world", "w"),
-            "no answer",
-        ),
+        (("attach", "words:Walker", "--connect", "tcp/127.0.0.1:9", "--world", "w"), "no answer"),
     ],
 )
 def test_a_wrong_command_line(folder, words, message):

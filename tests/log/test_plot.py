@@ -66,11 +66,7 @@ def test_places_by_the_names_of_attributes():
     text = (
         "AWalker#a<x=1, y=2, heading=30> · AMole#m<row=4, column=6> · AName#n · AWind#w<x=3, y=4>"
     )
-    assert where(text) == {
-        "AWalker": [(1, 2, 30)],
-        "AMole": [(12, 3, 0)],
-        "AWind": [(3, 4, 90)],
-    }
+    assert where(text) == {"AWalker": [(1, 2, 30)], "AMole": [(12, 3, 0)], "AWind": [(3, 4, 90)]}
 
 
 def test_transformations_around_an_agent_move_it():

@@ -101,11 +101,7 @@ def test_a_router_understands_the_examples() -> None:
         session.put("minerva/w/all", b"to all members")
         assert link.frame_with(b"to all members")
         link.send(EXAMPLES["put"])
-        assert seen.get() == (
-            "SampleKind.PUT",
-            "minerva/w/from/rain",
-            b"\x00\x91\xa7leaving",
-        )
+        assert seen.get() == ("SampleKind.PUT", "minerva/w/from/rain", b"\x00\x91\xa7leaving")
         link.send(EXAMPLES["undeclared token"])
         assert seen.get() == ("SampleKind.DELETE", "minerva/w/alive/rain", b"")
         link.send(EXAMPLES["close"])

@@ -177,10 +177,7 @@ class Setting:
             for event_type in types
             for name in sorted(sources)
         ]
-        etas = {
-            Policy.SEQUENTIAL: transcription.eta_sequential,
-            Policy.LITERAL: transcription.eta,
-        }
+        etas = {Policy.SEQUENTIAL: transcription.eta_sequential, Policy.LITERAL: transcription.eta}
 
         def phi(v):
             log = Log()

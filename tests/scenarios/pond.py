@@ -322,11 +322,7 @@ class Bus(MemoryBus):
 
 def counters(text: str = "ACounter#a · ACounter#b", **rest: Any) -> Bus:
     """The plain world: one generator, and one host of counters; `members` adds to them."""
-    members = {
-        "add": service("add", Add),
-        "host": host("host", Counter),
-        **rest.pop("members", {}),
-    }
+    members = {"add": service("add", Add), "host": host("host", Counter), **rest.pop("members", {})}
     expected = rest.pop("expected", members)
     return Bus(world(text, expected, **rest), members)
 

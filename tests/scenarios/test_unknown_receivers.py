@@ -73,10 +73,7 @@ def test_a_batch_is_compared_too():
         (eAdd(1), ""),
         (eAdd(1, receivers=["a"]), ""),
         (eDone(), "no agent kind of this world responds to eDone"),
-        (
-            eStep(1, receivers=["a"]),
-            "no ACounter responds to eStep; AFrog, ALily, AMinnow does",
-        ),
+        (eStep(1, receivers=["a"]), "no ACounter responds to eStep; AFrog, ALily, AMinnow does"),
     ],
 )
 def test_an_order_that_changes_nothing_has_a_note(event, reason):

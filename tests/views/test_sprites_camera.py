@@ -90,20 +90,6 @@ def test_a_lone_disc_does_not_fill_the_screen():
 
 
 def test_lines_and_signs_count():
-    area = extent(
-        picture(
-            PPath(
-                (
-                    0.0,
-                    4.0,
-                ),
-                (
-                    0.0,
-                    2.0,
-                ),
-            )
-            + PSign("a")
-        )
-    )
+    area = extent(picture(PPath((0.0, 4.0), (0.0, 2.0)) + PSign("a")))
     assert area.right > 4
     assert extent(picture(PPath((), ()))) is None

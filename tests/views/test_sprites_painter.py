@@ -180,18 +180,7 @@ def test_all_instances_are_drawn_in_their_order():
 
 
 def test_lines_go_through_their_points():
-    way = PPath(
-        (
-            2.0,
-            6.0,
-            6.0,
-        ),
-        (
-            1.0,
-            1.0,
-            4.0,
-        ),
-    )
+    way = PPath((2.0, 6.0, 6.0), (1.0, 1.0, 4.0))
     painter, pixels = drawn(floor() + way)
     for place in ((4.0, 1.0), (6.0, 2.5), (6.0, 1.0)):
         assert near(color_at(painter, pixels, *place), (0xAA, 0, 0), 40)
@@ -294,15 +283,4 @@ def test_the_grid_has_a_round_step(scale):
 
 
 def test_a_line_in_a_picture_is_a_line():
-    assert picture(
-        PPath(
-            (
-                0.0,
-                1.0,
-            ),
-            (
-                0.0,
-                1.0,
-            ),
-        )
-    ).of(Polyline)
+    assert picture(PPath((0.0, 1.0), (0.0, 1.0))).of(Polyline)
