@@ -62,18 +62,28 @@ def recorder_on(monkeypatch, disk, **settings):
     said = []
     monkeypatch.setattr(module, "open_for_record", lambda path: disk)
     file, _ = happened("meadow")
-    return Recorder(Path("run.mcap"), description(file), say=said.append, **settings), said
+    settings = {"say": said.append, **settings}
+    return Recorder(Path("run.mcap"), description(file), **settings), said
+
+
+def recorder_in(folder, **settings):
+    """The path of a new record, its recorder, and the frames of a run."""
+    file, frames = happened("meadow")
+    path = folder / "run.mcap"
+    return path, Recorder(path, description(file), **settings), frames
+
+
+def put(recorder, frames):
+    for record, string in frames:
+        recorder.frame(record, string, 0.0)
 
 
 @pytest.mark.parametrize("durable", [False, True])
 def test_a_run_is_recorded(durable, tmp_path):
-    path = tmp_path / "run.mcap"
-    file, frames = happened("meadow")
     said = []
-    recorder = Recorder(path, description(file), durable=durable, say=said.append)
+    path, recorder, frames = recorder_in(tmp_path, durable=durable, say=said.append)
     recorder.log("steps", "hello", 0.0)
-    for record, string in frames:
-        recorder.frame(record, string, 0.0)
+    put(recorder, frames)
     recorder.close()
     recorder.close()
     assert not said
@@ -107,23 +117,20 @@ def test_a_clock_before_1970_counts_as_1970(seconds, tmp_path, monkeypatch):
 
 
 def test_a_log_line_appears_in_its_frame(tmp_path):
-    path = tmp_path / "run.mcap"
-    file, frames = happened("meadow")
-    recorder = Recorder(path, description(file))
+    path, recorder, frames = recorder_in(tmp_path)
     for record, string in frames[:5]:
         recorder.frame(record, string, 0.0)
         recorder.log("foxes", f"after {record.frame}", 0.0, warning=True)
     recorder.close()
     with Record(path) as read:
         assert [(line.time, line.text) for line in read.log()] == [
-            (pytest.approx((n + 1) * file.world.dt), f"after {n}") for n in range(5)
+            (pytest.approx((n + 1) * happened("meadow")[0].world.dt), f"after {n}")
+            for n in range(5)
         ]
 
 
 def test_durable_frames_are_there_before_the_next(tmp_path):
-    path = tmp_path / "run.mcap"
-    file, frames = happened("meadow")
-    recorder = Recorder(path, description(file), durable=True)
+    path, recorder, frames = recorder_in(tmp_path, durable=True)
     for record, string in frames[:4]:
         recorder.frame(record, string, 0.0)
         with Record(path) as so_far:
@@ -136,8 +143,7 @@ def test_an_interrupt_in_the_midst_of_a_frame_leaves_it_whole(tmp_path, monkeypa
     disk = Disk()
     recorder, said = recorder_on(monkeypatch, disk, durable=True)
     frames = happened("meadow")[1]
-    for record, string in frames[:4]:
-        recorder.frame(record, string, 0.0)
+    put(recorder, frames[:4])
     disk.when_asked = partial(signal.pthread_kill, threading.get_ident(), signal.SIGINT)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -152,9 +158,7 @@ def test_an_interrupt_in_the_midst_of_a_frame_leaves_it_whole(tmp_path, monkeypa
 
 
 def test_written_frames_are_flushed_after_a_while(tmp_path):
-    path = tmp_path / "run.mcap"
-    file, frames = happened("meadow")
-    recorder = Recorder(path, description(file), flush_seconds=0.01)
+    path, recorder, frames = recorder_in(tmp_path, flush_seconds=0.01)
     recorder.frame(*frames[0], 0.0)
     while recorder.frames < 1:
         threading.Event().wait(0.005)
@@ -164,11 +168,8 @@ def test_written_frames_are_flushed_after_a_while(tmp_path):
 
 
 def test_a_flush_leaves_all_frames_in_the_file(tmp_path):
-    path = tmp_path / "run.mcap"
-    file, frames = happened("meadow")
-    recorder = Recorder(path, description(file), flush_seconds=1000.0)
-    for record, string in frames[:4]:
-        recorder.frame(record, string, 0.0)
+    path, recorder, frames = recorder_in(tmp_path, flush_seconds=1000.0)
+    put(recorder, frames[:4])
     recorder.flush()
     with Record(path) as so_far:
         assert so_far.string(4) == frames[3][1]
@@ -194,8 +195,7 @@ def test_a_full_disk_is_reported_once_and_written_frames_are_readable(
 ):
     disk = Disk(full_after=room)
     recorder, said = recorder_on(monkeypatch, disk, durable=durable, flush_seconds=0.0)
-    for record, string in happened("meadow")[1]:
-        recorder.frame(record, string, 0.0)
+    put(recorder, happened("meadow")[1])
     recorder.close()
     [message] = said
     assert message.startswith(
@@ -257,15 +257,13 @@ def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatc
     frames = happened("meadow")[1]
     recorder.frame(*frames[0], 0.0)
     disk.asked.wait()  # The thread is blocked in a write and takes no more frames.
-    for record, string in frames[1:50]:
-        recorder.frame(record, string, 0.0)
+    put(recorder, frames[1:50])
     assert recorder.lost == 49 - queues.WAITING
     assert [text for text in said if "disk too slow; dropping frames" in text] == said[:1]
     disk.free.set()
     while recorder.frames < 50 - recorder.lost:
         threading.Event().wait(0.005)
-    for record, string in frames[50:]:
-        recorder.frame(record, string, 0.0)
+    put(recorder, frames[50:])
     recorder.close()
     assert f"{recorder.lost} frames are not in the record" in said[-1]
     with record_of(disk.kept, tmp_path) as record:
@@ -281,8 +279,7 @@ def test_the_world_waits_for_a_slow_disk_and_nothing_is_lost(tmp_path, monkeypat
     done = threading.Event()
 
     def world():
-        for record, string in happened("meadow")[1]:
-            recorder.frame(record, string, 0.0)
+        put(recorder, happened("meadow")[1])
         done.set()
 
     monkeypatch.setattr(queues, "PATIENCE", 60.0)
@@ -312,15 +309,10 @@ def test_a_world_that_waits_for_the_disk_says_so(durable, ends, tmp_path, monkey
         recorder.log("record", text, 0.0)
         disk.free.set()
 
-    monkeypatch.setattr(module, "open_for_record", lambda path: disk)
-    file, frames = happened("meadow")
-    recorder = Recorder(
-        Path("run.mcap"), description(file), say=say, durable=durable, flush_seconds=0.0
-    )
+    recorder, _ = recorder_on(monkeypatch, disk, say=say, durable=durable, flush_seconds=0.0)
     if not ends:
         disk.free.clear()
-    for record, string in frames:
-        recorder.frame(record, string, 0.0)
+    put(recorder, happened("meadow")[1])
     if ends:
         recorder.flush()
         disk.free.clear()
@@ -339,8 +331,7 @@ def test_written_frames_are_flushed_while_others_wait(monkeypatch):
 
     def written(self, *what):
         kept.append(self.kept)
-        for record, string in islice(left, 1):
-            recorder.frame(record, string, 0.0)
+        put(recorder, islice(left, 1))
         frame(self, *what)
 
     monkeypatch.setattr(RecordWriter, "frame", written)
@@ -353,12 +344,9 @@ def test_written_frames_are_flushed_while_others_wait(monkeypatch):
 
 
 def test_an_earlier_record_is_kept(tmp_path):
-    path = tmp_path / "run.mcap"
-    file, frames = happened("meadow")
     for count in (1, 2, 3):
-        recorder = Recorder(path, description(file))
-        for record, string in frames[:count]:
-            recorder.frame(record, string, 0.0)
+        path, recorder, frames = recorder_in(tmp_path)
+        put(recorder, frames[:count])
         recorder.close()
     with Record(path) as new, Record(tmp_path / "run.old.mcap") as old:
         assert len(list(new.frames())) == 3
@@ -450,8 +438,7 @@ def test_frames_are_written_without_help(monkeypatch):
     writers = writers_of(monkeypatch)
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
     recorder.idle()  # The only call of `idle`.
-    for record, string in happened("meadow")[1][: HELPED_WITHIN + 1]:
-        recorder.frame(record, string, 0.0)
+    put(recorder, happened("meadow")[1][: HELPED_WITHIN + 1])
     while len(writers) <= HELPED_WITHIN:
         threading.Event().wait(0.001)
     recorder.close()
