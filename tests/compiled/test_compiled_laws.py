@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from minerva_bus import MinervaError, World, run
 from minerva_bus.grammar.ids import Ids
-from tests.compiled.twins import same, twins
+from tests.compiled.twins import compiled_form, same
 
 HEAD = """
 import math
@@ -46,30 +46,29 @@ def shaped(x, n):
         total += x - i
     return total
 
-def make(compiled):
-    class Kind(Agent, symbol="AKind"):
-        x: float = 0.0
-        y: float = 1.0
-        n: int = 0
-        c: bool = False
-        s: Literal["a", "b", "c"] = "a"
-        friend: str = "a1"
-        births: int = 0
+class Kind(Agent, symbol="AKind"):
+    x: float = 0.0
+    y: float = 1.0
+    n: int = 0
+    c: bool = False
+    s: Literal["a", "b", "c"] = "a"
+    friend: str = "a1"
+    births: int = 0
 
-        def mean(self):
-            return (self.x + self.y) / 2
+    def mean(self):
+        return (self.x + self.y) / 2
 
-        @on("eCall", compiled=compiled)
-        def answer(self, call, moment):
-            self.x = max(-9.0, min(9.0, self.x + call.a))
-            self.friend = call.sender
+    @on("eCall")
+    def answer(self, call, moment):
+        self.x = max(-9.0, min(9.0, self.x + call.a))
+        self.friend = call.sender
 
-        @on("eDay", compiled=compiled)
-        def live(self, day, moment):
-            i = dx = dy = 0
-            u = 1.0
-            v = self.x
-            counts = [0.0] * 3
+    @on("eDay")
+    def live(self, day, moment):
+        i = dx = dy = 0
+        u = 1.0
+        v = self.x
+        counts = [0.0] * 3
 """
 
 
@@ -183,7 +182,7 @@ def test_a_compiled_method_gives_what_it_gives_agent_by_agent(seed, tmp_path_fac
 def check(seed, folder):
     """Compare a generated method with its compiled form for three frames."""
     method = Writer(seed).method()
-    text = HEAD + "\n".join(" " * 12 + line for line in method) + "\n    return Kind\n"
+    text = HEAD + "\n".join(" " * 8 + line for line in method) + "\n"
     (folder / "law_world.py").write_text(text, encoding="utf-8")
     sys.path.insert(0, str(folder))
     try:
@@ -195,17 +194,12 @@ def check(seed, folder):
     count = int(rng.integers(2, 70))
     x = np.round(rng.normal(size=count), 1)
     numbers = rng.integers(0, 20, count)
-    same(
-        module.make,
-        lambda cls: cls.many("a", count, x=x, n=numbers),
-        [events(module, rng, count) for _ in range(3)],
-        parts=1 + seed % 3,
-    )
-    plain, compiled = twins(module.make)
-    scene = plain.many("a", count, x=x, n=numbers)
-    assert ran(scene, module, {"host": [plain]}) == ran(
-        scene, module, {"north": [compiled], "south": [compiled]}
-    )
+    scene = module.Kind.many("a", count, x=x, n=numbers)
+    frames = [events(module, rng, count) for _ in range(3)]
+    same(module.Kind, scene, frames, parts=1 + seed % 3)
+    compiled = [compiled_form(module.Kind)]
+    hosts = {"north": compiled, "south": compiled}
+    assert ran(scene, module, {"host": [module.Kind]}) == ran(scene, module, hosts)
 
 
 def ran(scene, module, hosts):

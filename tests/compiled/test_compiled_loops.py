@@ -24,9 +24,9 @@ def day(**data):
     return eDay(**{"grass": 1.0, "count": 3} | data)
 
 
-def sown(count=60, **state):
+def sown(cls, count=60, **state):
     x = np.round(np.random.default_rng(3).normal(size=count), 1)
-    return lambda cls: cls.many("a", count, x=x, n=np.arange(count) % 7, **state)
+    return cls.many("a", count, x=x, n=np.arange(count) % 7, **state)
 
 
 def nearest_step(x, y):
@@ -38,209 +38,188 @@ def nearest_step(x, y):
 
 
 def test_loops_over_tuples_that_are_written_or_constants():
-    def make(compiled):
-        class Walker(Agent, symbol="AWalker"):
-            ODD = (1, 3, 5)
-            x: float = 0.0
-            y: float = 0.0
-            n: int = 0
-            name: str = ""
+    class Walker(Agent, symbol="AWalker"):
+        ODD = (1, 3, 5)
+        x: float = 0.0
+        y: float = 0.0
+        n: int = 0
+        name: str = ""
 
-            @on("eDay", compiled=compiled)
-            def walk(self, day, moment):
-                for dx in (-1, 0, 1):
-                    for dy in [-1, 0, 1]:
-                        if dx == dy == 0:
-                            continue
-                        self.x += 0.1 * dx * moment.chance.random()
-                        self.y += dy * 0.25 + dx
-                for east, north in ((0, 1), (1, 0), NORTH):
-                    self.x += east * 0.5
-                    self.y -= north * day.grass
-                    if self.x > 2:
-                        break
-                for dx, dy in STEPS:
-                    if self.n == 3 and dx == -1:
-                        return EMPTY
-                    self.n += 2 * dx - dy
-                for odd in self.ODD:
-                    self.n += odd
-                for word, (real, whole) in LABELLED:
+        @on("eDay")
+        def walk(self, day, moment):
+            for dx in (-1, 0, 1):
+                for dy in [-1, 0, 1]:
+                    if dx == dy == 0:
+                        continue
+                    self.x += 0.1 * dx * moment.chance.random()
+                    self.y += dy * 0.25 + dx
+            for east, north in ((0, 1), (1, 0), NORTH):
+                self.x += east * 0.5
+                self.y -= north * day.grass
+                if self.x > 2:
+                    break
+            for dx, dy in STEPS:
+                if self.n == 3 and dx == -1:
+                    return EMPTY
+                self.n += 2 * dx - dy
+            for odd in self.ODD:
+                self.n += odd
+            for word, (real, whole) in LABELLED:
+                self.name = word
+                self.x += real * whole
+            for word in ("c", "d"):
+                if self.x > 0.5:
                     self.name = word
-                    self.x += real * whole
-                for word in ("c", "d"):
-                    if self.x > 0.5:
-                        self.name = word
-                        break
-                self.x += nearest_step(self.x, self.y)
-                self.n %= 11
+                    break
+            self.x += nearest_step(self.x, self.y)
+            self.n %= 11
 
-        return Walker
-
-    same(make, sown(), [[day()], [day(grass=-0.5), day()], [day()]], parts=3)
+    same(Walker, sown(Walker), [[day()], [day(grass=-0.5), day()], [day()]], parts=3)
 
 
 def test_values_of_a_chosen_tuple():
-    def make(compiled):
-        class Drifter(Agent, symbol="ADrifter"):
-            x: float = 0.0
-            n: int = 0
-            name: str = ""
+    class Drifter(Agent, symbol="ADrifter"):
+        x: float = 0.0
+        n: int = 0
+        name: str = ""
 
-            @on("eDay", compiled=compiled)
-            def drift(self, day, moment):
-                dx, dy = STEPS[moment.chance.integers(len(STEPS))]
-                self.x += dx * moment.chance.random() + dy
-                self.name, (real, self.n) = LABELLED[self.n % 2 - 2]
-                self.x += real
+        @on("eDay")
+        def drift(self, day, moment):
+            dx, dy = STEPS[moment.chance.integers(len(STEPS))]
+            self.x += dx * moment.chance.random() + dy
+            self.name, (real, self.n) = LABELLED[self.n % 2 - 2]
+            self.x += real
 
-        return Drifter
-
-    same(make, sown(), [[day()], [day(), day()]])
+    same(Drifter, sown(Drifter), [[day()], [day(), day()]])
 
 
 def test_else_of_loops():
-    def make(compiled):
-        class Seeker(Agent, symbol="ASeeker"):
-            x: float = 0.0
-            n: int = 0
+    class Seeker(Agent, symbol="ASeeker"):
+        x: float = 0.0
+        n: int = 0
 
-            @on("eDay", compiled=compiled)
-            def seek(self, day, moment):
-                for dx in (-1, 0, 1):
-                    if self.n + dx == 2:
-                        place = dx
-                        break
-                else:
-                    place = 7
-                self.x += place
-                while self.n > 3:
-                    self.n -= 1
-                    if self.n == 5:
-                        break
-                else:
-                    self.x += 100.0
-                for turn in range(self.n):
-                    if turn == 2:
-                        return None
-                else:
-                    if self.x > 50:
-                        return EMPTY
-                    self.x *= 2.0
-                self.n += 5
+        @on("eDay")
+        def seek(self, day, moment):
+            for dx in (-1, 0, 1):
+                if self.n + dx == 2:
+                    place = dx
+                    break
+            else:
+                place = 7
+            self.x += place
+            while self.n > 3:
+                self.n -= 1
+                if self.n == 5:
+                    break
+            else:
+                self.x += 100.0
+            for turn in range(self.n):
+                if turn == 2:
+                    return None
+            else:
+                if self.x > 50:
+                    return EMPTY
+                self.x *= 2.0
+            self.n += 5
 
-        return Seeker
-
-    same(make, sown(), [[day()], [day()], [day(), day()]])
+    same(Seeker, sown(Seeker), [[day()], [day()], [day(), day()]])
 
 
 def test_else_of_a_loop_over_events():
-    def make(compiled):
-        class Hearer(Agent, symbol="AHearer"):
-            x: float = 0.0
-            n: int = 0
+    class Hearer(Agent, symbol="AHearer"):
+        x: float = 0.0
+        n: int = 0
 
-            @on("eDay", together=True, population=False, compiled=compiled)
-            def hear(self, days, moment):
-                for each in days:
-                    if each.count == self.n:
-                        break
-                    self.x += each.grass
-                else:
-                    self.x = -1.0
+        @on("eDay", together=True, population=False)
+        def hear(self, days, moment):
+            for each in days:
+                if each.count == self.n:
+                    break
+                self.x += each.grass
+            else:
+                self.x = -1.0
 
-        return Hearer
-
-    same(make, sown(), [[day()], [day(count=k) for k in range(3)]])
+    same(Hearer, sown(Hearer), [[day()], [day(count=k) for k in range(3)]])
 
 
 def test_enumerate_and_zip():
-    def make(compiled):
-        class Counter(Agent, symbol="ACounter"):
-            x: float = 0.0
-            n: int = 0
+    class Counter(Agent, symbol="ACounter"):
+        x: float = 0.0
+        n: int = 0
 
-            @on("eDay", compiled=compiled)
-            def count(self, day, moment):
-                counts = [0.0] * 4
-                for i, (dx, dy) in enumerate(STEPS):
-                    counts[i] += dx * self.x - dy
-                for i, value in enumerate(counts, 1):
-                    counts[i % 4] += value * 0.5
-                for i, count in enumerate((2, 4), start=-1):
-                    self.n += i * count
-                for value, weight, (dx, _) in zip(counts, (1.0, 0.5, 0.25), STEPS):  # noqa: B905  (of three lengths)
-                    if value > 3:
-                        break
-                    self.x += value * weight + dx
-                else:
-                    self.n += 1
-                for (i, a), b in zip(enumerate(counts), NORTH):  # noqa: B905
-                    self.x += i * a * b
-                self.n %= 9
+        @on("eDay")
+        def count(self, day, moment):
+            counts = [0.0] * 4
+            for i, (dx, dy) in enumerate(STEPS):
+                counts[i] += dx * self.x - dy
+            for i, value in enumerate(counts, 1):
+                counts[i % 4] += value * 0.5
+            for i, count in enumerate((2, 4), start=-1):
+                self.n += i * count
+            for value, weight, (dx, _) in zip(counts, (1.0, 0.5, 0.25), STEPS):  # noqa: B905  (of three lengths)
+                if value > 3:
+                    break
+                self.x += value * weight + dx
+            else:
+                self.n += 1
+            for (i, a), b in zip(enumerate(counts), NORTH):  # noqa: B905
+                self.x += i * a * b
+            self.n %= 9
 
-        return Counter
-
-    same(make, sown(), [[day()], [day(), day()]])
+    same(Counter, sown(Counter), [[day()], [day(), day()]])
 
 
 def test_a_sum_that_begins_as_an_int():
-    def make(compiled):
-        class Adder(Agent, symbol="AAdder"):
-            x: float = 0.0
-            y: float = 0.0
-            z: float = 0.0
-            back: float = 0.0
-            n: int = 0
+    class Adder(Agent, symbol="AAdder"):
+        x: float = 0.0
+        y: float = 0.0
+        z: float = 0.0
+        back: float = 0.0
+        n: int = 0
 
-            @on("eDay", compiled=compiled)
-            def add(self, day, moment):
-                total = 0
-                product = 1
-                for _ in range(self.n):
-                    total += self.x
-                    product *= self.x
-                self.y = total * 2 + 1
-                self.z = -total - product * 3
-                self.back = -total
-                self.x += (total + self.n) // 2 - (total % 3) + total**2
-                if total:
-                    product += self.n * total
-                self.x = max(-9, min(9, self.x + product / 7))
-                self.n = (self.n + int(total)) % 7
-                if self.y != 1:
-                    self.y *= -2
-                best = 0
-                for dx in (-1, 0.5, 1):
-                    best = max(best, dx * self.n - 1)
-                self.z += best - 1
+        @on("eDay")
+        def add(self, day, moment):
+            total = 0
+            product = 1
+            for _ in range(self.n):
+                total += self.x
+                product *= self.x
+            self.y = total * 2 + 1
+            self.z = -total - product * 3
+            self.back = -total
+            self.x += (total + self.n) // 2 - (total % 3) + total**2
+            if total:
+                product += self.n * total
+            self.x = max(-9, min(9, self.x + product / 7))
+            self.n = (self.n + int(total)) % 7
+            if self.y != 1:
+                self.y *= -2
+            best = 0
+            for dx in (-1, 0.5, 1):
+                best = max(best, dx * self.n - 1)
+            self.z += best - 1
 
-            @on("eNight", compiled=compiled)
-            def turn(self, night, moment):
-                self.y = -self.y * 3
+        @on("eNight")
+        def turn(self, night, moment):
+            self.y = -self.y * 3
 
-        return Adder
-
-    same(make, sown(), [[day()], [day(), day()], [day(count=1)]], parts=3)
+    same(Adder, sown(Adder), [[day()], [day(), day()], [day(count=1)]], parts=3)
 
 
 def test_a_chain_of_variables_that_become_reals_one_by_one():
-    def make(compiled):
-        class Queue(Agent, symbol="AQueue"):
-            x: float = 0.0
-            n: int = 0
+    class Queue(Agent, symbol="AQueue"):
+        x: float = 0.0
+        n: int = 0
 
-            @on("eDay", compiled=compiled)
-            def pass_on(self, day, moment):
-                a = b = c = d = e = f = g = h = i = j = k = m = 0
-                for _ in range(4 * self.n):
-                    a, b, c, d, e, f = b, c, d, e, f, g
-                    g, h, i, j, k, m = h, i, j, k, m, m + self.x
-                self.x = a + 1
+        @on("eDay")
+        def pass_on(self, day, moment):
+            a = b = c = d = e = f = g = h = i = j = k = m = 0
+            for _ in range(4 * self.n):
+                a, b, c, d, e, f = b, c, d, e, f, g
+                g, h, i, j, k, m = h, i, j, k, m, m + self.x
+            self.x = a + 1
 
-        return Queue
-
-    same(make, sown(), [[day()], [day()]])
+    same(Queue, sown(Queue), [[day()], [day()]])
 
 
 MIXED = {

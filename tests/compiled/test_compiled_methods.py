@@ -14,7 +14,8 @@ pytest.importorskip("numba")
 
 from minerva_bus import EMPTY, Agent, EventType, on, portable
 from minerva_bus.grammar.ids import Ids
-from tests.compiled.twins import outcome, same, twins
+from minerva_bus.world.context import Frame
+from tests.compiled.twins import compiled_form, outcome, same
 
 eDay = EventType("eDay", grass=float, name=str, wet=bool, count=int)
 eHit = EventType("eHit", amount=float)
@@ -34,137 +35,122 @@ def day(**data):
 
 
 def test_numbers_branches_births_and_deaths():
-    def make(compiled):
-        class Sheep(Agent, symbol="ASheep"):
-            x: float = 0.0
-            energy: float = 5.0
-            births: int = 0
+    class Sheep(Agent, symbol="ASheep"):
+        x: float = 0.0
+        energy: float = 5.0
+        births: int = 0
 
-            @on("eDay", compiled=compiled)
-            def live(self, day, moment):
-                self.x += moment.chance.normal(0, 0.5)
-                self.energy += day.grass * moment.chance.random() - 0.5
-                if self.energy < 0:
-                    return EMPTY
-                if self.energy > LIMIT:
-                    self.energy /= 2
-                    return self.string + self.child(x=self.x, energy=self.energy)
-
-        return Sheep
+        @on("eDay")
+        def live(self, day, moment):
+            self.x += moment.chance.normal(0, 0.5)
+            self.energy += day.grass * moment.chance.random() - 0.5
+            if self.energy < 0:
+                return EMPTY
+            if self.energy > LIMIT:
+                self.energy /= 2
+                return self.string + self.child(x=self.x, energy=self.energy)
 
     energy = np.linspace(0, 8, 200)
-    same(make, lambda cls: many(cls, 200, energy=energy), [[day(grass=1.2)]] * 6, parts=3)
+    same(Sheep, many(Sheep, 200, energy=energy), [[day(grass=1.2)]] * 6, parts=3)
 
 
 def test_all_draws():
-    def make(compiled):
-        class Dice(Agent, symbol="ADice"):
-            a: float = 0.0
-            b: float = 0.0
-            c: int = 0
-            d: bool = False
-            e: float = 0.0
-            f: float = 0.0
+    class Dice(Agent, symbol="ADice"):
+        a: float = 0.0
+        b: float = 0.0
+        c: int = 0
+        d: bool = False
+        e: float = 0.0
+        f: float = 0.0
 
-            @on("eDay", compiled=compiled)
-            def roll(self, day, moment):
-                chance = moment.chance.random()
-                self.a = chance + moment.chance.uniform(1, 3)
-                self.b = moment.chance.uniform(high=self.a) + moment.chance.uniform()
-                self.c = moment.chance.integers(5) + moment.chance.integers(-3, high=9)
-                self.d = moment.chance.chance(0.5)
-                self.e = moment.chance.exponential(2) + moment.chance.exponential()
-                self.f = moment.chance.normal() + moment.chance.normal(deviation=2.5)
-                if self.d:
-                    self.a = moment.chance.random()
+        @on("eDay")
+        def roll(self, day, moment):
+            chance = moment.chance.random()
+            self.a = chance + moment.chance.uniform(1, 3)
+            self.b = moment.chance.uniform(high=self.a) + moment.chance.uniform()
+            self.c = moment.chance.integers(5) + moment.chance.integers(-3, high=9)
+            self.d = moment.chance.chance(0.5)
+            self.e = moment.chance.exponential(2) + moment.chance.exponential()
+            self.f = moment.chance.normal() + moment.chance.normal(deviation=2.5)
+            if self.d:
+                self.a = moment.chance.random()
 
-        return Dice
-
-    same(make, lambda cls: many(cls), [[day(), day(grass=2.0)]] * 3)
+    same(Dice, many(Dice), [[day(), day(grass=2.0)]] * 3)
 
 
 def test_emitted_events_and_their_receivers():
-    def make(compiled):
-        class Caller(Agent, symbol="ACaller"):
-            friend: str = "a1"
-            heard: float = 0.0
+    class Caller(Agent, symbol="ACaller"):
+        friend: str = "a1"
+        heard: float = 0.0
 
-            @on("eDay", compiled=compiled)
-            def call(self, day, moment):
-                for turn in range(day.count):
-                    if moment.chance.random() < 0.5:
-                        moment.emit(eCall(loud=1.5 * turn, word="hi", receivers=[self.friend]))
-                moment.emit(eEgg(size=day.count))
+        @on("eDay")
+        def call(self, day, moment):
+            for turn in range(day.count):
+                if moment.chance.random() < 0.5:
+                    moment.emit(eCall(loud=1.5 * turn, word="hi", receivers=[self.friend]))
+            moment.emit(eEgg(size=day.count))
 
-            @on("eCall", compiled=compiled)
-            def answer(self, call, moment):
-                self.heard += call.loud
-                if call.word == "hi":
-                    self.friend = call.sender
-                    moment.emit(eCall(0.5, "back", receivers=[call.sender]))
-                else:
-                    moment.emit(eCall(0.25, self.id, receivers=(self.id,)))
-
-        return Caller
+        @on("eCall")
+        def answer(self, call, moment):
+            self.heard += call.loud
+            if call.word == "hi":
+                self.friend = call.sender
+                moment.emit(eCall(0.5, "back", receivers=[call.sender]))
+            else:
+                moment.emit(eCall(0.25, self.id, receivers=(self.id,)))
 
     calls = [
         eCall(loud=1.0, word=w, receivers=[f"a{k}"], sender=f"a{k + 1}")
         for k in (3, 3, 3, 4, 20)
         for w in ("hi", "no")
     ]
-    same(make, lambda cls: many(cls), [[day()], calls, [*calls, day(count=7)]])
+    same(Caller, many(Caller), [[day()], calls, [*calls, day(count=7)]])
 
 
 def test_events_with_several_receivers():
-    def make(compiled):
-        class Parent(Agent, symbol="AParent"):
-            left: str = "a1"
-            right: str = "a2"
-            sum: float = 0.0
+    class Parent(Agent, symbol="AParent"):
+        left: str = "a1"
+        right: str = "a2"
+        sum: float = 0.0
 
-            @on("eDay", compiled=compiled)
-            def call(self, day, moment):
-                self.sum += day.grass
-                if moment.chance.random() < 0.7:
-                    moment.emit(eCall(self.sum, "x", receivers=[self.left, self.right, self.left]))
-                if self.left == "a9":
-                    moment.emit(eCall(0.5, self.id, receivers=(self.right, self.id, "elsewhere")))
-                if day.count == 3 and self.right == "":
-                    moment.emit(eEgg(size=1))
+        @on("eDay")
+        def call(self, day, moment):
+            self.sum += day.grass
+            if moment.chance.random() < 0.7:
+                moment.emit(eCall(self.sum, "x", receivers=[self.left, self.right, self.left]))
+            if self.left == "a9":
+                moment.emit(eCall(0.5, self.id, receivers=(self.right, self.id, "elsewhere")))
+            if day.count == 3 and self.right == "":
+                moment.emit(eEgg(size=1))
 
-            @on("eCall", compiled=compiled)
-            def answer(self, call, moment):
-                self.sum += call.loud
-                self.left, self.right = call.sender, self.left
-                moment.emit(eCall(self.sum, "back", receivers=[self.left]))
-
-        return Parent
+        @on("eCall")
+        def answer(self, call, moment):
+            self.sum += call.loud
+            self.left, self.right = call.sender, self.left
+            moment.emit(eCall(self.sum, "back", receivers=[self.left]))
 
     calls = [eCall(1.0, "hi", receivers=["a3", "a4"], sender="a9") for _ in range(2)]
-    same(make, lambda cls: many(cls), [[day(), *calls], [day(count=3)], [*calls, day(grass=2.0)]])
+    same(Parent, many(Parent), [[day(), *calls], [day(count=3)], [*calls, day(grass=2.0)]])
 
 
 def test_texts_words_and_bools():
-    def make(compiled):
-        class Person(Agent, symbol="APerson"):
-            name: str = "a"
-            health: Literal["S", "I", "R"] = "S"
-            calm: bool = True
-            met: str = ""
+    class Person(Agent, symbol="APerson"):
+        name: str = "a"
+        health: Literal["S", "I", "R"] = "S"
+        calm: bool = True
+        met: str = ""
 
-            @on("eDay", compiled=compiled)
-            def live(self, day, moment):
-                if self.health == "S" and moment.chance.chance(0.3):
-                    self.health = "I"
-                elif self.health in ("I", "R"):
-                    self.health = "R" if moment.chance.chance(0.5) else "S"
-                self.name = NAMES[moment.chance.integers(len(NAMES))]
-                self.calm = (not self.calm and day.wet) or day.name != self.name
-                self.met = day.name if self.calm else self.met
+        @on("eDay")
+        def live(self, day, moment):
+            if self.health == "S" and moment.chance.chance(0.3):
+                self.health = "I"
+            elif self.health in ("I", "R"):
+                self.health = "R" if moment.chance.chance(0.5) else "S"
+            self.name = NAMES[moment.chance.integers(len(NAMES))]
+            self.calm = (not self.calm and day.wet) or day.name != self.name
+            self.met = day.name if self.calm else self.met
 
-        return Person
-
-    same(make, lambda cls: many(cls), [[day(name=n, wet=w)] for n in "abü" for w in (True, False)])
+    same(Person, many(Person), [[day(name=n, wet=w)] for n in "abü" for w in (True, False)])
 
 
 def helper(x, y=2.0, *, flip=False):
@@ -181,103 +167,94 @@ def wander(chance, width):
 
 
 def test_helpers_loops_lists_and_tuples():
-    def make(compiled):
-        class Bug(Agent, symbol="ABug"):
-            x: float = 0.0
-            y: float = 1.0
-            n: int = 0
-            SPEED = 0.25
+    class Bug(Agent, symbol="ABug"):
+        x: float = 0.0
+        y: float = 1.0
+        n: int = 0
+        SPEED = 0.25
 
-            def rate(self, factor):
-                return self.SPEED * factor + self.y
+        def rate(self, factor):
+            return self.SPEED * factor + self.y
 
-            @staticmethod
-            def fixed(first, second=0.5):
-                return second
+        @staticmethod
+        def fixed(first, second=0.5):
+            return second
 
-            def drawn(self, moment):
-                return moment.chance.random() * moment.dt + self.x
+        def drawn(self, moment):
+            return moment.chance.random() * moment.dt + self.x
 
-            @on("eDay", compiled=compiled)
-            def live(self, day, moment):
-                """Docstrings are skipped."""
-                counts = [0] * 4
-                parts = [1.0, self.x, 2.0]
-                for i in range(1, 10, 3):
-                    counts[i % 4] += i
-                    if i == 7:
-                        continue
-                    parts[-1] += helper(self.x, flip=i > 2) + helper(day.grass)
-                while True:
-                    self.n += counts[1]
-                    if self.n > 5:
-                        break
-                    self.n += 2
-                for weight in WEIGHTS:
-                    self.y += weight * 0.5
-                best = -1e9
-                for part in parts:
-                    best = max(best, part)
-                a, b = best, parts[2]
-                a, b = b, a
-                self.x = a - b + wander(moment.chance, 0.5) + self.rate(2) + self.drawn(moment)
-                self.y = min(self.y, 3, best) + self.fixed(4) + moment.time + moment.number
-                self.n = self.n * 3 // 2 - self.n % 7 + abs(-self.n) + int(self.x) + round(self.y)
-                self.n = (self.n & 255) ^ (3 << 2) | ~self.n & 1
-
-        return Bug
+        @on("eDay")
+        def live(self, day, moment):
+            """Docstrings are skipped."""
+            counts = [0] * 4
+            parts = [1.0, self.x, 2.0]
+            for i in range(1, 10, 3):
+                counts[i % 4] += i
+                if i == 7:
+                    continue
+                parts[-1] += helper(self.x, flip=i > 2) + helper(day.grass)
+            while True:
+                self.n += counts[1]
+                if self.n > 5:
+                    break
+                self.n += 2
+            for weight in WEIGHTS:
+                self.y += weight * 0.5
+            best = -1e9
+            for part in parts:
+                best = max(best, part)
+            a, b = best, parts[2]
+            a, b = b, a
+            self.x = a - b + wander(moment.chance, 0.5) + self.rate(2) + self.drawn(moment)
+            self.y = min(self.y, 3, best) + self.fixed(4) + moment.time + moment.number
+            self.n = self.n * 3 // 2 - self.n % 7 + abs(-self.n) + int(self.x) + round(self.y)
+            self.n = (self.n & 255) ^ (3 << 2) | ~self.n & 1
 
     x = np.linspace(-3, 3, 50)
-    same(make, lambda cls: many(cls, x=x), [[day()]] * 4)
+    same(Bug, many(Bug, x=x), [[day()]] * 4)
 
 
 def test_several_events_per_agent_in_order():
-    def make(compiled):
-        class Target(Agent, symbol="ATarget"):
-            life: float = 3.0
-            log: float = 0.0
-            births: int = 0
+    class Target(Agent, symbol="ATarget"):
+        life: float = 3.0
+        log: float = 0.0
+        births: int = 0
 
-            @on("eHit", compiled=compiled)
-            def hit(self, hit, moment):
-                self.life -= hit.amount
-                self.log = self.log * 2 + hit.amount + moment.chance.random()
-                if self.life <= 0:
-                    return EMPTY
-                if self.life < 1:
-                    return self.string + self.child(log=self.log) + self.child(life=0.5)
-
-        return Target
+        @on("eHit")
+        def hit(self, hit, moment):
+            self.life -= hit.amount
+            self.log = self.log * 2 + hit.amount + moment.chance.random()
+            if self.life <= 0:
+                return EMPTY
+            if self.life < 1:
+                return self.string + self.child(log=self.log) + self.child(life=0.5)
 
     rng = np.random.default_rng(3)
     to = Ids.numbered("a", rng.integers(0, 50, 300))
     hits = [eHit(amount=rng.random(300), receivers=to), eHit(amount=0.25), eHit(amount=0.5)]
-    same(make, lambda cls: many(cls), [hits, hits[:1], hits])
+    same(Target, many(Target), [hits, hits[:1], hits])
     few = [eHit(amount=0.5, condition="life > 1"), eHit(amount=0.1, receivers=["a7"])]
-    same(make, lambda cls: many(cls), [few * 3])
+    same(Target, many(Target), [few * 3])
 
 
 def test_all_events_of_a_type_in_one_call():
-    def make(compiled):
-        class Ear(Agent, symbol="AEar"):
-            sum: float = 0.0
-            last: str = ""
-            calls: int = 0
+    class Ear(Agent, symbol="AEar"):
+        sum: float = 0.0
+        last: str = ""
+        calls: int = 0
 
-            @on("eCall", together=True, population=False, compiled=compiled)
-            def hear(self, calls, moment):
-                self.calls += len(calls)
-                for call in calls:
-                    if call.loud > 0.9:
-                        continue
-                    self.sum += call.loud * moment.chance.random()
-                    self.last = call.word
-                moment.emit(eEgg(size=len(calls)))
-
-        return Ear
+        @on("eCall", together=True, population=False)
+        def hear(self, calls, moment):
+            self.calls += len(calls)
+            for call in calls:
+                if call.loud > 0.9:
+                    continue
+                self.sum += call.loud * moment.chance.random()
+                self.last = call.word
+            moment.emit(eEgg(size=len(calls)))
 
     calls = [eCall(loud=k / 10, word=f"w{k}", receivers=[f"a{k * 7 % 20}"]) for k in range(40)]
-    same(make, lambda cls: many(cls), [calls, calls[5:], [eCall(loud=0.1, word="all"), *calls]])
+    same(Ear, many(Ear), [calls, calls[5:], [eCall(loud=0.1, word="all"), *calls]])
 
 
 def test_loops_that_are_longer_than_a_call_of_the_kernel(monkeypatch):
@@ -286,67 +263,58 @@ def test_loops_that_are_longer_than_a_call_of_the_kernel(monkeypatch):
     monkeypatch.setattr(writing, "MOST_IN_CALL", 20)
     monkeypatch.setattr(writing, "MOST_TURNS", 60)
 
-    def make(compiled):
-        class Slow(Agent, symbol="ASlow"):
-            n: int = 0
-            births: int = 0
+    class Slow(Agent, symbol="ASlow"):
+        n: int = 0
+        births: int = 0
 
-            @on("eDay", compiled=compiled)
-            def live(self, day, moment):
-                for turn in range(self.n):
-                    moment.emit(eEgg(size=turn))
-                    moment.chance.random()
-                self.n += moment.chance.integers(5)
-                return self.string + self.child(n=self.n)
+        @on("eDay")
+        def live(self, day, moment):
+            for turn in range(self.n):
+                moment.emit(eEgg(size=turn))
+                moment.chance.random()
+            self.n += moment.chance.integers(5)
+            return self.string + self.child(n=self.n)
 
-        return Slow
-
-    same(make, lambda cls: many(cls, n=np.arange(50) * 2), [[day()]] * 2)
+    same(Slow, many(Slow, n=np.arange(50) * 2), [[day()]] * 2)
 
 
 def test_probabilities():
-    def make(compiled):
-        class Shy(Agent, symbol="AShy"):
-            h: float = 0.5
-            n: int = 0
+    class Shy(Agent, symbol="AShy"):
+        h: float = 0.5
+        n: int = 0
 
-            @on("eDay", probability="h", compiled=compiled)
-            def live(self, day, moment):
-                self.n += moment.chance.integers(10)
+        @on("eDay", probability="h")
+        def live(self, day, moment):
+            self.n += moment.chance.integers(10)
 
-            @on("eHit", probability=0.3, compiled=compiled)
-            def hit(self, hit, moment):
-                self.h = min(1.0, self.h + hit.amount)
+        @on("eHit", probability=0.3)
+        def hit(self, hit, moment):
+            self.h = min(1.0, self.h + hit.amount)
 
-        return Shy
-
-    same(make, lambda cls: many(cls), [[day(), day(), eHit(amount=0.25), eHit(amount=0.5)]] * 3)
+    same(Shy, many(Shy), [[day(), day(), eHit(amount=0.25), eHit(amount=0.5)]] * 3)
 
 
 def test_a_litter_and_a_child_of_another_kind():
-    def make(compiled):
-        class Egg(Agent, symbol="AEgg"):
-            size: float = 1.0
+    class Egg(Agent, symbol="AEgg"):
+        size: float = 1.0
 
-        class Hen(Agent, symbol="AHen"):
-            age: int = 0
-            births: int = 0
+    class Hen(Agent, symbol="AHen"):
+        age: int = 0
+        births: int = 0
 
-            @on("eDay", compiled=compiled)
-            def live(self, day, moment):
-                self.age += 1
-                litter = EMPTY
-                for k in range(moment.chance.integers(4)):
-                    litter += self.child(age=-k)
-                if self.age > 2:
-                    return litter
-                if self.age == 2:
-                    return self.string + litter + self.child(Egg, size=0.5)
-                return EMPTY if self.age == -1 else self.string + litter
+        @on("eDay")
+        def live(self, day, moment):
+            self.age += 1
+            litter = EMPTY
+            for k in range(moment.chance.integers(4)):
+                litter += self.child(age=-k)
+            if self.age > 2:
+                return litter
+            if self.age == 2:
+                return self.string + litter + self.child(Egg, size=0.5)
+            return EMPTY if self.age == -1 else self.string + litter
 
-        return Hen
-
-    same(make, lambda cls: many(cls, 20), [[day()]] * 4)
+    same(Hen, many(Hen, 20), [[day()]] * 4)
 
 
 CASES = {
@@ -367,7 +335,7 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_errors_are_those_of_the_method(case, tmp_path, monkeypatch):
-    lines = "\n".join(f"                {line}" for line in CASES[case].split("\n"))
+    lines = "\n".join(f"            {line}" for line in CASES[case].split("\n"))
     (tmp_path / "odd_world.py").write_text(
         f"""
 import math
@@ -379,18 +347,16 @@ from minerva_bus.grammar.limits import Range
 WEIGHTS = (1, 0.5, 2)
 eDay = EventType("eDay", grass=float, name=str, wet=bool, count=int)
 
-def make(compiled):
-    class Odd(Agent, symbol="AOdd"):
-        x: float = 0.0
-        n: int = 0
-        y: Annotated[float, Range(least=0)] = 1.0
+class Odd(Agent, symbol="AOdd"):
+    x: float = 0.0
+    n: int = 0
+    y: Annotated[float, Range(least=0)] = 1.0
 
-        @on("eDay", compiled=compiled)
-        def live(self, day, moment):
-            moment.chance.random()
-            if self.x != 2:
+    @on("eDay")
+    def live(self, day, moment):
+        moment.chance.random()
+        if self.x != 2:
 {lines}
-    return Odd
 """
     )
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -399,90 +365,70 @@ def make(compiled):
 
     x = np.full(40, 2.0)
     x[[17, 30]] = 0.0
-    result = same(odd_world.make, lambda cls: many(cls, 40, x=x), [[day()]])
+    result = same(odd_world.Odd, many(odd_world.Odd, 40, x=x), [[day()]])
     assert result[0] == "ActivityError"
     assert "AOdd#a17" in result[1]
     assert "frame 0" in result[1]
 
 
 def test_a_state_that_columns_cannot_hold_may_pass_within_a_frame():
-    def make(compiled):
-        class Wave(Agent, symbol="AWave"):
-            x: float = 1.0
-            n: int = 0
+    class Wave(Agent, symbol="AWave"):
+        x: float = 1.0
+        n: int = 0
 
-            @on("eHit", compiled=compiled)
-            def hit(self, hit, moment):
-                self.n += 1
-                if self.n == 2 or hit.amount == 5:
-                    self.x = math.inf * hit.amount
-                elif self.x > 10:
-                    self.x = moment.chance.random()
-                moment.emit(eEgg(size=self.n))
-
-        return Wave
+        @on("eHit")
+        def hit(self, hit, moment):
+            self.n += 1
+            if self.n == 2 or hit.amount == 5:
+                self.x = math.inf * hit.amount
+            elif self.x > 10:
+                self.x = moment.chance.random()
+            moment.emit(eEgg(size=self.n))
 
     same(
-        make,
-        lambda cls: many(cls),
+        Wave,
+        many(Wave),
         [[eHit(amount=0.5)] * 3, [eHit(amount=5.0, receivers=["a3"]), eHit(amount=1.0)]],
     )
 
 
 def test_ints_beyond_64_bits_within_a_method():
-    def make(compiled):
-        class Hash(Agent, symbol="AHash"):
-            n: int = 1
+    class Hash(Agent, symbol="AHash"):
+        n: int = 1
 
-            @on("eDay", compiled=compiled)
-            def live(self, day, moment):
-                self.n = (self.n * 6364136223846793005 + 1442695040888963407) % 2**31
+        @on("eDay")
+        def live(self, day, moment):
+            self.n = (self.n * 6364136223846793005 + 1442695040888963407) % 2**31
 
-        return Hash
-
-    plain, compiled = twins(make)
-    scene = many(plain, 40, n=np.arange(40))
-    from minerva_bus.world.context import Frame
-
-    assert str(outcome(scene, [day()], [plain], Frame())[0]) == str(
-        outcome(scene, [day()], [compiled], Frame())[0]
-    )
+    same(Hash, many(Hash, 40, n=np.arange(40)), [[day()]])
 
 
 def test_an_int_in_a_real_attribute_stays_an_int_until_the_end_of_the_frame():
-    def make(compiled):
-        class Zero(Agent, symbol="AZero"):
-            x: float = 1.0
-            y: float = 0.0
+    class Zero(Agent, symbol="AZero"):
+        x: float = 1.0
+        y: float = 0.0
 
-            @on("eDay", compiled=compiled)
-            def live(self, day, moment):
-                self.x = 0 if day.wet else self.x * 0.5
-                total = 0
-                for _ in range(day.count):
-                    total += self.x * -1.0
-                self.y = max(0, total) + self.x / 2
+        @on("eDay")
+        def live(self, day, moment):
+            self.x = 0 if day.wet else self.x * 0.5
+            total = 0
+            for _ in range(day.count):
+                total += self.x * -1.0
+            self.y = max(0, total) + self.x / 2
 
-        return Zero
-
-    same(make, lambda cls: many(cls, 40), [[day(), day(wet=False)], [day(wet=False, count=0)]])
+    same(Zero, many(Zero, 40), [[day(), day(wet=False)], [day(wet=False, count=0)]])
 
 
 def test_a_changed_constant_is_compiled_again():
-    def make(compiled):
-        class Step(Agent, symbol="AStep"):
-            x: float = 0.0
+    class Step(Agent, symbol="AStep"):
+        x: float = 0.0
 
-            @on("eDay", compiled=compiled)
-            def live(self, day, moment):
-                self.x += LIMIT
-
-        return Step
+        @on("eDay")
+        def live(self, day, moment):
+            self.x += LIMIT
 
     global LIMIT
-    _, compiled = twins(make)
-    from minerva_bus.world.context import Frame
-
+    compiled = compiled_form(Step)
     first = outcome(many(compiled, 3), [day()], [compiled], Frame())[0]
     LIMIT = 9
     try:
@@ -496,47 +442,41 @@ def test_a_changed_constant_is_compiled_again():
 def test_an_agent_may_emit_more_events_than_there_are_rows():
     """Half of the room for them was left, so nothing was enlarged, for ever."""
 
-    def make(compiled):
-        class Singer(Agent, symbol="ASinger"):
-            calls: int = 0
-            births: int = 0
+    class Singer(Agent, symbol="ASinger"):
+        calls: int = 0
+        births: int = 0
 
-            @on("eDay", compiled=compiled)
-            def sing(self, day, moment):
-                for turn in range(self.calls):
-                    moment.emit(eCall(loud=1.0 * turn, word="la", receivers=[self.id]))
+        @on("eDay")
+        def sing(self, day, moment):
+            for turn in range(self.calls):
+                moment.emit(eCall(loud=1.0 * turn, word="la", receivers=[self.id]))
 
-            @on("eHit", compiled=compiled)
-            def split(self, hit, moment):
-                young = EMPTY
-                for turn in range(self.calls):
-                    young = young + self.child(calls=turn)
-                return self.string + young
-
-        return Singer
+        @on("eHit")
+        def split(self, hit, moment):
+            young = EMPTY
+            for turn in range(self.calls):
+                young = young + self.child(calls=turn)
+            return self.string + young
 
     calls = np.resize([1, 0, 2, 64, 300], 40)
-    same(make, lambda cls: many(cls, 40, calls=calls), [[day()], [eHit(amount=1.0)]])
+    same(Singer, many(Singer, 40, calls=calls), [[day()], [eHit(amount=1.0)]])
 
 
 def test_membership_in_constant_tuples():
-    def make(compiled):
-        class Member(Agent, symbol="AMember"):
-            n: int = 0
-            name: str = ""
-            among: bool = False
-            WANTED = (1, 2.5, True, 7)
+    class Member(Agent, symbol="AMember"):
+        n: int = 0
+        name: str = ""
+        among: bool = False
+        WANTED = (1, 2.5, True, 7)
 
-            @on("eDay", compiled=compiled)
-            def look(self, day, moment):
-                self.among = self.n in self.WANTED or self.name in NAMES
-                if self.n not in WEIGHTS and day.name not in NAMES:
-                    self.n += 1
-
-        return Member
+        @on("eDay")
+        def look(self, day, moment):
+            self.among = self.n in self.WANTED or self.name in NAMES
+            if self.n not in WEIGHTS and day.name not in NAMES:
+                self.n += 1
 
     texts = np.resize(np.array(["a", "x", "c", ""], object), 40)
-    same(make, lambda cls: many(cls, 40, n=np.arange(40) % 8, name=texts), [[day()]] * 2)
+    same(Member, many(Member, 40, n=np.arange(40) % 8, name=texts), [[day()]] * 2)
 
 
 def mixed(x, y=1.0, *, z=0.5):
@@ -544,35 +484,31 @@ def mixed(x, y=1.0, *, z=0.5):
 
 
 def test_arguments_are_evaluated_in_the_order_in_which_they_are_written():
-    def make(compiled):
-        class Player(Agent, symbol="APlayer"):
-            x: float = 0.0
-            births: int = 0
+    class Player(Agent, symbol="APlayer"):
+        x: float = 0.0
+        births: int = 0
 
-            @on("eDay", compiled=compiled)
-            def play(self, day, moment):
-                self.x = mixed(y=moment.chance.random(), x=moment.chance.random())
-                self.x += mixed(
-                    moment.chance.random(), z=moment.chance.random(), y=moment.chance.random()
-                )
-                self.x += moment.chance.normal(
-                    mean=moment.chance.random(), deviation=moment.chance.random()
-                )
-                moment.emit(eCall(word="a", loud=moment.chance.random()))
-                return self.string + self.child(
-                    births=moment.chance.integers(5), x=moment.chance.random()
-                )
+        @on("eDay")
+        def play(self, day, moment):
+            self.x = mixed(y=moment.chance.random(), x=moment.chance.random())
+            self.x += mixed(
+                moment.chance.random(), z=moment.chance.random(), y=moment.chance.random()
+            )
+            self.x += moment.chance.normal(
+                mean=moment.chance.random(), deviation=moment.chance.random()
+            )
+            moment.emit(eCall(word="a", loud=moment.chance.random()))
+            return self.string + self.child(
+                births=moment.chance.integers(5), x=moment.chance.random()
+            )
 
-        return Player
-
-    same(make, many, [[day()], [day()]])
+    same(Player, many(Player), [[day()], [day()]])
 
 
 def test_texts_of_a_compiled_method_stay_coded():
     """Otherwise each frame codes, compares and checks a text for each agent."""
     from minerva_bus import evolve
     from minerva_bus.grammar.column import Column
-    from minerva_bus.world.context import Frame
 
     class Person(Agent, symbol="APerson"):
         state: Literal["well", "ill", "immune"] = "well"

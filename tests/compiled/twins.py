@@ -9,12 +9,15 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.digest import scene_digest
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.world.compiling import compile_all
 from minerva_bus.world.context import Frame
 
 
-def twins(make):
-    """The classes that `make(compiled)` returns without and with compilation."""
-    return make(False), make(True)
+def compiled_form(kind):
+    """The same kind of agents with compiled methods."""
+    form = type(kind.__name__, (kind,), {})
+    compile_all(form, True)
+    return form
 
 
 def outcome(scene, events, kinds, frame) -> Any:
@@ -34,21 +37,20 @@ def unpacked(scene):
     return Scene(scene.nodes)
 
 
-def same(make, scene_of, frames, *, parts=2) -> Any:
+def same(kind, scene, frames, *, parts=2) -> Any:
     """Assert that both forms give the same string in each frame; returns the last outcome.
 
     Args:
-        make: the class for `compiled` False and True.
-        scene_of: the string at the start, from the class.
+        kind: the class of the agents, without compilation.
+        scene: the string at the start.
         frames: the events of each frame; a function of the frame's number.
         parts: the compiled agents are also evolved in so many separate parts, as by several hosts.
 
     """
-    plain, compiled = twins(make)
-    scene, result = scene_of(plain), None
+    compiled, result = compiled_form(kind), None
     for number, events in enumerate(frames):
         frame = Frame(number, 0.1, 7)
-        result = outcome(unpacked(scene), events, [plain], frame)
+        result = outcome(unpacked(scene), events, [kind], frame)
         both = outcome(scene, events, [compiled], frame)
         if isinstance(result[0], str):
             assert both == result, (both, result)
