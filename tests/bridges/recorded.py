@@ -1,4 +1,4 @@
-"""Paths of test recordings, and builders for log lines and bags."""
+"""Paths of test recordings, builders for log lines and bags, and a hurried player."""
 
 import math
 from functools import cache
@@ -13,6 +13,20 @@ DEMO = DATA / "rosbags" / "scan_tools_demo_v2.bag"
 
 needs_intel = pytest.mark.skipif(not INTEL.exists(), reason=f"{INTEL} is not there")
 needs_demo = pytest.mark.skipif(not DEMO.exists(), reason=f"{DEMO} is not there")
+
+
+class Hurried:
+    """A stop event that records the waits, which return at once; `most` waits set it."""
+
+    def __init__(self, most):
+        self.most, self.asked = most, []
+
+    def wait(self, seconds):
+        self.asked.append(seconds)
+        return self.is_set()
+
+    def is_set(self):
+        return len(self.asked) >= self.most
 
 
 class Passed(list):

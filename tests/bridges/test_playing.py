@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recorded import Hurried
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Battery, Mount
@@ -120,20 +121,6 @@ def test_from_an_offset_on():
 
 def test_again_from_its_beginning():
     assert played(Tape(1.0, 2.0), PlaybackPace(0.0, loop=True), most=5) == [1.0, 2.0, 1.0, 2.0, 1.0]
-
-
-class Hurried:
-    """A stop event whose waits return at once; it is set after `most` waits."""
-
-    def __init__(self, most):
-        self.most, self.asked = most, []
-
-    def wait(self, seconds):
-        self.asked.append(seconds)
-        return self.is_set()
-
-    def is_set(self):
-        return len(self.asked) >= self.most
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from minerva_bus import (
 from minerva_bus.world.readings import Image, Mount, Scan
 
 cv2 = pytest.importorskip("cv2")
+from recorded import Hurried  # noqa: E402
 from rendered import FX, HEIGHT, SIZE, WIDTH, rendered, texture  # noqa: E402
 
 from minerva_services.bridging import SourceError  # noqa: E402
@@ -54,30 +55,6 @@ class Told(list):
         self.append((topic, reading))
 
 
-class Hurried:
-    """A stop event that records the waits, which return at once; `most` waits set it."""
-
-    def __init__(self, most):
-        self.most, self.asked = most, []
-
-    def wait(self, seconds):
-        self.asked.append(seconds)
-        return self.is_set()
-
-    def is_set(self):
-        return len(self.asked) >= self.most
-
-
-class Never:
-    """A stop event that is never set and never waits."""
-
-    def is_set(self):
-        return False
-
-    def wait(self, seconds):
-        return False
-
-
 def vision(source, **options):
     service = Vision(str(source), **({"robot": "r"} | SEEN | options))
     service.joined(WORLD)
@@ -86,7 +63,7 @@ def vision(source, **options):
 
 def run(service):
     published = Told()
-    service.run(published, Never())
+    service.run(published, Hurried(math.inf))
     return published
 
 
@@ -379,7 +356,7 @@ def test_a_video(tmp_path, capfd):
 def test_a_video_without_end(tmp_path):
     write_video(tmp_path / "walk.avi", walk(2))
     source = vision(tmp_path / "walk.avi", speed=0.0, loop=True).open()
-    seen = source.read(Never())
+    seen = source.read(Hurried(math.inf))
     assert [next(seen)[1].time for _ in range(5)] == [0.0, 0.05, 0.0, 0.05, 0.0]
     source.close()
 
