@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from pond import host, service
+from pond import Bus, host, service
 from street import FINE, VOCABULARY, Light, Many, One, Passer, Steps, eFine, eShout, states, street
 
 from minerva_bus import Generator
@@ -195,9 +195,8 @@ def test_the_first_norm_that_refuses_leaves_nothing_for_the_others():
 
 def test_it_is_reported_once():
     members = {"runners": host("runners", *KINDS), "steps": service("steps", Steps)}
-    bus = MemoryBus(street("ARunner#a<speed=30>", (Norm("limit", when="speed > 20"),)), members)
-    bus.start()
-    bus.run()
+    bus = Bus(street("ARunner#a<speed=30>", (Norm("limit", when="speed > 20"),)), members)
+    bus.do("start, run")
     said = [line for line in bus.said if "limit" in line]
     assert len(said) == 1
     assert "limit is broken by #a in frame 0: refused" in said[0]
@@ -253,32 +252,25 @@ def test_it_goes_on_from_any_frame(alone):
     members = {"runners-0": host("runners-0", One, Light), "steps": service("steps", Steps)}
     world = street(STRING, ALL, members)
     for stop in (2, 5):
-        bus = MemoryBus(world, members)
-        bus.start()
+        bus = Bus(world, members).do("start")
         bus.run(stop)
         checkpoint = bus.algorithm.checkpoint
-        again = MemoryBus(replace(world, scene=bus.algorithm.scene, past=checkpoint), members)
-        again.start()
-        again.run()
+        again = Bus(replace(world, scene=bus.algorithm.scene, past=checkpoint), members)
+        again.do("start, run")
         assert again.digests == [digest.hex() for digest in alone[0]][stop:]
         assert again.ended.figures == alone[1]
 
 
 def test_another_coordinator_goes_on_from_the_journal(alone):
     members = {"runners-0": host("runners-0", One, Light), "steps": service("steps", Steps)}
-    bus = MemoryBus(street(STRING, ALL, members), members)
-    bus.start()
-    bus.run(5)
-    bus.kill_coordinator()
-    bus.run()
+    bus = Bus(street(STRING, ALL, members), members).do("start, run 5, kill_coordinator, run")
     assert bus.digests[-1] == alone[0][-1].hex()
     assert bus.ended.figures == alone[1]
 
 
 def test_a_host_that_dies_changes_nothing(alone):
     members = {"runners-0": host("runners-0", One, Light), "steps": service("steps", Steps)}
-    bus = MemoryBus(street(STRING, ALL, members), members)
-    bus.start()
+    bus = Bus(street(STRING, ALL, members), members).do("start")
     for _ in range(3):
         bus.run(2)
         bus.restart("runners-0")
@@ -314,9 +306,7 @@ def ordered(members, orders, norms=(HUSH,), expected=None, emitted=(), end=None)
     `end`: how the members that have emitted events leave before these count.
     """
     members = {"steps": service("steps", Steps), "runners": host("runners", *KINDS), **members}
-    bus = MemoryBus(street("APasser#p", norms, expected or members, frames=0), members)
-    bus.start()
-    bus.run(1)
+    bus = Bus(street("APasser#p", norms, expected or members, frames=0), members).do("start, run 1")
     for event in orders:
         bus.handle(event if isinstance(event, Publish) else Publish(event))
     for name, event in emitted:
@@ -404,9 +394,7 @@ def test_a_successor_knows_what_people_may_not_send():
 def test_an_order_that_is_handed_over_is_obeyed_once_whenever_the_coordinator_dies(steps):
     members = {"steps": service("steps", Steps), "runners": host("runners", *KINDS)}
     members["passes"] = service("passes", Passes)
-    bus = MemoryBus(street("ARunner#r<speed=-9>", (HUSH,), members, frames=0), members)
-    bus.start()
-    bus.run(1)
+    bus = Bus(street("ARunner#r<speed=-9>", (HUSH,), members, frames=0), members).do("start, run 1")
     bus.handle(Publish(eShout(4.0)))
     for _ in range(steps):
         bus.step(bus.ready()[0])
