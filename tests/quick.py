@@ -22,7 +22,6 @@ QUICK = (
     "scenarios/test_norm_files.py",
     "scenarios/test_orders.py",
     "wire/test_codec.py",
-    "wire/test_finite.py",
     "fuzz/test_corpus.py",
     "golden/test_golden_messages.py",
     "acl/test_acl_messages.py",

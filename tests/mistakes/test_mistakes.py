@@ -1,12 +1,19 @@
-"""Reports of beginners' mistakes are a few lines, with file and line of the user's code."""
+"""Mistakes of beginners: reports of a few lines with the user's code, and loops that are stopped."""
 
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mistakes import HARMLESS, MISTAKES, Mistake
+
+from minerva_bus import Agent, Degrees, EventType, Generator, Metres, World, on, run, service
+from minerva_bus.errors import MinervaError
+from minerva_bus.grammar import batch
+from minerva_bus.world.readings import Scan
+from minerva_services.sensors.laser import Laser
 
 ERROR, ALL = 10, 25
 SERVER = Path(__file__).with_name("command_server.py")
@@ -113,3 +120,99 @@ def test_the_same_failure_of_several_processes_is_reported_once(tmp_path, minerv
     assert code == 1
     assert len(text.splitlines()) <= ALL
     assert text.count(f"garden.py:{mistake.line}") == 1
+
+
+eLaser = EventType("eLaser", dist=Metres, angle=Degrees)
+
+
+class Lidar(Generator):
+    publishes = ("scan",)
+
+    def __init__(self, robot: str) -> None:
+        self.robot = robot
+
+    def generate(self, tick):
+        tick.publish("scan", Scan(self.robot, np.ones(3, np.float32), 0.0, 1.0, 8.0, 0.0))
+
+
+class Car(Agent, symbol="ACar"):
+    hits: int = 0
+
+    @on("eLaser")
+    def hit(self, laser, moment):
+        self.hits += 1
+
+
+def world(robot):
+    services = {"lidar": service(Lidar, robot=robot), "laser": service(Laser)}
+    return World("ACar#a", agents=[Car], services=services, symbols=[eLaser], frames=2)
+
+
+@pytest.mark.parametrize("robot", ["a b", "", "#a", "a\n", "ä", "é" * 10_000])
+def test_a_text_that_is_no_id_is_refused_at_the_sensor(robot):
+    with pytest.raises(MinervaError) as error:
+        run(world(robot))
+    text = str(error.value)
+    assert "lidar: robot of a Scan on 'scan'" in text
+    assert "is not a valid agent id; expected letters" in text
+    assert "Lidar.generate" in text
+    assert len(text) < 1000
+
+
+def test_that_of_an_agent_reaches_it():
+    assert str(run(world("a")).scene) == "ACar#a<hits=6>()"
+
+
+eGo = EventType("eGo", speed=float)
+
+
+class Endless(Generator, events=("eGo",)):
+    def generate(self, tick):
+        while True:
+            yield eGo(1.0)
+
+
+class Silent(Generator, events=("eGo",)):
+    def generate(self, tick):
+        while True:
+            yield None
+
+
+class Go(Generator, events=("eGo",)):
+    def generate(self, tick):
+        return eGo(2.0)
+
+
+class Echo(Agent, symbol="ACar"):
+    @on("eGo")
+    def go(self, event, moment):
+        pass
+
+
+class Talker(Echo, symbol="ATalker"):
+    @on("eGo")
+    def go(self, event, moment):
+        while True:
+            moment.emit(eGo(1.0))
+
+
+@pytest.mark.parametrize(
+    ("string", "service", "where"),
+    [
+        ("ACar#a", Endless, "Endless.generate"),
+        ("ACar#a", Silent, "Silent.generate"),
+        ("ATalker#a", Go, "go"),
+    ],
+)
+def test_a_loop_without_end_stops_with_its_name(string, service, where, monkeypatch):
+    monkeypatch.setattr(batch, "MOST_SINGLE", 5_000)
+    world = World(string, agents=[Echo, Talker], services=[service], frames=2)
+    with pytest.raises(MinervaError) as error:
+        run(world)
+    assert "makes more than 5,000 events in a frame: end its loop" in str(error.value)
+    assert where in str(error.value)
+
+
+def test_the_limit_is_far_beyond_what_worlds_make():
+    assert batch.MOST_SINGLE >= 1_000_000
+    batch.check_number(batch.MOST_SINGLE - 1)

@@ -1,8 +1,10 @@
-"""A member receives its messages in one order, from all sources."""
+"""A member receives its messages in one order, from all sources and threads."""
 
 import subprocess
 import sys
 import threading
+from threading import Event, Thread
+from typing import Any
 
 import pytest
 import zenoh
@@ -132,3 +134,32 @@ def test_a_process_ends_while_a_wake_up_is_pending():
     for _ in range(3):
         done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True)
         assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_wake_up_belongs_to_the_item_that_was_put_with_it(monkeypatch: pytest.MonkeyPatch):
+    """Otherwise an item of another thread takes it, and the first one waits for a later one.
+
+    A message of the channel in between, such as a request after a welcome, would overtake it.
+    """
+    inbox, woken, done = Inbox(), list[str](), Event()
+    put: Any = inbox._side.put
+
+    def second():
+        inbox.put("second")
+        done.set()
+
+    class Side:
+        def put(self, item: str):
+            put(item)
+            if item == "first":
+                Thread(target=second, daemon=True).start()
+                done.wait(0.2)  # It is not done before the first one has sent its wake-up.
+
+        def qsize(self) -> int:
+            return 0
+
+    monkeypatch.setattr(inbox, "_side", Side())
+    monkeypatch.setattr(inbox, "_wake", lambda sign: woken.append("done" if done.is_set() else ""))
+    inbox.put("first")
+    assert done.wait(patience(5))
+    assert woken == ["", ""]
