@@ -4,21 +4,17 @@ from functools import cache
 
 import numpy as np
 import pytest
+import sprites_world
+from sprites_world import PMap, PRobot, PSign, TPut
 
 from minerva_bus import (
     Cells,
-    Default,
-    Degrees,
     Disc,
     EventType,
-    Label,
     Line,
     Metres,
-    Motion,
     Primitive,
     Raster,
-    Transformation,
-    View,
     Vocabulary,
     WorldInfo,
 )
@@ -32,26 +28,14 @@ pytest.importorskip("pygame", reason="pygame-ce is not installed")
 from minerva_services.views.opengl.canvas import without_window
 from minerva_services.views.opengl.painter import GLPainter
 
-WALL, FREE = "#2f3640", "#fbfaf6"
-ROBOT, BALL, PIN = (224, 122, 47), (30, 60, 220), (0, 136, 0)
+BALL, PIN = (30, 60, 220), (0, 136, 0)
 
-PRobot = Primitive("PRobot", Disc("radius", "#e07a2f", heading=True), name=str, radius=Metres)
 PBall = Primitive("PBall", Disc("radius", "#1e3cdc", height=0.4), radius=Metres)
 PWay = Primitive(
     "PWay", Line("xs", "ys", "#aa0000", 0.2), xs=tuple[float, ...], ys=tuple[float, ...]
 )
-PSign = Primitive("PSign", Label("words", "#008800"), words=str)
-PMap = Primitive(
-    "PMap",
-    Raster("cells", "cell", "x", "y", "angle", colors=((0, FREE), (1, WALL)), height=1.0),
-    cells=Cells, cell=Metres, x=Default(Metres, 0.0), y=Default(Metres, 0.0),
-    angle=Default(Degrees, 0.0),
-)  # fmt: skip
 PHeat = Primitive(
     "PHeat", Raster("cells", 0.5, colors=((0, ""), (1, "#ff0000")), opacity=0.5), cells=Cells
-)
-TPut = Transformation(
-    "TPut", Motion("x", "y", "angle"), x=Metres, y=Metres, angle=Default(Degrees, 0.0)
 )
 VOCABULARY = Vocabulary.of(
     PRobot, PBall, PWay, PSign, PMap, PHeat, TPut, EventType("ePicture", visual=True),
@@ -78,12 +62,8 @@ needs_driver = pytest.mark.skipif(
 )
 
 
-def floor(rows=60, columns=40, cell=0.2):
-    """Free cells within walls; row 10 is a wall across."""
-    cells = np.zeros((rows, columns), np.int16)
-    cells[[0, -1]], cells[:, [0, -1]] = 100, 100
-    cells[10] = 100
-    return PMap(cells, cell)
+def floor():
+    return sprites_world.floor(60, 40, 0.2)
 
 
 def picture(scene):
@@ -111,7 +91,3 @@ def at(painter, x, y, z):
     """The pixel (x, y) of a place."""
     pixel = painter.project(*(np.array([value], float) for value in (x, y, z)))
     return np.array([pixel[0][0], pixel[1][0]])
-
-
-def view(frame, scene):
-    return View(frame, "ePicture", scene)

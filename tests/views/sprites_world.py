@@ -35,7 +35,7 @@ PPath = Primitive(
 PSign = Primitive("PSign", Label("words", "#008800"), words=str)
 PMap = Primitive(
     "PMap",
-    Raster("cells", "cell", "x", "y", "angle", colors=((0, FREE), (1, WALL))),
+    Raster("cells", "cell", "x", "y", "angle", colors=((0, FREE), (1, WALL)), height=1.0),
     cells=Cells, cell=Metres, x=Default(Metres, 0.0), y=Default(Metres, 0.0),
     angle=Default(Degrees, 0.0),
 )  # fmt: skip
@@ -50,12 +50,12 @@ VOCABULARY = Vocabulary.of(
 WORLD = WorldInfo("orchard", VOCABULARY, 7, 0.1)
 
 
-def floor(rows=80, columns=50):
+def floor(rows=80, columns=50, cell=0.1):
     """Free cells within walls; row 10 is a wall across."""
     cells = np.zeros((rows, columns), np.int16)
     cells[[0, -1]], cells[:, [0, -1]] = 100, 100
     cells[10] = 100
-    return PMap(cells, 0.1)
+    return PMap(cells, cell)
 
 
 def picture(scene):

@@ -5,14 +5,9 @@ import pytest
 from opengl_world import (
     BALL,
     PIN,
-    ROBOT,
     PBall,
     PHeat,
-    PMap,
-    PRobot,
-    PSign,
     PWay,
-    TPut,
     at,
     drawn,
     floor,
@@ -20,6 +15,7 @@ from opengl_world import (
     needs_driver,
     picture,
 )
+from sprites_world import ROBOT, PMap, PRobot, PSign, TPut
 
 from minerva_bus import EMPTY
 from minerva_bus.semantics.picture import Discs, Picture

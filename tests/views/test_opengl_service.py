@@ -6,7 +6,8 @@ import sys
 import moderngl
 import numpy as np
 import pytest
-from opengl_world import ROBOT, WORLD, PRobot, TPut, floor, like, needs_driver, view
+from opengl_world import WORLD, floor, like, needs_driver
+from sprites_world import ROBOT, PRobot, TPut, view
 
 from minerva_bus.errors import MisuseError
 from minerva_services.views.opengl import OpenGL
