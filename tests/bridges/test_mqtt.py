@@ -206,6 +206,14 @@ def test_names_that_are_no_topic_are_counted(broker, capfd):
     assert capfd.readouterr().out.count("cannot stand in a topic") == 1
 
 
+def test_a_payload_with_a_name_that_is_not_there_is_not_published(broker, capfd):
+    heater = {"topic": "heaters", "payload": "{room} {on}"}
+    service = bridge(broker, topics={}, publish={"PHeater": heater})
+    show(service, "PHeater<on=true, power=1>")
+    assert service.report()["unpublished"] == 1
+    assert "no transformation around it has room" in capfd.readouterr().out
+
+
 def test_a_transformation_names_what_is_in_it_and_no_more(broker):
     service = bridge(broker, topics={}, publish=OUT)
     heater = "PHeater<on=true, power=1>"

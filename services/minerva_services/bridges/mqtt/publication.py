@@ -24,8 +24,8 @@ _NAME = re.compile(r"\{(\w+)\}")
 _MAX_BYTES = 65535
 
 
-class NoTopic(Exception):
-    """A topic cannot be derived from a figure."""
+class Unpublished(Exception):
+    """A topic or a payload cannot be derived from a figure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +43,12 @@ class Publication:
     gone: str | None = None
 
     def message(self, names: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[str, MqttMessage]:
-        """Topic and message of a figure, from names in scope and its own. Raises NoTopic."""
+        """Topic and message of a figure, from names in scope and its own. Raises Unpublished."""
         topic = _NAME.sub(lambda match: _level(match[1], names), self.topic)
         if not topic or len(topic.encode()) > _MAX_BYTES:
-            raise NoTopic(f"{topic[:40]!r} is not a topic")
+            raise Unpublished(f"{topic[:40]!r} is not a topic")
         if self.payload:
-            text = _NAME.sub(lambda match: _word(names.get(match[1], "")), self.payload)
+            text = _NAME.sub(lambda match: _filled(match[1], names), self.payload)
         else:
             text = json.dumps(dict(own), default=_plain, ensure_ascii=False)
         gone = None if self.gone is None else self.gone.encode()
@@ -87,11 +87,18 @@ def _publication(symbol: str, given: Any, qos: int) -> Publication:
 
 
 def _level(name: str, names: Mapping[str, Any]) -> str:
-    level = _word(names.get(name, ""))
+    level = _filled(name, names)
     # A broker may close the connection of a client that publishes to a topic with wildcards.
     if not level or set(level) & set("+#\0"):
-        raise NoTopic(f"{name} is {level[:40]!r}, which cannot stand in a topic")
+        raise Unpublished(f"{name} is {level[:40]!r}, which cannot stand in a topic")
     return level
+
+
+def _filled(name: str, names: Mapping[str, Any]) -> str:
+    # A transformation with this parameter exists, but not around every figure.
+    if name not in names:
+        raise Unpublished(f"no transformation around it has {name}")
+    return _word(names[name])
 
 
 def _word(value: Any) -> str:
@@ -139,7 +146,7 @@ class MessageGeometry(PlaneGeometry):
         try:
             # The innermost name counts: the figure's own parameters hide those around it.
             topic, message = how.message({**self._names, **place, **own}, own)
-        except NoTopic as problem:
+        except Unpublished as problem:
             self._report(f"{figure.symbol}: {problem}")
             return
         self.messages[topic] = message
