@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError, nearest
 from minerva_bus.grammar.terms import (
+    ANYTHING,
     NUMBER,
     Comparison,
     Distance,
@@ -90,12 +91,14 @@ class Condition:
     def problem(self, sort_of: Callable[[str], str]) -> tuple[int, str, str] | None:
         """The first wrong name, if there is one: offset, name, and the sort it is compared with.
 
-        `sort_of` a name is empty if it is unknown or cannot be compared.
+        `sort_of` a name is empty if it is unknown or cannot be compared, and ANYTHING if its values
+        are not known in advance.
         """
         for comparison in self.comparisons:
             for name, other in comparison.names():
                 sort, other_sort = sort_of(name.name), sort_in(other, sort_of)
-                if not sort or (other_sort and sort != other_sort):
+                either = ANYTHING in (sort, other_sort)
+                if not sort or (other_sort and sort != other_sort and not either):
                     return name.offset, name.name, other_sort if sort else ""
         return None
 

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 NUMBER: Final = "a number"
 TRUTH: Final = "true or false"
 TEXT: Final = "a text"
+ANYTHING: Final = "anything"
+"""The sort of a name whose values are not known in advance."""
 
 _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,

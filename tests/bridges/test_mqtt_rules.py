@@ -41,8 +41,11 @@ def making(pattern, rule):
     return EventRule(read, VOCABULARY, VOCABULARY.events[read.event])
 
 
-def made(pattern, rule, topic, payload):
-    return making(pattern, rule)(topic, payload if isinstance(payload, bytes) else payload.encode())
+def made(pattern, rule, topic, payload, noted=None):
+    """The event of a message; `noted` receives the metrics with their reasons."""
+    data = payload if isinstance(payload, bytes) else payload.encode()
+    noted = {} if noted is None else noted
+    return making(pattern, rule)(topic, data, noted.__setitem__)
 
 
 @pytest.mark.parametrize(
@@ -79,6 +82,34 @@ def made(pattern, rule, topic, payload):
 )  # fmt: skip
 def test_outcomes_of_a_message(pattern, rule, topic, payload, event):
     assert made(pattern, rule, topic, payload) == event
+
+
+@pytest.mark.parametrize(
+    ("condition", "payload", "event", "reason"),
+    [
+        ("wind.ok == true", '{"celsius": 3, "wind": {"ok": true}}', eAir(3.0), None),
+        ("wind.ok == true", '{"celsius": 3, "wind": {"ok": false}}', None, None),
+        ("wind.ok == true", '{"celsius": 3, "wind": {"okay": true}}', None, "if: no wind.ok to compare"),
+        ("not wind.ok == true", '{"celsius": 3}', None, "if: no wind.ok to compare"),
+        ("wind == true", '{"celsius": 3, "wind": {"ok": true}}', None, "if: no wind to compare"),
+        ("wnd > 3", '{"celsius": 3, "wind": 4}', None, "if: no wnd to compare"),
+        ("wind > 3", '{"celsius": 3, "wind": "4"}', None, "if: wind is not a number"),
+        ("wind > 3", '{"celsius": 3, "wind": null}', None, "if: no wind to compare"),
+        ("r > 3", "5", None, "if: r is not a number"),
+        ('room == "?"', "5", eAir(5.0), None),
+    ],
+)  # fmt: skip
+def test_a_message_without_a_name_in_if_is_passed_over(condition, payload, event, reason):
+    noted = {}
+    assert made("{r}", {"event": "eAir", "if": condition}, "hall", payload, noted) == event
+    assert noted.get("passed over") == reason
+
+
+def test_a_path_in_data_that_a_message_lacks_is_counted():
+    rule, noted = {"event": "eAir", "data": {"room": "at.room"}}, {}
+    assert made("t", rule, "t", '{"celsius": 3, "at": {"rom": "x"}}', noted) == eAir(3.0)
+    assert noted == {"defaults": "no at.room, so room has its default"}
+    assert made("t", rule, "t", '{"celsius": 3, "at": {"room": "x"}}') == eAir(3.0, "x")
 
 
 @pytest.mark.parametrize(
@@ -182,6 +213,9 @@ def test_inputs_rejected_at_once(options, problem):
         ({"topics": {"a": {"event": "eText", "data": {"words": {"scale": 2}}}}}, "has no scale and offset"),
         ({"topics": {"a": {"event": "eAir", "data": {"room": "{r}"}}}}, "has no level {r}"),
         ({"topics": {"a": "eMap"}}, "which messages cannot carry"),
+        ({"topics": {"a": {"event": "eAir", "if": "celsius == true"}}}, "if:1:1: celsius of a message for eAir is a number"),
+        ({"topics": {"a": {"event": "ePath", "if": "points == 3"}}}, "points of .* cannot be compared"),
+        ({"topics": {"a": {"event": "eAir", "if": "#r1.x > 3"}}}, "has no #r1.x"),
         ({"publish": {"PLump": "a"}}, "no primitive PLump; did you mean 'PLamp'"),
         ({"publish": {"PLamp": "a/{off}"}}, "unknown parameter off"),
         ({"topics": {"a": "eAir"}, "user": "u", "password_env": "NO_SUCH"}, "variable NO_SUCH is not set"),

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
+from minerva_bus.grammar.condition import Scope
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.terms import ANYTHING, sort_of_kind, value_sort
 from minerva_bus.grammar.types import Type, Unfit
 from minerva_bus.grammar.units import Quantity
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -23,6 +25,10 @@ WHOLE_PAYLOAD: Final = "value"
 
 class InvalidPayload(Exception):
     """A message cannot become an event; the text gives the reason."""
+
+
+Note = Callable[[str, str], None]
+"""Receives the metric under which something about a message counts, and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +98,15 @@ class EventRule:
         for field in declared.fields.all:
             self._check(where, field, rule.data.get(field.name))
         self._check_condition(where)
-        self.reported = False
+        self._check_only(where)
+        self.reported = set[str]()
+        """The metrics of which the first message has been logged."""
+        defaults = {field.name: field.default for field in declared.fields.all}
+        self._defaults = {name: value for name, value in defaults.items() if value is not None}
         self._sources = {name: self._source(name) for name in declared.fields.names}
         self._plain = self._only_one_left()
 
-    def __call__(self, topic: str, data: bytes) -> Event | None:
+    def __call__(self, topic: str, data: bytes, note: Note) -> Event | None:
         """The event of a message; None if the rule skips it. Raises InvalidPayload."""
         levels = self.rule.pattern.levels(topic)
         if levels is None:
@@ -107,13 +117,31 @@ class EventRule:
             for field in self._type.fields.all
             if self._has_value(field, levels, payload)
         }
-        # Converted values hide the raw ones of the same names.
-        if not self._counts({**levels, **payload.fields, **values}):
+        if not self._counts(levels, payload, values, note):
             return None
+        for name, mapped in self.rule.data.items():
+            if mapped.source and name not in values:
+                note("defaults", f"no {mapped.source}, so {name} has its default")
         return self._event(levels, values)
 
-    def _counts(self, state: Mapping[str, Any]) -> bool:
-        return self.rule.only.holds(state)
+    def _counts(
+        self,
+        levels: Mapping[str, str],
+        payload: Payload,
+        values: Mapping[str, Any],
+        note: Note,
+    ) -> bool:
+        """Whether a message fulfils `if`; one that lacks a name in it is noted."""
+        only = self.rule.only
+        nested = {name: payload.at(name) for name in only.names if "." in name}
+        # Converted values, and the defaults of missing ones, hide the raw ones of the same names.
+        state = {**levels, **payload.fields, **nested, **self._defaults, **values}
+        problem = only.problem(lambda name: value_sort(state.get(name)))
+        if problem is not None:
+            _, name, other = problem
+            reason = f"{name} is not {other}" if other else f"no {name} to compare"
+            note("passed over", f"if: {reason}")
+        return only.holds(state)
 
     def _event(self, levels: Mapping[str, str], values: Mapping[str, Any]) -> Event:
         # Quoted, so that a topic level cannot add operators to the condition.
@@ -133,6 +161,20 @@ class EventRule:
         condition = filled(self.rule.condition, quoted)
         try:
             self._vocabulary.check_condition(self._type.name, condition, where)
+        except VocabularyError as error:
+            raise MisuseError(str(error)) from None
+
+    def _check_only(self, where: str) -> None:
+        """Raise MisuseError if no message can fulfil `if`; fields of JSON may have any name."""
+        data = {field.name: sort_of_kind(field.type.kind) for field in self._type.fields.all}
+
+        def sort_of(name: str) -> str:
+            # Only conditions of norms can name an agent.
+            return data.get(name, "" if name.startswith("#") else ANYTHING)
+
+        try:
+            scope = Scope(f"a message for {self._type.name}", [*data], sort_of)
+            self.rule.only.check([scope], f"{where}: if")
         except VocabularyError as error:
             raise MisuseError(str(error)) from None
 

@@ -48,6 +48,7 @@ class Mqtt(Bridge, Device, when="freely"):
     """
 
     source_option: ClassVar[str] = "broker"
+    checked = True
 
     @takes_options(Login)
     def __init__(
@@ -91,17 +92,17 @@ class Mqtt(Bridge, Device, when="freely"):
 
     def joined(self, world: WorldInfo) -> None:
         require("mqtt", "paho.mqtt.client", "paho-mqtt", "mqtt")
-        # Missing secrets and certificates are errors of the configuration: raised here they are
-        # reported at once, in `open` they would be retried.
-        self._login.password()
-        if self._broker.tls:
-            tls_context(self._login)
         self._vocabulary = world.vocabulary
         self._event_rules = [
             EventRule(rule, world.vocabulary, event_type("mqtt", world, rule.event))
             for rule in self._rules
         ]
         self._check_publications()
+        # Missing secrets and certificates are errors of the configuration: raised here they are
+        # reported at once, in `open` they would be retried.
+        self._login.password()
+        if self._broker.tls:
+            tls_context(self._login)
 
     def _check_publications(self) -> None:
         primitives = self._vocabulary.primitives

@@ -6,6 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.grammar.events import Event
@@ -106,15 +107,20 @@ class Traffic:
                 self._count("passed over")
                 continue
             try:
-                event = rule(message.topic, bytes(message.payload))
+                event = rule(
+                    message.topic,
+                    bytes(message.payload),
+                    partial(self._note, rule, message.topic),
+                )
             except InvalidPayload as problem:
-                self._count("garbage")
-                self._log_once(rule, f"{message.topic}: {problem}")
+                self._note(rule, message.topic, "garbage", str(problem))
                 continue
             if event is not None:
                 yield event
 
-    def _log_once(self, rule: EventRule, what: str) -> None:
-        if not rule.reported:
-            rule.reported = True
-            self._log(f"mqtt: {what}; such messages are counted as garbage")
+    def _note(self, rule: EventRule, topic: str, metric: str, reason: str) -> None:
+        """Count a message of a rule, and log the first with this metric."""
+        self._count(metric)
+        if metric not in rule.reported:
+            rule.reported.add(metric)
+            self._log(f"mqtt: {topic}: {reason}; such messages are counted as {metric}")
