@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from minerva_bus.errors import MinervaError, UserCodeError
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.system import System, Timer
 from minerva_bus.source import handler_name
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_attributes import when_of
-from minerva_bus.world.services import Generator, Service
+from minerva_bus.world.services import Generator
 
 STOP_SECONDS: Final = 1.0
 """Seconds that the end of a member waits for a message that another thread sends."""
@@ -89,12 +89,13 @@ class OwnThreads:
         self._sending = threading.Lock()
         self._pulse_pending = threading.Event()
 
-    def start(self, service: Service | None) -> None:
-        """Start the threads of a service that has joined a world."""
+    def start(self, member: Member) -> None:
+        """Start the threads of a member's service after it has joined a world."""
+        service = member.service
         if service is None:
             return
         # A thread, because the code of a free-running generator may block, for example on a device.
-        if isinstance(service, Generator) and not when_of(service).is_awaited:
+        if isinstance(service, Generator) and not member.when.is_awaited:
             self._system.aside(lambda: self._generate(service))
         report = ReportFigures()
         self._timers.append(self._system.every(FIGURES_SECONDS, lambda: self._put(report)))

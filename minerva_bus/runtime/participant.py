@@ -185,7 +185,7 @@ class Participant:
         if joining and self.member.world is not None:
             self.greeting.cancel()
             self.link.joined(self.member.world.vocabulary)
-            self._threads.start(self.member.service)
+            self._threads.start(self.member)
 
     def receive_readings(self, key: str, data: bytes) -> None:
         """Process readings of a member in another process."""

@@ -9,6 +9,7 @@ from running import World, eventually, write_world
 
 from minerva_bus import Generator
 from minerva_bus.errors import MisuseError
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.readings import MAX_READINGS, ReadingBuffer
 from minerva_bus.launch.free_running import MAX_WAITING, WaitingOutput
@@ -159,7 +160,7 @@ def test_output_that_cannot_be_sent_is_an_error_although_the_generator_ignores_e
         raise MisuseError(f"wrong: {output.topic}")
 
     threads = OwnThreads("careless", items.append, send, print, REAL, ends=False)
-    threads.start(Careless())
+    threads.start(Member("careless", Careless()))
     eventually(lambda: items, "the error is in the inbox of the main thread")
     threads.stop()
     assert str(items[0]) == "wrong: battery"
@@ -175,7 +176,7 @@ class Kept(Generator, when="freely"):
 def test_nothing_is_sent_after_the_end():
     sent, kept = [], Kept()
     threads = OwnThreads("kept", print, sent.append, print, REAL, ends=False)
-    threads.start(kept)
+    threads.start(Member("kept", kept))
     eventually(lambda: hasattr(kept, "emit"), "it runs")
     kept.emit.publish("battery", BATTERIES[0])
     threads.stop()
