@@ -69,6 +69,7 @@ class Service:
         if kwargs and cls.__mro__[cls.__mro__.index(Service) + 1] is object:
             raise MisuseError(_unknown_arguments(cls, [*kwargs]))
         super().__init_subclass__(**kwargs)
+        _check_once(cls, when=when)
         # Only arguments that are given are set, so that subclasses inherit the others.
         if when:
             cls.when = str(read_when(cls, when))
@@ -129,6 +130,16 @@ def read_when(cls: type, when: object) -> When:
         raise MisuseError(f"{cls.__name__}: {error}") from None
 
 
+def _check_once(cls: type, **given: object) -> None:
+    """Raise MisuseError for a class argument that is an attribute of the body, too."""
+    for name, value in given.items():
+        if value and name in vars(cls):
+            raise MisuseError(
+                f"{cls.__name__}: {name} is given twice, as the class argument {name}={value!r} and"
+                f" in the body, {name} = {vars(cls)[name]!r:.60}; remove one of them"
+            )
+
+
 def _several(cls: type, what: str, event_types: tuple[str, ...] | str) -> tuple[str, ...]:
     if isinstance(event_types, str):
         raise MisuseError(f'{cls.__name__}: {what} are several, write {what}=("{event_types}",)')
@@ -168,6 +179,7 @@ class Generator(Service):
 
     def __init_subclass__(cls, events: tuple[str, ...] = (), **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        _check_once(cls, events=events)
         if events:
             cls.events = _several(cls, "events", events)
 
@@ -212,6 +224,7 @@ class Device(Service):
         cls, draws: tuple[str, ...] = (), coupled: bool = False, **kwargs: Any
     ) -> None:
         super().__init_subclass__(**kwargs)
+        _check_once(cls, draws=draws, coupled=coupled)
         if draws:
             cls.draws = _several(cls, "draws", draws)
         if coupled:

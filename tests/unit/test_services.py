@@ -138,6 +138,25 @@ def test_an_unknown_argument_is_named(bases, argument, problem):
     assert problem in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("base", "name", "argument", "attribute"),
+    [
+        (Generator, "when", "freely", "in step"),
+        (Device, "when", "at 20 Hz", "at 5 Hz"),
+        (Generator, "events", ("eHonk",), ("eRing",)),
+        (Device, "draws", ("eShow",), ("ePicture",)),
+        (Device, "coupled", True, False),
+    ],
+)
+def test_an_argument_is_not_an_attribute_of_the_body_too(base, name, argument, attribute):
+    with pytest.raises(MisuseError) as caught:
+        type("Odd", (base,), {name: attribute}, **{name: argument})
+    assert str(caught.value) == (
+        f"Odd: {name} is given twice, as the class argument {name}={argument!r} and in the body,"
+        f" {name} = {attribute!r}; remove one of them"
+    )
+
+
 def test_another_base_class_may_have_arguments():
     class Tagged:
         tag = ""
