@@ -65,14 +65,16 @@ class MemberLifecycle:
         if not (policy.rules.makes_copies and hello.kinds):
             return ""
         others = (*members.awaited(), *members.active(), *members.index.joining)
-        hosts = sorted(each.name for each in others if each.hello is not None and each.hello.kinds)
-        other = next((name for name in hosts if name != hello.member), "")
-        if not other:
-            return ""
-        return (
-            f'policy = "{policy.value}" evolves all agents on one host, which is {other}: give it'
-            " all classes of agents"
-        )
+        hosts = {each.name: each for each in others if each.hello is not None and each.hello.kinds}
+        hosts.pop(hello.member, None)
+        only = f'policy = "{policy.value}" evolves all agents on one host, which is'
+        if self._algorithm.phase is Phase.WAITING and members.is_process(hello.member):
+            # A guest may be faster than the world's own host, without which the world would end.
+            for guest in [host for host in hosts.values() if not members.named(host)]:
+                del hosts[guest.name]
+                reason = f"{only} {hello.member} of the world file"
+                self._exclude(guest, f"may not take part: {reason}", reason)
+        return f"{only} {min(hosts)}: give it all classes of agents" if hosts else ""
 
     def _refuse(self, member: MemberEntry, reason: str) -> None:
         algorithm = self._algorithm
@@ -227,8 +229,11 @@ class MemberLifecycle:
         """Exclude a member that violated the protocol."""
         algorithm = self._algorithm
         member = algorithm.members.get(violation.member)
-        self._blame(member, f"broke the protocol: {violation.reason}")
-        algorithm.out.send(member.name, m.Refused(violation.reason))
+        self._exclude(member, f"broke the protocol: {violation.reason}", violation.reason)
+
+    def _exclude(self, member: MemberEntry, text: str, reason: str) -> None:
+        self._blame(member, text)
+        self._algorithm.out.send(member.name, m.Refused(reason))
         if member.active:
             self._lose(member)
 

@@ -424,3 +424,18 @@ def test_a_world_with_two_hosts_does_not_begin():
     bus.run()
     assert bus.algorithm.failed
     assert ONE_HOST in bus.ended.reason
+
+
+def test_a_guest_that_is_faster_than_the_own_host_gives_way():
+    bus = Bus(*world("ACounter#a", [[eAdd(1)]], {"host": (Counter,)}))
+    own = list(bus.makers)
+    bus.join("guest", guest)
+    bus.settle()
+    assert bus.algorithm.members.offers().keys() == {"guest"}
+    for name in own:
+        bus.appear(name)
+    bus.run()
+    one_host, _, _ = ONE_HOST.partition(":")
+    assert bus.said[0] == f"guest: may not take part: {one_host} of the world file"
+    assert [record.events for record in bus.records] == [(eAdd(1),)]
+    assert not bus.algorithm.failed
