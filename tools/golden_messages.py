@@ -73,9 +73,8 @@ FOX = AgentKind(
 )  # fmt: skip
 FISH = AgentKind("AFish", _fields(x="real m"), frozenset({"eNear"}), frozenset({"eShow"}))
 STONE = AgentKind("AStone", _fields(), frozenset(), frozenset())
-VOCABULARY = Vocabulary.of(
-    STAR, BOX, MOVE, NEAR, MAP, BOXED, ALL, BARE, SHOW, FOX, FISH, STONE
-)  # fmt: skip
+ENTRIES = (STAR, BOX, MOVE, NEAR, MAP, BOXED, ALL, BARE, SHOW, FOX, FISH, STONE)
+VOCABULARY = Vocabulary.of(*ENTRIES)
 
 LAST_FRAME = (1 << 63) - 1
 LONG_ID = "f" * 64

@@ -4,7 +4,7 @@
     python -m tools.protocol_vectors --write    # write them
 
 Section 18 of PROTOCOL.md describes the notation. The cases of strings, columns and messages use
-the vocabulary of the golden messages.
+the vocabulary of the golden messages, and `PTally`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.wire.vocabulary import plain_vocabulary
-from tools import golden_messages as golden
 from tools.vectors import messages, numbers, streams, strings
 from tools.vectors.notation import Cases, Json, tagged
 
@@ -45,7 +44,7 @@ class Vectors:
             "requirements": list(self.requirements),
         }
         if self.vocabulary:
-            head["vocabulary"] = tagged(plain_vocabulary(golden.VOCABULARY))
+            head["vocabulary"] = tagged(plain_vocabulary(strings.VOCABULARY))
         cases = [{"name": n, "input": given, "expected": e} for n, given, e in self.cases()]
         return {**head, "cases": cases}
 

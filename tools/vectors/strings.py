@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from minerva_bus import Scene
+from minerva_bus import Primitive, Scene, Vocabulary
 from minerva_bus.errors import SceneError
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
@@ -22,7 +22,7 @@ from minerva_bus.wire.values import plain_event, plain_scene
 from tools import golden_messages as golden
 from tools.vectors.notation import Cases, Json, packed_hex, tagged
 
-VOCABULARY: Final = golden.VOCABULARY
+VOCABULARY: Final = Vocabulary.of(*golden.ENTRIES, Primitive("PTally", n=int))
 
 
 def fishes(count: int) -> str:
@@ -50,6 +50,22 @@ STRINGS: Final = {
 }  # fmt: skip
 
 
+EXACT: Final = 1 << 53
+INTS: Final = {
+    **{f"ints of {size} bytes": (-(1 << bits), (1 << bits) - 1)
+       for size, bits in ((1, 7), (2, 15), (4, 31), (8, 63))},
+    **{f"ints that take {size} bytes": (-(1 << bits) - 1, 1 << bits)
+       for size, bits in ((2, 7), (4, 15), (8, 31))},
+    "ints that floats can represent": (-EXACT, EXACT),
+    "ints below -2^53": (-EXACT - 1, 0), "ints above 2^53": (0, EXACT + 1),
+}  # fmt: skip
+
+
+def tallies(numbers: tuple[int, ...]) -> Columns:
+    """A figure with each of these numbers, in columns."""
+    return merged(VOCABULARY.read(" · ".join(f"PTally<n={n}>" for n in numbers)).pieces)
+
+
 def strings() -> Cases:
     """The encoding without columns and the digest of a string, given as text."""
     for name, written in STRINGS.items():
@@ -69,6 +85,9 @@ def digests() -> Cases:
         yield f"{count} rows", packed_hex(plain_scene(scene)), scene.digest.hex()
     ends = Scene((merged(_of_rows(32).pieces), *VOCABULARY.read("AStone#s()").pieces))
     yield "a run and a node", packed_hex(plain_scene(ends)), ends.digest.hex()
+    for name, numbers in INTS.items():
+        run = Scene((tallies(16 * numbers),))  # 32 neighbours are a run.
+        yield name, packed_hex(plain_scene(run)), run.digest.hex()
 
 
 COLUMNS: Final[Mapping[str, Columns]] = {
@@ -82,6 +101,7 @@ COLUMNS: Final[Mapping[str, Columns]] = {
     "texts that are ids": merged(
         VOCABULARY.read('AFox#f1<x=1, name="f1"> · AFox#f2<x=1, name="f3">').pieces
     ),
+    **{name: tallies(numbers) for name, numbers in INTS.items()},
 }
 
 
