@@ -53,7 +53,12 @@ def access_control(
     for holder in sorted(rights, key=lambda holder: holder.name):
         if holder.revoked:
             continue
-        subject: dict[str, Any] = {"id": holder.name, "cert_common_names": [holder.name]}
+        # A common name is only valid on links that authenticate it.
+        subject: dict[str, Any] = {
+            "id": holder.name,
+            "cert_common_names": [holder.name],
+            "link_protocols": list(SECURED),
+        }
         if holder.may(*trusted):
             subjects.append(subject)
             open_to.append(subject)
@@ -62,8 +67,7 @@ def access_control(
         elif not holder.may(HUB):
             own = _rules(keys, holder)
             rules += own
-            # A common name is only valid on links that authenticate it.
-            subjects.append({**subject, "link_protocols": list(SECURED)})
+            subjects.append(subject)
             policies.append({"rules": [rule["id"] for rule in own], "subjects": [holder.name]})
     if open_to:
         policies.append({"rules": [_OPEN], "subjects": [subject["id"] for subject in open_to]})

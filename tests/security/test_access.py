@@ -108,6 +108,9 @@ def test_no_id_is_unknown_and_none_is_there_twice(holders, carrier):
         assert len(ids) == len(set(ids))
         used = {id for policy in access["policies"] for id in policy[what]}
         assert used == set(ids)
+    for subject in access["subjects"]:
+        by_name = "cert_common_names" in subject
+        assert subject["link_protocols"] == (["tls", "quic"] if by_name else ["unixsock-stream"])
     named = {id for policy in access["policies"] for id in policy["subjects"]}
     expected = {
         holder.name for holder in holders if not holder.revoked and holder.name != COORDINATOR

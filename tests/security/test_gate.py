@@ -1,13 +1,16 @@
 """Limits and roles of members, and counting of rejections."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import zenoh
 
 from minerva_bus.errors import KeysError
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.admission import LOOK_EVERY, NO_NAME, Admission, ListenConfig, Security
 from minerva_bus.runtime.admission_rules import MAX_NAMES, STRANGERS, AdmissionRules
+from minerva_bus.runtime.links import Linked, Links
 from minerva_bus.security.credentials import Rights
 from minerva_bus.wire.codec import declaration, encode
 from minerva_bus.wire.keys import Keys
@@ -185,3 +188,25 @@ def test_a_member_over_its_time_allowance_is_ignored_for_a_while():
     assert not gate.has_room("a", 1)
     clock.now = 0.6
     assert gate.has_room("a", 1)
+
+
+def test_links_without_a_certificate_are_no_links_of_a_name():
+    noticed, given = [], []
+    info = SimpleNamespace(
+        declare_link_events_listener=lambda callback, history: given.append((callback, history))
+    )
+    session: Any = SimpleNamespace(info=info)
+    links = Links(session, noticed.append)
+
+    def happens(kind, name, address):
+        link = SimpleNamespace(auth_identifier=name, dst=address)
+        links._on_event(SimpleNamespace(kind=kind, link=link))
+
+    happens(zenoh.SampleKind.PUT, None, "tcp/a")
+    happens(zenoh.SampleKind.PUT, "fox", "tls/a")
+    happens(zenoh.SampleKind.PUT, "fox", "tls/b")
+    happens(zenoh.SampleKind.DELETE, None, "tls/a")
+    happens(zenoh.SampleKind.DELETE, "fox", "tls/b")
+    assert noticed == [Linked("fox", "tls/a"), Linked("fox", "tls/b")]
+    assert (links.of("fox"), links.of("None")) == ([Linked("fox", "tls/a")], [])
+    assert given[0][1] is True
