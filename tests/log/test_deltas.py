@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from minerva_bus import Agent, Metres, Primitive, Transformation, Vocabulary
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.grammar.packing import packed
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.scene import Scene, with_scope
 from minerva_bus.log.deltas import DEEPEST, apply_delta, delta_between
 from minerva_bus.testing.family import FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_strings, worlds
@@ -141,12 +141,23 @@ def test_an_invalid_edit_is_rejected(delta):
         apply_delta(old, delta, Reader(SKY))
 
 
-def test_an_edit_is_no_deeper_than_allowed():
-    delta = []
-    for _ in range(DEEPEST + 2):
-        delta = [{"scope": delta}]
-    old = SKY.read("PStar<size=1>")
-    for _ in range(DEEPEST + 2):
-        old = TMove(1.0)(old)
+@pytest.mark.parametrize("below", [0, 1])
+def test_an_edit_goes_as_deep_as_allowed_and_no_deeper(below):
+    """A scope below that is written as a whole; a delta that enters it is refused."""
+    (around,) = TMove(1.0)(PStar(0.0)).pieces
+
+    def deep(scene, scopes):
+        for _ in range(scopes):
+            scene = Scene((with_scope(around, scene),))
+        return scene
+
+    old, new = (deep(PStar(size), DEEPEST + below) for size in (1.0, 2.0))
+    edit = wanted = [-1, plain_scene(deep(PStar(2.0), below))]
+    for _ in range(DEEPEST):
+        wanted = [{"scope": wanted}]
+    assert delta_between(old, new) == wanted
+    assert apply_delta(old, wanted, Reader(SKY)) == new
+    for _ in range(DEEPEST + 1):
+        edit = [{"scope": edit}]
     with pytest.raises(ProtocolError, match="scopes deep"):
-        apply_delta(old, delta, Reader(SKY))
+        apply_delta(deep(old, 1), edit, Reader(SKY))

@@ -1,5 +1,7 @@
 """The length of a journal, and its keyframes."""
 
+import os
+
 import pytest
 from harbour import harbour
 
@@ -7,6 +9,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.log import journal
 from minerva_bus.log.journal import Journal
+from minerva_bus.log.journaled import read_journal
 
 INPUTS = FrameInputs(0, (), {}, {}, (), (), {})
 
@@ -40,3 +43,13 @@ def test_keyframes_have_many_frames_between_them_that_are_longer(written, monkey
     written.rewrite()
     assert not written.is_keyframe_due
     assert frames_until(written, lambda: written.is_keyframe_due) > frames
+
+
+def test_writes_may_be_partial(tmp_path, monkeypatch):
+    """As on a disk that is nearly full."""
+    world, write = harbour().read().world, os.write
+    monkeypatch.setattr(journal.os, "write", lambda file, data: write(file, data[:7]))
+    written = Journal(tmp_path / "w.journal", 1, FrameAlgorithm(world))
+    written.members(["a", "b"])
+    monkeypatch.undo()
+    assert read_journal(written.path, world).members == {"a", "b"}
