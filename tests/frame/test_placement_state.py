@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.placement import Placement
+from minerva_bus.frame.placement import MIN_AGENTS, Placement
 from minerva_bus.testing.family import FAMILY_VOCABULARY, eHit
 
 read = FAMILY_VOCABULARY.read
@@ -38,6 +38,33 @@ def test_a_host_holds_what_it_has_received_until_its_process_is_gone():
 def test_without_a_limit_one_host_takes_any_number_of_agents():
     placement, _ = arranged("AMortal#a · AMortal#b · AMortal#c")
     assert (placement.unassigned, placement.fragments_of("east")) == ({}, ("a", "b", "c"))
+
+
+def test_within_a_frame_the_limit_of_a_host_does_not_count():
+    """The frame waits for the agents of the host that is gone."""
+    placement, _ = arranged("AMortal#a · AMortal#b · AMortal#c", {"east": BOTH, "west": BOTH}, 2)
+    placement.arrange({"east": BOTH}, mid_frame=True)
+    assert (placement.unassigned, placement.fragments_of("east")) == ({}, ("a", "b", "c"))
+    placement.arrange({"east": BOTH})
+    assert len(placement.unassigned) == 1
+
+
+def test_within_a_frame_the_parts_of_a_population_stay():
+    """Undivided, on hosts that may be evolving them; only those of a lost host move."""
+    text = " · ".join(f"AMortal#m{n}" for n in range(3 * MIN_AGENTS))
+    placement, composition = arranged(text, {"east": BOTH, "west": BOTH})
+    (parts,) = composition.populations
+    hosts = [placement.host_of(part) for part in parts]
+    assert hosts == ["east", "west"]
+    for offers, expected in (
+        ({"a": BOTH, "east": BOTH, "west": BOTH}, hosts),
+        ({"a": BOTH, "west": BOTH}, ["a", "west"]),
+    ):
+        placement.arrange(offers, mid_frame=True)
+        assert list(composition.populations) == [parts]
+        assert [placement.host_of(part) for part in parts] == expected
+    placement.arrange({"a": BOTH, "east": BOTH, "west": BOTH})
+    assert len(composition.populations[0]) == 3
 
 
 def test_nothing_is_unwanted_before_hosts_are_known():

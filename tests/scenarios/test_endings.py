@@ -124,6 +124,27 @@ def test_a_person_may_end_it_in_any_phase(phase):
     assert bus.ended.reason == ("the frames are over" if over else "a person wishes it")
 
 
+@pytest.mark.parametrize("awaited", ["add", "host"])
+def test_an_interrupted_frame_awaits_nothing(awaited):
+    bus = counters().do(f"start, settle, hold up {awaited}, frame")
+    assert bus.algorithm.awaits(awaited)
+    bus.handle(s.End("enough"))
+    bus.handle(m.Report(awaited, {"x": 1}))
+    assert not bus.algorithm.awaits(awaited)
+    bus.handle(s.Skip(awaited))
+    assert bus.said == []
+
+
+def test_one_that_was_greeted_before_the_end_does_not_join_after_it():
+    """Although agents of the interrupted frame wait for a host."""
+    bus = counters().do("start, settle, hold up host, hold up heir, frame, vanish host")
+    bus.join("heir", host("heir", Counter))
+    bus.settle()
+    bus.handle(s.End("enough"))
+    bus.do("clear, release, settle")
+    assert not any("heir ← welcome" in line for line in bus.trace), bus
+
+
 def test_messages_after_the_end_are_ignored():
     bus = counters(frames=1).do("start, run, clear")
     for stimulus in (

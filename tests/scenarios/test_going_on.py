@@ -6,6 +6,9 @@ import pytest
 from pond import VOCABULARY, Counter, Fly, Frog, Lily, Minnow, counters
 from test_any_schedule import FRAMES, SETTINGS, both
 
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.kinds import kinds_of
@@ -82,3 +85,22 @@ def test_a_reached_end_counts_after_resuming():
     assert again.ended == bus.ended
     assert again.ended.reason == "every agent has sent eDone"
     assert again.digests == bus.digests[4:]
+
+
+def test_a_world_that_had_reached_its_last_frame_ends_without_another():
+    bus = counters(frames=3).do("start, run 2, hold up host, frame")
+    bus.handle(s.Skip("host"))
+    past = replace(bus.algorithm.world, scene=bus.algorithm.scene, past=bus.algorithm.checkpoint)
+    again = MemoryBus(past, bus.makers)
+    again.start()
+    again.run()
+    assert (again.ended.reason, again.records) == ("the frames are over", [])
+
+
+def test_inputs_repeat_their_own_frame_only():
+    bus = counters().do("start, run 3")
+    again = FrameAlgorithm(bus.algorithm.world)
+    again.receive(s.Begin(inputs=bus.inputs[0]))
+    for number in (0, 2):
+        with pytest.raises(ProtocolError, match=f"inputs of frame 1, got frame {number}"):
+            again.receive(s.Begin(inputs=bus.inputs[number]))

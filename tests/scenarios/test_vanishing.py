@@ -99,6 +99,49 @@ def test_a_successor_goes_on_from_what_was_saved_in_the_last_whole_frame():
     assert [record.events for record in bus.records] == [record.events for record in plain.records]
 
 
+class Forgetful(Add):
+    """Saves something in its first frame only."""
+
+    frame = 0
+
+    def generate(self, tick):
+        self.frame = tick.number
+        return super().generate(tick)
+
+    def save(self):
+        return None if self.frame else {"n": 5}
+
+    def restore(self, saved):
+        self.n = saved["n"]
+
+
+def test_a_successor_of_one_that_saves_nothing_any_more_gets_nothing():
+    bus = counters(members={"add": service("add", Forgetful)})
+    bus.do("start, run 2, restart add, run 1")
+    assert [event.n for record in bus.records for event in record.events] == [1, 1, 1]
+
+
+def test_a_host_that_is_skipped_keeps_its_agents_as_they_were():
+    """Whatever it has made of them by then: it gets them again."""
+    bus = counters("ACounter#a").do("start, settle, hold up host, frame")
+    bus.handle(s.Skip("host"))
+    assert str(bus.algorithm.scene) == "ACounter#a<n=0>()"
+    assert bus.inputs[0].left_out == ("a",)
+    bus.do("release, run 1")
+    assert str(bus.algorithm.scene) == "ACounter#a<n=1>()"
+
+
+@pytest.mark.parametrize("gone", ["add", "host"])
+def test_a_frame_does_not_wait_for_a_lost_member_that_is_skipped(gone):
+    bus = counters("ACounter#a")
+    bus.do(f"start, settle, hold up {gone}, frame, vanish {gone}, settle")
+    assert bus.algorithm.waiting_for() == [gone]
+    bus.handle(s.Skip(gone))
+    bus.settle()
+    assert str(bus.algorithm.scene) == "ACounter#a<n=0>()"
+    assert len(bus.records) == 1
+
+
 def test_the_world_waits_for_a_host_that_dies_in_evolution():
     bus = started().do("hold down host, frame, vanish host, settle, release, settle")
     assert bus.algorithm.waiting_for() == ["host"]
