@@ -24,7 +24,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.table import Table
 from minerva_bus.settings.tables import NormSettings
 from minerva_bus.wire.keys import is_name
-from minerva_bus.world.norms import REFUSED, Norm, Then, check_condition, sanction_of
+from minerva_bus.world.norms import REFUSED, Norm, Then, check_conditions, sanction_of
 
 PEOPLE: Final = "people"
 """In `applies`: the people who send events from a terminal or a window; `people:NAME` is one."""
@@ -153,8 +153,7 @@ def _check(norm: Norm, table: Table, vocabulary: Vocabulary, scene: Scene) -> No
             sanction_of(norm.name, vocabulary.events[REFUSED], {})
         except (MisuseError, VocabularyError) as error:
             table.wrong("then", f"sends {REFUSED}, which may have no data but norm: {error}")
-    for key in ("when", "where"):
-        try:
-            check_condition(norm, getattr(norm, key), vocabulary, scene, table.place(key))
-        except VocabularyError as error:
-            raise WorldFileError(str(error)) from None
+    try:
+        check_conditions(norm, vocabulary, scene, table.place)
+    except VocabularyError as error:
+        raise WorldFileError(str(error)) from None

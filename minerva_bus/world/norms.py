@@ -11,7 +11,7 @@ it may name
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final, cast
@@ -98,15 +98,24 @@ class Norm:
         return not self.applies or any(name in self.applies for name in names)
 
 
-def check_condition(norm: Norm, text: str, vocabulary: Vocabulary, w: Scene, source: str) -> None:
-    """Raise VocabularyError, with a caret, if a condition of a norm cannot hold for any agent.
+def check_conditions(
+    norm: Norm, vocabulary: Vocabulary, w: Scene, place: Callable[[str], str]
+) -> None:
+    """Raise VocabularyError, with a caret, if the conditions cannot hold for any agent together.
 
-    `w` is the initial string; it must contain the agents that the condition names by id.
+    `w` is the initial string; it must contain the agents that the conditions name by id. `place`
+    is the source of "when" and of "where".
     """
-    named = {agent.id: agent.symbol for agent in agents(w)} if "#" in text else {}
+    texts = {"when": norm.when, "where": norm.where}
+    named = (
+        {agent.id: agent.symbol for agent in agents(w)} if "#" in "".join(texts.values()) else {}
+    )
     others = {agent_id: vocabulary.kinds[symbol] for agent_id, symbol in named.items()}
     scopes = [_scope(kind, about, others) for kind, about in _concerned(norm, vocabulary)]
-    parse_condition(text, source).check(scopes, source)
+    for key, text in texts.items():
+        condition = parse_condition(text, place(key))
+        condition.check(scopes, place(key))
+        scopes = [scope for scope in scopes if condition.problem(scope.sort_of) is None]
 
 
 def _concerned(

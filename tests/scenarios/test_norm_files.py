@@ -95,6 +95,7 @@ def test_a_record_has_them(tmp_path):
             "green of ALight is true or false, which cannot",
         ),
         ('when = "x > 1 and z > 2"', "norm.n.when:1:11: ARunner has no z"),
+        ('when = "green == true"\nwhere = "x > 1"', "norm.n.where:1:1: ALight has no x"),
         ('when = "event.loud > 1"', "has no event.loud"),
         ('when = "was.green == true and x > 1"', "has no"),
         ('when = "#lamp.green == true"', "has no #lamp.green; did you mean '#light.green'"),
