@@ -336,6 +336,9 @@ def test_an_agent_outside_all_cells_is_named(x: int, y: int) -> None:
         ({"grid": True, "width": 9, "height": 9, "radius": 1.5}, r"radius of a lattice is 1\.5"),
         ({"event": "eOdd"}, "eOdd declares dx as int; neighbours produces real"),
         ({"event": "eTextual", "summary": True}, "eTextual declares vx as text; .* produces real"),
+        ({"who": "whom"}, "who is 'whom', which no primitive .* has; did you mean 'who'"),
+        ({"x": "east"}, "x is 'east', which no primitive and no transformation of the world has"),
+        ({"grid": True, "width": 9, "height": 9, "same": "hue"}, "same is 'hue', which no primi"),
     ],
 )
 def test_options_that_cannot_be_are_refused(options: dict[str, Any], problem: str) -> None:

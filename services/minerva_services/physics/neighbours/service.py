@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.service_inputs import Tick, View, WorldInfo
 from minerva_bus.world.services import Device, Generator
 from minerva_services.event_factory import event_type
@@ -96,6 +97,7 @@ class Neighbours(Device, Generator, coupled=True):
         if not grid:
             tree()  # a missing library must fail here, not in the first frame
         self._same = same
+        self._names = {"x": x, "y": y, "who": who, **({"same": same} if same else {})}
         self._reader = SpotReader("neighbours", Names(x, y, who))
         # The events depend on the last view alone, which a successor receives again, so there is
         # nothing to save.
@@ -108,6 +110,7 @@ class Neighbours(Device, Generator, coupled=True):
     def joined(self, world: WorldInfo) -> None:
         self._type = event_type("neighbours", world, self._event)
         self._compare(self._type)
+        self._check_names(world.vocabulary)
 
     def show(self, view: View) -> None:
         """Compute immediately, in parallel with the members that still work on this frame."""
@@ -137,6 +140,18 @@ class Neighbours(Device, Generator, coupled=True):
         except MisuseError as error:
             shown = ", ".join(spots.shown)
             raise MisuseError(f"neighbours: {error}; agents show {shown}") from None
+
+    def _check_names(self, vocabulary: Vocabulary) -> None:
+        """Check that the view may have the names of the options. Raises MisuseError."""
+        symbols = (*vocabulary.primitives.values(), *vocabulary.transformations.values())
+        known = sorted({name for symbol in symbols for name in symbol.fields.names})
+        there = f"they have {', '.join(known)}"
+        for option, name in self._names.items():
+            if name not in known:
+                raise MisuseError(
+                    f"neighbours: {option} is {name!r}, which no primitive and no transformation of"
+                    f" the world has{nearest(name, known, there)}"
+                )
 
     def _compare(self, declared: EventType) -> None:
         """Check that the type declares data of the kinds that are produced. Raises MisuseError."""
