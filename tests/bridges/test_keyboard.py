@@ -147,6 +147,8 @@ def test_a_missing_terminal_is_reported_with_alternatives(tmp_path):
     [
         ({"keymap": {"w": "eSped speed=1"}}, "keyboard: .* no event type eSped; did you mean"),
         ({"markers": list("abcdefghijk")}, "11 markers; there are only ten digits"),
+        ({"keymap": {"spce": "eSpeed 1"}}, "keymap.spce: no key has this name; .* space, enter"),
+        ({"keymap": {" ": "eSpeed 1"}}, "keymap. : no key has this name"),
         ({"low": 1.0}, "low must be below high"),
     ],
 )

@@ -42,7 +42,7 @@ class Gamepad(Bridge):
     """
 
     source_option: ClassVar[str] = "pad"
-    interactive = people = True
+    interactive = people = checked = True
 
     def __init__(
         self,

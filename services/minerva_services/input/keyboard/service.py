@@ -12,7 +12,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.world.service_inputs import WorldInfo
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.input.controls import ControlMap, InputRange, bindings, choices
-from minerva_services.input.keyboard.terminal import KeyDecoder, Terminal
+from minerva_services.input.keyboard.terminal import NAMED_KEYS, KeyDecoder, Terminal, is_key
 
 DIGITS: Final = "1234567890"
 
@@ -65,6 +65,12 @@ class Keyboard(Bridge):
             **dict(zip(DIGITS, chosen, strict=False)),
             **bindings("keyboard", "keymap", keymap),
         }
+        unknown = next((name for name in bound if not is_key(name)), None)
+        if unknown is not None:
+            raise MisuseError(
+                f"keyboard: keymap.{unknown}: no key has this name; expected a character, or one of"
+                f" {', '.join(NAMED_KEYS)}"
+            )
         self._controls = ControlMap("keyboard", bound, slide, to)
         self._moves = {"up": step, "down": -step} if slide else {}
         self._slide, self._value, self._path = slide, begin, terminal

@@ -82,6 +82,15 @@ _KEY: Final = re.compile(r"\x1b(?:\[[0-9;]*|O)([@-~])|.", re.DOTALL)
 _BEGUN: Final = re.compile(r"\x1b(?:\[[0-9;]{0,16}|O)?\Z")
 
 
+NAMED_KEYS: Final = tuple(dict.fromkeys((*_ARROWS.values(), *_SIGNS.values())))
+"""The names of keys that are not those of their characters."""
+
+
+def is_key(name: str) -> bool:
+    """Whether a key can have this name."""
+    return name in NAMED_KEYS or (len(name) == 1 and name.isprintable() and name not in _SIGNS)
+
+
 class KeyDecoder:
     """Decodes bytes (UTF-8 with the escape sequences of ECMA-48) to key names.
 
