@@ -135,6 +135,13 @@ def test_a_member_that_joins_in_the_midst_of_a_frame_is_admitted_at_its_edge():
     """)
 
 
+def test_a_host_that_joins_while_generators_answer_evolves_in_this_frame():
+    bus = counters().do("start, settle, hold up add, frame")
+    bus.join("heir", host("heir", Counter))
+    bus.do("settle, release, settle")
+    assert any(line.strip().startswith("~hosts ← evolve 0 on heir, host") for line in bus.trace)
+
+
 def test_an_observer_that_joins_gets_the_last_view_whole():
     bus = started(members={"screen": service("screen", Screen)}, after=2)
     bus.trace.clear()
