@@ -9,6 +9,7 @@ from typing import Any
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldFileError
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import walk
@@ -18,7 +19,7 @@ from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.restless import restless
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.structure import structure_of
-from minerva_bus.launch.unplaced import unplaced
+from minerva_bus.launch.unplaced import unplaced, unpublished
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.wording import counted
 from minerva_bus.world.service_inputs import WorldInfo
@@ -67,23 +68,24 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
 
 
 def _checked(file: WorldFile) -> Checked:
-    _check_services(file)
-    warnings = [*restless(file), *unplaced(file)]
+    members = _checked_services(file)
+    warnings = [*restless(file), *unplaced(file), *unpublished(file, members)]
     return Checked(_world_shown(len(file.processes), file.world.scene), warnings)
 
 
-def _check_services(file: WorldFile) -> None:
-    """Let services whose `joined` has no effects compare their options with the world.
+def _checked_services(file: WorldFile) -> list[Member]:
+    """The members with services; those whose `joined` has no effects have compared their options.
 
     Raises WorldFileError.
     """
-    world, tables = file.world, set[str]()
+    world, tables, members = file.world, set[str](), list[Member]()
     info = WorldInfo(world.name, world.vocabulary, world.seed, world.dt)
     for process in file.processes:
         if process.make_service is None or process.table in tables - {""}:
             continue
         tables.add(process.table)
-        service = process.participant().service
+        members.append(process.participant())
+        service = members[-1].service
         if service is None or not service.checked:
             continue
         try:
@@ -92,6 +94,7 @@ def _check_services(file: WorldFile) -> None:
             raise WorldFileError(f"{file.path}: [process.{process.name}]: {error}") from None
         finally:
             service.close()
+    return members
 
 
 def _world_shown(processes: int, scene: Scene) -> str:

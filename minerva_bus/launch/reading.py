@@ -20,7 +20,7 @@ from minerva_bus.launch.processes import check_hosts, check_members, read_patien
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
-from minerva_bus.launch.unplaced import unplaced
+from minerva_bus.launch.unplaced import unplaced, unpublished
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.kinds import TEXT, TOPICS
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
@@ -135,7 +135,9 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         collect,
     )
     file = distributed(file, members)
-    file = replace(file, notes=(*file.notes, *unplaced(file)))
+    # Without its services, the file seems to publish nothing.
+    unheard = [] if overrides.only_code else unpublished(file, members)
+    file = replace(file, notes=(*file.notes, *unplaced(file), *unheard))
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file
 

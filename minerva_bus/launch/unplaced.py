@@ -1,15 +1,17 @@
-"""Warnings about agents that `[placement]` allows on no process of a world file.
+"""Warnings about agents that no process of a world file may evolve, and topics that none publishes.
 
-It is no error, because a process with such a name may attach while the world runs.
+They are no errors, because such a process may attach while the world runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from minerva_bus.errors import nearest
 from minerva_bus.frame.constraints import Rule
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.settings.kinds import ALL
 
 
 def unplaced(file: WorldFile) -> list[str]:
@@ -19,6 +21,26 @@ def unplaced(file: WorldFile) -> list[str]:
         f"placement.{kind}: {problem}; {kind} does not evolve until one attaches"
         for kind, rule in rules.items()
         for problem in _problems(file, kind, rule)
+    ]
+
+
+def unpublished(file: WorldFile, members: Iterable[Member]) -> list[str]:
+    """A warning for each topic that is read or recorded, and published by no process of the file.
+
+    `members` are those of its processes, of which it compares the topics.
+    """
+    # What a program in another language publishes is known only when it joins.
+    if any(process.command for process in file.processes):
+        return []
+    hellos = [member.hello() for member in members]
+    known = sorted({topic for hello in hellos for topic in hello.publishes})
+    wanted = {topic: "record" for topic in file.record.topics if topic != ALL}
+    wanted |= {topic: hello.member for hello in hellos for topic in hello.topics}
+    return [
+        f"{who}: no process publishes the topic {topic!r}{nearest(topic, known)}; it has no"
+        " readings until one attaches"
+        for topic, who in sorted(wanted.items())
+        if topic not in known
     ]
 
 

@@ -1,4 +1,4 @@
-"""`check` compares the options of services, and the rules of `[placement]`, with the world."""
+"""`check` compares options of services, `[placement]`, conditions and topics with the world."""
 
 import pytest
 
@@ -27,6 +27,15 @@ class Loud(Generator, events=("eHonk",)):
         raise AssertionError("its `joined` may have effects")
 
 
+class Listener(Generator):
+    topics = ("horn",)
+
+
+class Horn(Generator):
+    def __init__(self, topic: str = "horn") -> None:
+        self.publishes = (topic,)
+
+
 vocabulary = Vocabulary.of(eHonk, Car)
 """
 WORLD = """\
@@ -39,6 +48,7 @@ frames = 5
 agents = "hall:Car"
 processes = 2
 """
+MQTT = "service = 'mqtt'\nbroker = 'mqtt://localhost'\ntopics = "
 
 
 def world(folder, more):
@@ -60,6 +70,10 @@ def world(folder, more):
         ),
         ('service = "laser"\nevent = "eHonk"', "laser: eHonk has no dist"),
         ("service = 'camera'\nevent = 'eHonk'", "camera: eHonk has no marker"),
+        (f'{MQTT}{{ t = {{ event = "eHonk", if = "loud == true" }} }}', "loud of a message for"),
+        (f'{MQTT}{{ t = {{ event = "eHonk", if = "#a.heard > 1" }} }}', "has no #a.heard"),
+        (f'{MQTT}{{ t = {{ event = "eHonk", condition = "herd > 1" }} }}', "mean 'heard'?"),
+        (f'{MQTT}{{ t = {{ event = "eHonk", data = {{ lowd = "x" }} }} }}', "eHonk has no lowd"),
     ],
 )
 def test_options_that_do_not_fit_the_world_are_reported(service, problem, tmp_path):
@@ -68,6 +82,26 @@ def test_options_that_do_not_fit_the_world_are_reported(service, problem, tmp_pa
         check(path)
     assert problem in str(caught.value)
     assert str(caught.value).startswith(f"{path}: [process.source]: ")
+
+
+@pytest.mark.parametrize(
+    ("more", "warnings"),
+    [
+        ("", ["listener: no process publishes the topic 'horn'; it has"]),
+        ("[process.horn]\nservice = 'hall:Horn'\n", []),
+        ("[process.horn]\nservice = 'hall:Horn'\ntopic = 'hoorn'\n",
+         ["listener: no process publishes the topic 'horn'; did you mean 'hoorn'?; it has"]),
+        ("[process.horn]\ncommand = 'true'\n", []),
+        ("[process.horn]\nservice = 'hall:Horn'\n[world.record]\nfile = 'r.mcap'\n"
+         "topics = ['horn', 'scan']\n", ["record: no process publishes the topic 'scan'; it has"]),
+        ("[process.horn]\nservice = 'hall:Horn'\n[world.record]\nfile = 'r.mcap'\n"
+         "topics = '*'\n", []),
+    ],
+)  # fmt: skip
+def test_topics_that_no_process_publishes_are_warned_of(more, warnings, tmp_path):
+    path = world(tmp_path, f"[process.listener]\nservice = 'hall:Listener'\n{more}")
+    found = check(path).warnings
+    assert [warning.partition(" no readings")[0] for warning in found] == warnings
 
 
 def test_only_services_that_declare_it_are_asked(tmp_path):
