@@ -97,6 +97,17 @@ def test_a_call_has_prompt_schema_key_and_its_reply_usage():
     system = asked["messages"][0]["content"]
     assert system.startswith("The year is 1300.\n\nYou are polite.\n\nAnswer with one JSON object")
     assert server.keys == ["Bearer sk-secret"]
+    assert calls.log == []
+
+
+def test_a_model_without_a_price_is_named():
+    prices = {"prices": Prices({"smal": [1.0, 10.0]})}
+    with ChatServer(lambda asked: EAT) as server, calling(server, prices) as calls:
+        (result,) = calls(request())
+    assert result.usage.cost == 0
+    assert calls.log == [
+        "llm: prices has no model 'small'; did you mean 'smal'?; its completions cost nothing"
+    ]
 
 
 @pytest.mark.parametrize("wait", ["3600", "9" * 400])
@@ -377,6 +388,7 @@ def test_an_answer_is_streamed_and_cut_off_or_late_ones_are_repeated():
         ({"backend": ["x"], "timeout": 0.0}, "timeout is 0.0; expected seconds above 0"),
         ({"backend": ["x"], "budget": {"call": 1}}, "budget has no 'call'; did you mean 'calls'?"),
         ({"backend": ["x"], "agent_budget": {"cost": -1}}, "agent_budget.cost is -1"),
+        ({"backend": ["x"], "agent_budget": {"cost": 1}}, "a budget of cost needs prices"),
         ({"backend": ["x"], "prices": {"m": 3}}, "prices.m must be the prices of a million"),
         ({"backend": ["x"], "key_env": "A", "key_file": "b"}, "not both"),
         ({"backend": "http://host/v1", "first_token": 3}, "expected seconds, with stream"),

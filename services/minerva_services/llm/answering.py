@@ -243,6 +243,8 @@ class Answering:
         self.model = completion.model
         self.simulated += completion.seconds
         cost = self.setup.prices.cost(completion)
+        if lacking := self.setup.prices.lacking(completion.model):
+            self.setup.log(f"llm: {lacking}")
         self._use(Account("", 0, completion.tokens_in, completion.tokens_out, cost))
         return completion
 

@@ -31,6 +31,13 @@ class Prices:
                 )
             self._prices[model] = price_in, price_out
 
+    def lacking(self, model: str) -> str:
+        """Why the completions of a model cost nothing although there are prices, or ""."""
+        if not self._prices or model in self._prices:
+            return ""
+        near = nearest(model, [*self._prices], f"it has {', '.join(self._prices)}")
+        return f"prices has no model {model!r}{near}; its completions cost nothing"
+
     def cost(self, completion: Completion) -> float:
         """The cost of a completion; 0 for a model without a price."""
         price_in, price_out = self._prices.get(completion.model, (0.0, 0.0))

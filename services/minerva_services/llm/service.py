@@ -114,6 +114,8 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), when="freely
         chosen = _backend(backend, server)
         self._limits = CallLimits(concurrent, per_minute, timeout, retries, corrections, tool_calls)
         ledger = Ledger(Budget.of("budget", budget), Budget.of("agent_budget", agent_budget))
+        if not prices and "cost" in {*(budget or {}), *(agent_budget or {})}:
+            raise MisuseError("llm: a budget of cost needs prices, or nothing costs anything")
         self._setup = CallSetup(
             chosen, {}, system, Prices(prices), ledger, CompletionCache(cache), self._log,
             ToolServers.of(tools, concurrent, self._log),
