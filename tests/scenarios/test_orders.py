@@ -1,8 +1,11 @@
 """Orders of people: through a generator that takes them, or directly into the next frame."""
 
+import pytest
 from pond import Add, Steps, counters, eAdd, eStep, service, started
 
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
+from minerva_bus.world.norms import Norm
 
 
 class Taker(Add):
@@ -63,6 +66,20 @@ def test_an_order_without_a_taker_counts_in_the_next_frame():
             frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=6>()
             ready for frame 3
     """)
+
+
+@pytest.mark.parametrize("service_of_add", [Add, Taker])
+def test_each_order_is_judged_with_its_person_and_the_norm_that_rejects_it(service_of_add):
+    norm = Norm("few", (), ("eAdd",), when="event.n > 8")
+    bus = counters(members={"add": service("add", service_of_add)}, norms=(norm,))
+    receive = bus.do("start, run 1").algorithm.receive
+    receive(s.Publish(eAdd(3), "anna"))
+    receive(s.Publish(eAdd(9), "bert"))
+    out = [*receive(s.Begin()), *receive(m.TickReply("add", 1))]
+    assert [each for each in out if isinstance(each, s.OrderJudged)] == [
+        s.OrderJudged(eAdd(9), "bert", 1, "few"),
+        s.OrderJudged(eAdd(3), "anna", 1),
+    ]
 
 
 def test_orders_in_a_tick_wait_for_the_next():

@@ -343,5 +343,7 @@ def test_garbage_in_the_name_of_a_stranger_changes_nothing():
 def test_a_reply_precedes_the_events_that_its_member_had_sent_before():
     bus = started()
     bus.handle(m.Emitted("add", (eAdd(5),)))
-    bus.run(1)
+    assert member(bus, "add").last_reply == 1
+    bus.run(2)
     assert [event.n for event in bus.records[1].events] == [1, 5]
+    assert member(bus, "add").last_reply == 2
