@@ -85,6 +85,10 @@ def _scan(robot: str, time: float, items: Sequence[Any]) -> Scan:
     # The protocol defines values for beams without a hit, so a NaN is an error of the sensor.
     if np.isnan(ranges).any():
         raise ProtocolError("a range of a scan is not a number; 0 means that nothing was hit")
+    if not step and len(ranges) > 1:
+        raise ProtocolError("the beams of a scan are 0 degrees apart: all have one direction")
+    if most <= 0:
+        raise ProtocolError(f"the range_max of a scan is {most:g}; expected metres above 0")
     return Scan(robot, ranges, first, step, most, time, mount.x, mount.y, mount.angle)
 
 

@@ -4,6 +4,8 @@ import math
 import struct
 import sys
 import zlib
+from contextlib import nullcontext
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -143,6 +145,23 @@ def test_infinite_numbers_are_no_readings(number):
     ):
         with pytest.raises(ProtocolError, match="finite"):
             DECODER.readings("scan", "a", encode(m.Readings("a", "scan", 1, (reading,))))
+
+
+@pytest.mark.parametrize(
+    ("beams", "step", "range_max", "problem"),
+    [
+        (3, 0.0, 10.0, "0 degrees apart"),
+        (3, -0.0, 10.0, "0 degrees apart"),
+        (1, 0.0, 10.0, ""),
+        (3, 1.0, 0.0, "range_max of a scan is 0"),
+        (0, 1.0, -1.0, "range_max of a scan is -1"),
+    ],
+)
+def test_scans_without_directions_or_a_range_are_no_readings(beams, step, range_max, problem):
+    scan = Scan("r", np.ones(beams, np.float32), 0.0, step, range_max, 0.0)
+    message = encode(m.Readings("a", "scan", 1, (scan, replace(scan, beam_time=0.1))))
+    with pytest.raises(ProtocolError, match=problem) if problem else nullcontext():
+        DECODER.readings("scan", "a", message)
 
 
 def test_beams_without_a_number_hit_nothing():
