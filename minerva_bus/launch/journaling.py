@@ -54,9 +54,9 @@ def next_epoch(past: Journaled | None, now: float) -> int:
     """Epoch of a coordinator: seconds since 1970, but always greater than the previous one.
 
     Members follow the highest epoch, so neither a clock that was set back nor a start within the
-    same second may repeat one.
+    same second may repeat one. With a clock before 1970 the first epoch is 0, since all are from 0.
     """
-    return int(now) if past is None else max(past.epoch + 1, int(now))
+    return max(0, int(now), 0 if past is None else past.epoch + 1)
 
 
 class RunJournal:

@@ -7,9 +7,11 @@ from harbour import harbour
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.launch.journaling import next_epoch
 from minerva_bus.log import journal
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal
+from minerva_bus.wire.epochs import stamp, stamped
 
 INPUTS = FrameInputs(0, (), {}, {}, (), (), {})
 
@@ -53,3 +55,12 @@ def test_writes_may_be_partial(tmp_path, monkeypatch):
     written.members(["a", "b"])
     monkeypatch.undo()
     assert read_journal(written.path, world).members == {"a", "b"}
+
+
+@pytest.mark.parametrize("now", [-86_400.5, 0.5])
+def test_epochs_rise_from_0_with_any_clock(now, tmp_path):
+    world = harbour().read().world
+    first = next_epoch(None, now)
+    assert (first, stamped(stamp(first))[0]) == (0, 0)
+    Journal(tmp_path / "w.journal", first, FrameAlgorithm(world))
+    assert next_epoch(read_journal(tmp_path / "w.journal", world), now) == 1
