@@ -24,9 +24,9 @@ from urllib.parse import parse_qs, urlsplit
 from minerva_bus.errors import MinervaError
 from minerva_bus.launch.runtime_folder import make_runtime_folder, runtime_folder
 from minerva_bus.outputs import open_itself
+from minerva_bus.runtime.endpoints import is_wildcard
 
 _LOCAL: Final = frozenset(("localhost", "127.0.0.1", "::1"))
-_WILDCARDS: Final = ("0.0.0.0", "::")  # noqa: S104
 # 144 bits, too many to be guessed.
 _TOKEN_BYTES: Final = 18
 
@@ -82,7 +82,7 @@ class WebAccess:
         if name in _LOCAL or name in self.names or name == self.host:
             return True
         # An address, unlike a foreign name, cannot be made to resolve to this machine.
-        return self.host in _WILDCARDS and (_is_address(name) or name == socket.gethostname())
+        return is_wildcard(self.host) and (_is_address(name) or name == socket.gethostname())
 
     def _given(self, path: str, headers: RequestHeaders) -> tuple[str, ...]:
         """The tokens of a request."""

@@ -44,10 +44,7 @@ class Endpoint:
     @property
     def wildcard(self) -> bool:
         """Whether it stands for all addresses of this machine."""
-        try:
-            return ipaddress.ip_address(self.host).is_unspecified
-        except ValueError:
-            return False
+        return is_wildcard(self.host)
 
     def at(self, host: str, port: int) -> str:
         """The endpoint of this kind at another address."""
@@ -62,7 +59,7 @@ def own_endpoint(listen: str, actual: str) -> str:
     asked = check_endpoint(listen)
     if not asked.wildcard:
         return actual
-    return asked.at(_loopback(asked.host), check_endpoint(actual).port)
+    return asked.at(loopback(asked.host), check_endpoint(actual).port)
 
 
 def for_others(listen: str, own: str) -> str:
@@ -71,7 +68,16 @@ def for_others(listen: str, own: str) -> str:
     return asked.at(asked.host, check_endpoint(own).port) if asked.wildcard else own
 
 
-def _loopback(wildcard: str) -> str:
+def is_wildcard(host: str) -> bool:
+    """Whether a host to listen at stands for all addresses of this machine."""
+    try:
+        return ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False
+
+
+def loopback(wildcard: str) -> str:
+    """The address for connections from this machine to a wildcard address."""
     if ":" not in wildcard:
         return "127.0.0.1"
     # [::] takes IPv4, too, and a machine may have IPv6 switched off: then it has no ::1.

@@ -10,10 +10,12 @@ from running import MEMBERS, Run, write_world
 from minerva_bus.errors import BusError, KeysError, WorldFileError
 from minerva_bus.launch.access import local_endpoint, security
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoint
 from minerva_bus.security.keys import KeyFolder
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
+from minerva_services.views.page_address import page_url
 from tests.runtime.yard import Screen
 from tests.security.secured import Joined, World, goes_on, keyed_world, present, secured_endpoint
 
@@ -66,6 +68,8 @@ def test_members_use_ipv4_where_ipv6_is_off(monkeypatch):
 
     monkeypatch.setattr("minerva_bus.runtime.endpoints.socket.socket.bind", bind)
     assert own_endpoint("tcp/[::]:7", "tcp/[::]:7") == "tcp/127.0.0.1:7"
+    # A page's address is for a browser of this machine.
+    assert page_url(WebAccess("::", 8080, "t")) == "http://127.0.0.1:8080/?token=t"
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp", "ws"])

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.web_access import WebAccess
+from minerva_bus.runtime.endpoints import is_wildcard, loopback
 
 _Server = TypeVar("_Server")
 
@@ -67,8 +68,7 @@ def _is_free(service: str, host: str, port: int) -> bool:
 
 def page_url(access: WebAccess, host: str = "") -> str:
     """URL of a page with its token, for a browser on this machine unless `host` is given."""
-    wildcards = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104
-    shown = host or wildcards.get(access.host, access.host)
+    shown = host or (loopback(access.host) if is_wildcard(access.host) else access.host)
     shown = f"[{shown}]" if ":" in shown else shown
     scheme = "https" if access.encrypted else "http"
     return f"{scheme}://{shown}:{access.port}/?token={access.token}"

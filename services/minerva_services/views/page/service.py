@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.web_access import WebAccess, forget_token, token_for
+from minerva_bus.runtime.endpoints import is_wildcard
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from minerva_services.views.page.server import MemberPageServer
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_WILDCARDS = ("0.0.0.0", "::")  # noqa: S104
 
 
 class MemberPage(Device):
@@ -140,7 +140,7 @@ class MemberPage(Device):
 
     def _advice(self, access: WebAccess) -> str:
         """How to open the page on a phone."""
-        if access.host not in _WILDCARDS:
+        if not is_wildcard(access.host):
             return "for a phone: host=0.0.0.0" if access.host in _LOOPBACK else "also on a phone"
         address = address_in_network()
         if not address:
