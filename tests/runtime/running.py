@@ -113,6 +113,21 @@ def summary(done):
     return json.loads(done.stdout)
 
 
+def alone(path, *words):
+    """The summary of an undisturbed run in this process, as fast as possible."""
+    return summary(here(path.parent, "run", path, "--in-process", "--rate", 0, "--json", *words))
+
+
+def ends_as_alone(world):
+    """Stop a world, and compare its string with that of an undisturbed run."""
+    assert here(world.folder, "stop", world.name).returncode == 0
+    assert world.ends() == 0
+    frames = next(int(x.split()[0].replace(",", "")) for x in world.output if "frames in" in x)
+    digest = next(x.split()[1] for x in world.output if "digest" in x)
+    assert alone(world.path, "--frames", frames)["digest"] == digest
+    world.gone()
+
+
 class Run:
     """A running command; its output is collected, and the process is always terminated.
 

@@ -1,12 +1,11 @@
 """Members from other processes: `minerva attach`, and its errors."""
 
-import json
 import signal
 import socket
 import time
 
 import pytest
-from running import MEMBERS, Run, World, eventually, here, minerva, write_world
+from running import MEMBERS, Run, World, alone, eventually, here, write_world
 
 from tests.patience import patience
 
@@ -216,7 +215,6 @@ def test_attached_members_notice_the_death_of_a_world(tmp_path):
 
 def test_a_host_is_emptied_and_the_string_is_the_same(tmp_path):
     path = write_world(tmp_path, frames=120, rate=50)
-    alone = minerva(tmp_path, "run", path, "--in-process", "--rate", "0", "--json")
     with World(path, "--json") as world, world.client() as asked:
         world.runs("steps", "walkers")
         asked.operator.pause()
@@ -236,12 +234,11 @@ def test_a_host_is_emptied_and_the_string_is_the_same(tmp_path):
             assert world.members()["help"]["last_reply"] > before + 10
             asked.operator.resume()
             summary = world.summary()
-    assert summary["digest"] == json.loads(alone.stdout)["digest"]
+    assert summary["digest"] == alone(path)["digest"]
 
 
 def test_a_host_that_helps_for_a_while_leaves_no_trace_in_the_string(tmp_path):
     path = write_world(tmp_path, frames=200, rate=50)
-    alone = minerva(tmp_path, "run", path, "--in-process", "--rate", "0", "--json")
     with World(path, "--json") as world, world.client() as asked:
         world.runs("steps", "walkers")
         for way, code in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 0)):
@@ -254,4 +251,4 @@ def test_a_host_that_helps_for_a_while_leaves_no_trace_in_the_string(tmp_path):
                 helper.kill(way)
                 assert helper.ends() == code
         summary = world.summary()
-    assert summary["digest"] == json.loads(alone.stdout)["digest"]
+    assert summary["digest"] == alone(path)["digest"]

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 import running
-from running import MEMBERS, World, eventually, here, minerva, summary, write_world
+from running import MEMBERS, World, alone, eventually, minerva, write_world
 
 from tests import starts
 
@@ -51,7 +51,7 @@ def world_with(folder, ending, frames):
 
 def undisturbed(folder, ending, frames):
     path = world_with(folder, ending, frames)
-    summary(here(folder, "run", path, "--in-process", "--rate", 0, "--json"))
+    alone(path)
     return tables(folder, ending)
 
 

@@ -5,7 +5,7 @@ import re
 import signal
 
 import pytest
-from running import World, eventually, here, summary, write_world
+from running import World, alone, eventually, here, write_world
 
 MEMBERS = """
 [process.steps]
@@ -71,7 +71,7 @@ def test_a_frame_goes_on_without_a_generator(tmp_path):
 def test_a_world_that_waits_without_end_goes_on_as_if_nothing_had_been(tmp_path):
     wait = 'soft = 0.1\nhard = 0.1\nlate = "wait"'
     path = write_world(tmp_path, slow(walkers=wait), frames=60, rate=40)
-    alone = summary(here(tmp_path, "run", path, "--in-process", "--rate", 0, "--json"))
+    undisturbed = alone(path)
     with World(path, "--json") as world:
         pid = world.runs("steps", "walkers")["walkers"]
         os.kill(pid, signal.SIGSTOP)
@@ -79,7 +79,7 @@ def test_a_world_that_waits_without_end_goes_on_as_if_nothing_had_been(tmp_path)
         assert said.endswith(" s; the world waits for it without limit")
         world.says("has been waiting for it for 0.")
         os.kill(pid, signal.SIGCONT)
-        assert world.summary()["digest"] == alone["digest"]
+        assert world.summary()["digest"] == undisturbed["digest"]
         assert "is killed" not in world.text
 
 

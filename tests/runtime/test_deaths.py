@@ -7,7 +7,17 @@ import signal
 import socket
 
 import pytest
-from running import ALL_KINDS, MEMBERS, STRING, World, eventually, minerva, summary, write_world
+from running import (
+    ALL_KINDS,
+    MEMBERS,
+    STRING,
+    World,
+    alone,
+    eventually,
+    minerva,
+    summary,
+    write_world,
+)
 
 RASCAL = """
 [process.rascal]
@@ -68,7 +78,7 @@ def test_an_agent_that_raises_is_named_with_its_event_and_frame(tmp_path):
     members = MEMBERS + '\n[process.fragile]\nagents = "yard:Fragile"\n'
     string = f"{STRING} · AFragile#f<memory={str(memory)!r}>".replace("'", '"')
     path = write_world(tmp_path, members, string)
-    alone = write_world(tmp_path, members, string.replace(str(memory), ""))
+    calm = write_world(tmp_path, members, string.replace(str(memory), ""))
     with World(path, "--json") as world:
         summary = world.summary()
         text = world.text
@@ -79,7 +89,7 @@ def test_an_agent_that_raises_is_named_with_its_event_and_frame(tmp_path):
     )
     assert 'raise KeyError("a lost key")' in text
     assert summary["frames"] == 30
-    with World(alone, "--json") as world:
+    with World(calm, "--json") as world:
         assert world.ends() == 1
         assert "with the same error in the same frame" in world.text
         assert "restart 2 of" not in world.text
@@ -136,7 +146,7 @@ def test_one_that_ends_by_itself_is_started_again_and_not_for_ever(tmp_path):
 def test_one_that_hangs_is_named_killed_and_started_again(tmp_path, deed):
     memory = tmp_path / "memory"
     path = write_world(tmp_path, rascal(deed, f'memory = "{memory}"'), bus="soft = 0.2\nhard = 1.0")
-    alone = summary(minerva(tmp_path, "run", write_world(tmp_path), "--in-process", "--json"))
+    undisturbed = alone(write_world(tmp_path))
     with World(path, "--json") as world:
         ended = world.summary()
         text = world.text
@@ -148,20 +158,20 @@ def test_one_that_hangs_is_named_killed_and_started_again(tmp_path, deed):
     assert "rascal │ was killed by SIGKILL; restart 1 of 5" in text
     assert "│ no answer" in text
     assert text.count("killing it") == 1
-    assert ended["digest"] == alone["digest"]
+    assert ended["digest"] == undisturbed["digest"]
 
 
 @pytest.mark.parametrize("name", ["steps", "walkers"])
 def test_one_that_is_frozen_is_killed_and_started_again(tmp_path, name):
     path = write_world(tmp_path, frames=60, rate=30, bus="soft = 0.2\nhard = 1.0")
-    alone = summary(minerva(tmp_path, "run", path, "--in-process", "--rate", "0", "--json"))
+    undisturbed = alone(path)
     with World(path, "--json") as world:
         os.kill(world.runs("steps", "walkers")[name], signal.SIGSTOP)
         world.says(name, "has been waiting for it")
         world.says(name, "killing it")
         ended = world.summary()
         world.gone()
-    assert ended["digest"] == alone["digest"]
+    assert ended["digest"] == undisturbed["digest"]
 
 
 def test_one_that_hangs_for_good_is_killed_again_and_again_until_the_world_stops(tmp_path):

@@ -5,7 +5,7 @@ import re
 import signal
 from pathlib import Path
 
-from running import MEMBERS, STRING, World, eventually, here, summary, write_world
+from running import MEMBERS, STRING, World, alone, eventually, write_world
 
 FLOOD = (
     MEMBERS
@@ -25,18 +25,16 @@ def resident(pid):
 
 def test_ten_thousand_events_in_a_frame(tmp_path):
     path = write_world(tmp_path, FLOOD.format(count=10_000), frames=6)
-    alone = summary(here(tmp_path, "run", path, "--in-process", "--json"))
     with World(path, "--json") as world:
-        assert world.summary()["digest"] == alone["digest"]
+        assert world.summary()["digest"] == alone(path)["digest"]
 
 
 def test_a_fragment_of_ten_megabytes(tmp_path):
     text = "x" * 10_000_000
     string = f'{STRING} · AWalker#big<x=9, wish="{text}">'
     path = write_world(tmp_path, frames=5, string=string)
-    alone = summary(here(tmp_path, "run", path, "--in-process", "--json"))
     with World(path, "--json") as world:
-        assert world.summary()["digest"] == alone["digest"]
+        assert world.summary()["digest"] == alone(path)["digest"]
 
 
 def test_one_that_publishes_faster_than_the_world_consumes(tmp_path):

@@ -6,7 +6,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from running import Run, World, eventually, minerva, summary
+from running import Run, World, alone, eventually, minerva, summary
 
 WORLD = """
 [world]
@@ -40,10 +40,6 @@ def shoal(tmp_path):
         return path
 
     return write
-
-
-def alone(path):
-    return summary(minerva(path.parent, "run", path, "--in-process", "--rate", "0", "--json"))
 
 
 def test_any_number_of_hosts_gives_the_string_of_one_process(shoal):

@@ -1,12 +1,11 @@
 """Clients that send forbidden messages are named, and the world continues."""
 
-import json
 import os
 from contextlib import suppress
 
 import msgpack
 import pytest
-from running import ALL_KINDS, World, eventually, minerva, put, summary, write_world
+from running import ALL_KINDS, World, ends_as_alone, eventually, put, write_world
 
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.restraint import AT_ONCE
@@ -205,13 +204,4 @@ def test_a_flapping_token_writes_few_lines(world, rogue):
 
 def test_the_string_keeps_no_trace_of_it(world, tmp_path):
     """Restarted members continue from their saved state, so the digest is unaffected."""
-    done = minerva(world.folder, "stop", world.name)
-    assert done.returncode == 0
-    assert world.ends() == 0
-    frames = next(int(x.split()[0].replace(",", "")) for x in world.output if "frames in" in x)
-    digest = next(x.split()[1] for x in world.output if "digest" in x)
-    alone = summary(minerva(world.folder, "run", world.path, "--in-process", "--rate", "0", "--json",
-                            "--frames", str(frames)))  # fmt: skip
-    assert alone["digest"] == digest
-    world.gone()
-    assert json.dumps(alone)
+    ends_as_alone(world)

@@ -1,7 +1,7 @@
 """A world gives the same strings in one process, in many, on two hosts, and repeatedly."""
 
 import pytest
-from running import ALL_KINDS, minerva, summary, write_world
+from running import ALL_KINDS, alone, minerva, summary, write_world
 
 
 @pytest.fixture(scope="module")
@@ -10,31 +10,30 @@ def world(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def alone(world):
-    return summary(minerva(world.parent, "run", world, "--in-process", "--json"))
+def undisturbed(world):
+    return alone(world)
 
 
-def test_one_process(alone):
-    assert alone["frames"] == 40
-    assert alone["ended"] == "the frames are over"
-    assert alone["pictures"] == 41
-    assert len(alone["digest"]) == 32
+def test_one_process(undisturbed):
+    assert undisturbed["frames"] == 40
+    assert undisturbed["ended"] == "the frames are over"
+    assert undisturbed["pictures"] == 41
+    assert len(undisturbed["digest"]) == 32
 
 
 @pytest.mark.parametrize("words", [
     (), ("--set", "walkers.processes=2"), ("--set", "walkers.processes=3", "--rate", "200"),
 ])  # fmt: skip
-def test_many_processes(world, alone, words):
+def test_many_processes(world, undisturbed, words):
     ended = summary(minerva(world.parent, "run", world, "--json", *words))
     for figure in ("frames", "digest", "ended", "steps", "seed", "reached"):
-        assert ended[figure] == alone[figure], figure
+        assert ended[figure] == undisturbed[figure], figure
 
 
-def test_again(world, alone):
+def test_again(world, undisturbed):
     again = summary(minerva(world.parent, "run", world, "--in-process", "--json"))
-    assert again["digest"] == alone["digest"]
+    assert again["digest"] == undisturbed["digest"]
 
 
-def test_another_seed_gives_another_string(world, alone):
-    other = summary(minerva(world.parent, "run", world, "--in-process", "--json", "--seed", "8"))
-    assert other["digest"] != alone["digest"]
+def test_another_seed_gives_another_string(world, undisturbed):
+    assert alone(world, "--seed", 8)["digest"] != undisturbed["digest"]

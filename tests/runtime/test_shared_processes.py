@@ -5,7 +5,16 @@ import re
 import signal
 
 import pytest
-from running import ALL_KINDS, MEMBERS, World, eventually, here, minerva, summary, write_world
+from running import (
+    ALL_KINDS,
+    MEMBERS,
+    World,
+    alone,
+    eventually,
+    minerva,
+    summary,
+    write_world,
+)
 
 NAMES = ("steps", "walkers", "water", "eye", "screen", "noise")
 SHARED = ("steps", "water", "eye", "noise")
@@ -23,11 +32,6 @@ def few_cores():
     os.sched_setaffinity(0, cores)
 
 
-def alone(folder, path):
-    """The summary of a run in one process."""
-    return summary(here(folder, "run", path, "--in-process", "--rate", "0", "--json"))
-
-
 def test_services_share_a_process_and_make_the_same_string(tmp_path):
     path = write_world(tmp_path, ALL_KINDS, frames=120, rate=60)
     with World(path, "--json", *AUTO) as world:
@@ -36,7 +40,7 @@ def test_services_share_a_process_and_make_the_same_string(tmp_path):
         assert len(set(pids.values())) == 1 + len(NAMES) - len(SHARED)
         ended = world.summary()
         world.gone()
-    assert (ended["frames"], ended["digest"]) == (120, alone(tmp_path, path)["digest"])
+    assert (ended["frames"], ended["digest"]) == (120, alone(path)["digest"])
     apart = summary(minerva(tmp_path, "run", path, "--json"))
     assert apart["digest"] == ended["digest"]
 
@@ -60,7 +64,7 @@ def test_a_killed_process_is_restarted_with_all_of_its_members(tmp_path):
         ended = world.summary()
         world.gone()
     assert re.search(r"^services │ was killed by SIGKILL; restart \d of 5 in", world.text, re.M)
-    assert (ended["frames"], ended["digest"]) == (200, alone(tmp_path, path)["digest"])
+    assert (ended["frames"], ended["digest"]) == (200, alone(path)["digest"])
 
 
 RASCAL = '\n[process.rascal]\nservice = "yard:Rascal"\ndeed = "{deed}"\n{more}\n'
@@ -78,7 +82,7 @@ def test_a_member_that_raises_is_named_and_all_are_restarted(tmp_path):
     assert "services │ failed; restart 1 of 5 in 0.05 s" in text
     assert "steps │ is gone" not in text
     assert "Traceback" not in text
-    assert (ended["frames"], ended["digest"]) == (30, alone(tmp_path, path)["digest"])
+    assert (ended["frames"], ended["digest"]) == (30, alone(path)["digest"])
 
 
 def test_the_summary_names_the_member_that_ends_the_world(tmp_path):
@@ -98,7 +102,7 @@ def test_a_coordinator_that_is_killed_is_followed_and_the_process_stays(tmp_path
             assert world.runs(*NAMES) == before
         ended = world.summary()
         world.gone()
-    assert (ended["frames"], ended["digest"]) == (150, alone(tmp_path, path)["digest"])
+    assert (ended["frames"], ended["digest"]) == (150, alone(path)["digest"])
 
 
 def test_ctrl_c_ends_the_process(tmp_path):

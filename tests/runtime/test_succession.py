@@ -15,6 +15,7 @@ from running import (
     MEMBERS,
     Run,
     World,
+    alone,
     environment,
     eventually,
     here,
@@ -29,14 +30,9 @@ LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
 NAMES = ("steps", "walkers", "water", "eye", "screen")
 
 
-def alone(folder, path, *words):
-    words = ("run", path, "--in-process", "--rate", 0, "--json", *words)
-    return summary(here(folder, *words))
-
-
 def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
     path = write_world(tmp_path, LOCKSTEP, frames=150, rate=30)
-    undisturbed = alone(tmp_path, path)
+    undisturbed = alone(path)
     with World(path, "--json") as world:
         before = world.runs(*NAMES)
         for _ in range(3):
@@ -96,7 +92,7 @@ main()
 
 def test_a_coordinator_that_fails_is_followed_as_one_that_is_killed(tmp_path):
     path = write_world(tmp_path, LOCKSTEP, frames=40)
-    undisturbed = alone(tmp_path, path)
+    undisturbed = alone(path)
     done = failing_coordinator(tmp_path, ("run", path, "--json"), frame=20, times=2)
     assert summary(done)["digest"] == undisturbed["digest"]
     assert "failed (LookupError: a defect of ours); a successor continues from its journal" in (
@@ -135,7 +131,7 @@ def test_a_world_without_a_journal_ends_with_its_coordinator(tmp_path):
 
 def test_members_and_coordinator_are_killed_at_once(tmp_path):
     path = write_world(tmp_path, LOCKSTEP, frames=200, rate=60)
-    undisturbed = alone(tmp_path, path)
+    undisturbed = alone(path)
     with World(path, "--json") as world:
         pids = world.runs(*NAMES)
         os.kill(pids["water"], signal.SIGKILL)
@@ -147,7 +143,7 @@ def test_members_and_coordinator_are_killed_at_once(tmp_path):
 
 def test_guests_are_waited_for_and_a_paused_world_stays_paused(tmp_path):
     path = write_world(tmp_path, MEMBERS, frames=60, rate=20)
-    undisturbed = alone(tmp_path, path)
+    undisturbed = alone(path)
     with World(path, "--json") as world:
         world.runs("steps", "walkers")
         with world.client() as asked:
@@ -189,8 +185,8 @@ def test_a_guest_that_returned_and_dies_is_not_waited_for(tmp_path, spec):
 def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
     pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
     path = write_world(tmp_path, LOCKSTEP, frames=250, rate=60, record="run.mcap", flush=0.1)
-    undisturbed = alone(tmp_path, path, "--record", "alone.mcap")
-    alone(tmp_path, path, "--record", "run.mcap", "--frames", 5)
+    undisturbed = alone(path, "--record", "alone.mcap")
+    alone(path, "--record", "run.mcap", "--frames", 5)
     earlier = (tmp_path / "run.mcap").read_bytes()
     with World(path, "--json") as world:
         world.runs(*NAMES)
@@ -205,7 +201,7 @@ def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
 
 def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
     path = write_world(tmp_path, LOCKSTEP, frames=600, rate=60)
-    undisturbed = alone(tmp_path, path)
+    undisturbed = alone(path)
     words = ("--journal", tmp_path / "kept")
     with World(path, *words) as world:
         world.runs(*NAMES)

@@ -16,7 +16,7 @@ from minerva_bus.security.credentials import Rights, covers, overlap, rights_of
 from minerva_bus.wire.keys import Keys as WorldKeys
 from tests.patience import patience
 from tests.runtime import yard
-from tests.runtime.running import Run, here, summary
+from tests.runtime.running import Run, ends_as_alone, here
 from tests.security.secured import (
     Client,
     Joined,
@@ -346,10 +346,4 @@ def test_revoking_a_family_revokes_all_its_members(world, door, keys):
 
 
 def test_the_string_contains_none_of_it(world):
-    assert here(world.folder, "stop", world.name).returncode == 0
-    assert world.ends() == 0
-    frames = next(int(x.split()[0].replace(",", "")) for x in world.output if "frames in" in x)
-    digest = next(x.split()[1] for x in world.output if "digest" in x)
-    alone = summary(here(world.folder, "run", world.path, "--in-process", "--rate", "0", "--json",
-                         "--frames", frames))  # fmt: skip
-    assert alone["digest"] == digest
+    ends_as_alone(world)

@@ -16,7 +16,7 @@ import zenoh
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 import yard
-from running import below, here, minerva, put, summary
+from running import below, ends_as_alone, here, minerva, put
 from secured import (
     Client,
     Joined,
@@ -409,12 +409,5 @@ def test_a_query_in_another_name_is_rejected(world, door, keys, key):
 
 
 def test_the_string_contains_none_of_it(world):
-    assert here(world.folder, "stop", world.name).returncode == 0
-    assert world.ends() == 0
-    frames = next(int(x.split()[0].replace(",", "")) for x in world.output if "frames in" in x)
-    digest = next(x.split()[1] for x in world.output if "digest" in x)
-    alone = summary(here(world.folder, "run", world.path, "--in-process", "--rate", "0", "--json",
-                         "--frames", frames))  # fmt: skip
-    assert alone["digest"] == digest
-    world.gone()
+    ends_as_alone(world)
     assert not list((world.folder / "runtime").glob("*.sock"))
