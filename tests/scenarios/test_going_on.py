@@ -3,14 +3,13 @@
 from dataclasses import replace
 
 import pytest
-from pond import VOCABULARY, Counter, Fly, Frog, Lily, Minnow, counters
+from pond import VOCABULARY, Bus, Counter, Fly, Frog, Lily, Minnow, counters, started
 from test_any_schedule import FRAMES, SETTINGS, both
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import ViewShown
-from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.views import visualize
 
@@ -25,18 +24,13 @@ def resumed(world, bus, before, members):
     last = visualize(before, shows, KINDS, record.frame)
     view = ViewShown("eShow", record.frame, past.frame, {}, last)
     past = replace(world, scene=algorithm.scene, past=past, shown=[view])
-    again = MemoryBus(past, members)
-    again.start()
-    again.run()
-    return again
+    return Bus(past, members).do("start, run")
 
 
 @both
 @pytest.mark.parametrize("stop", range(1, FRAMES))
 def test_it_goes_on_from_any_frame(setting, stop):
-    bus = MemoryBus(setting.world, setting.members)
-    bus.start()
-    bus.run(stop - 1)
+    bus = Bus(setting.world, setting.members).do(f"start, run {stop - 1}")
     before = bus.algorithm.scene
     bus.run(1)
     assert bus.algorithm.checkpoint.frame == stop
@@ -48,9 +42,7 @@ def test_it_goes_on_from_any_frame(setting, stop):
 
 def test_it_needs_no_more_hosts_than_before():
     setting = SETTINGS["pond"]
-    bus = MemoryBus(setting.world, setting.members)
-    bus.start()
-    bus.run(3)
+    bus = Bus(setting.world, setting.members).do("start, run 3")
     before = bus.algorithm.scene
     bus.run(1)
     fewer = {name: member for name, member in setting.members.items() if name != "more"}
@@ -60,27 +52,18 @@ def test_it_needs_no_more_hosts_than_before():
 
 def test_a_coupled_device_acts_on_the_view_of_before():
     setting = SETTINGS["pond"]
-    bus = MemoryBus(setting.world, setting.members)
-    bus.start()
-    bus.run(4)
+    bus = Bus(setting.world, setting.members).do("start, run 4")
     past = replace(setting.world, scene=bus.algorithm.scene, past=bus.algorithm.checkpoint)
-    blind = MemoryBus(past, setting.members)
-    blind.start()
-    blind.run()
+    blind = Bus(past, setting.members).do("start, run")
     assert blind.digests != setting.undisturbed[0][4:]
 
 
 def test_a_reached_end_counts_after_resuming():
-    text = "ACounter#a<n=5> · ACounter#b"
-    bus = counters(text, until="eDone", frames=20)
-    bus.start()
-    bus.run(4)
+    bus = started("ACounter#a<n=5> · ACounter#b", after=4, until="eDone", frames=20)
     checkpoint = bus.algorithm.checkpoint
     assert (checkpoint.reached, checkpoint.reaching) == ({"a"}, {"ACounter"})
     past = replace(bus.algorithm.world, scene=bus.algorithm.scene, past=checkpoint)
-    again = MemoryBus(past, bus.makers)
-    again.start()
-    again.run()
+    again = Bus(past, bus.makers).do("start, run")
     bus.run()
     assert again.ended == bus.ended
     assert again.ended.reason == "every agent has sent eDone"
@@ -91,9 +74,7 @@ def test_a_world_that_had_reached_its_last_frame_ends_without_another():
     bus = counters(frames=3).do("start, run 2, hold up host, frame")
     bus.handle(s.Skip("host"))
     past = replace(bus.algorithm.world, scene=bus.algorithm.scene, past=bus.algorithm.checkpoint)
-    again = MemoryBus(past, bus.makers)
-    again.start()
-    again.run()
+    again = Bus(past, bus.makers).do("start, run")
     assert (again.ended.reason, again.records) == ("the frames are over", [])
 
 
