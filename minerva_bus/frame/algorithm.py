@@ -33,6 +33,7 @@ from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.shutdown import Shutdown
 from minerva_bus.frame.unknown_receivers import EVENTS
 from minerva_bus.frame.views import Views, due_views
+from minerva_bus.frame.work import EventWork
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Scene
@@ -67,6 +68,7 @@ class FrameAlgorithm:
         self.placement = Placement(world.vocabulary, self.composition, limit)
         self.views = Views(world)
         self.inbox = FrameInbox(past, world.scene)
+        self.work = EventWork(self.composition, world.vocabulary)
         counts = past.saved.get(SOURCE, {})
         self.norms = Norms(world.norms, self.composition, world.vocabulary, counts)
         self.goal = WorldGoal(world, self.composition, self.members.saved)

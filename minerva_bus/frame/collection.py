@@ -24,6 +24,7 @@ from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberSta
 from minerva_bus.frame.orders import refusal_of_guest
 from minerva_bus.frame.senders import SenderRights
 from minerva_bus.frame.views import due_views
+from minerva_bus.frame.work import FEW
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.norms import SOURCE
@@ -149,7 +150,9 @@ class CollectionStep:
         if not member.active or not self._may_generate(member, emitted.events):
             return
         member.last_reply = algorithm.frame
-        if algorithm.inbox.add(emitted.member, emitted.events):
+        events = emitted.events
+        count = max(sum(map(len, events)), sum(map(algorithm.work.weight, events)))
+        if algorithm.inbox.add(emitted.member, events, count):
             return
         # Logged once, because a sensor that is faster than the frames would fill the log.
         if not member.dropped:
@@ -158,21 +161,28 @@ class CollectionStep:
                 "event queue full: "
                 f"{algorithm.inbox.max_waiting} events wait for a frame; dropping further events",
             )
-        member.dropped += sum(map(len, emitted.events))
+        member.dropped += sum(map(len, events))
 
     def order(self, order: s.Publish) -> None:
         """Accept an event from a person for the next frame."""
-        self._algorithm.inbox.add_order(order.event, order.person)
+        algorithm = self._algorithm
+        algorithm.inbox.add_order(order.event, order.person, algorithm.work.weight(order.event))
 
     def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
         declared = member.hello.generates if member.hello is not None else ()
-        reason = ""
+        reason, light = "", len(events) <= FEW
         for event in events:
+            # As `are_light`, without a call in each frame.
+            light = light and not event.condition and event.__class__ is Event
             if event.type not in declared:
                 events_declared = ", ".join(declared) or "no events"
                 reason = f"it sent {event.type}, but its hello declares {events_declared}"
                 break
         reason = reason or self._speaking.objection(member.name, events)
+        # A frame that is computed again has been within the limits of its own run.
+        if not (reason or light) and self._algorithm.in_flight.logged is None:
+            work = self._algorithm.work
+            reason = work.objection(events, work.most_of_generator, "single_events")
         if not reason and member.hello is not None:
             # The process that makes these events may have joined after the guest.
             reason = refusal_of_guest(self._algorithm, member.hello, map(_TYPE, events))
@@ -189,7 +199,7 @@ class CollectionStep:
         due = due_views(algorithm.members.index, algorithm.frame, in_flight.clock_views)
         later: Mapping[str, Sequence[AnyEvent]]
         if in_flight.logged is None:
-            later = algorithm.inbox.hold_back()
+            later = algorithm.inbox.hold_back(algorithm.work)
         else:  # Logged events were few enough for one frame.
             later = in_flight.logged.waiting
             # The devices that requested these views may be absent now.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
 from typing import Any, Final, cast
@@ -46,6 +47,7 @@ class Composition:
         self.fragments: dict[str, Fragment] = {}
         self._home: dict[str, str] = {}
         self._kind: dict[str, str] = {}
+        self._single: Mapping[str, int] | None = None
         self.parts: dict[str, Columns] = {}
         self.populations: list[list[str]] = []
         self.skeleton = self._skeleton(scene)
@@ -222,6 +224,13 @@ class Composition:
     def count(self) -> int:
         """Number of agents."""
         return len(self._home) + sum(part.count for part in self.parts.values())
+
+    @property
+    def single(self) -> Mapping[str, int]:
+        """Number of agents outside columns, by kind."""
+        if self._single is None:
+            self._single = Counter(self._kind.values())
+        return self._single
 
     def agent(self, agent: str) -> AgentNode | None:
         """The outermost agent that has this id or contains the agent that has it, or None."""

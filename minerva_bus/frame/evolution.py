@@ -13,6 +13,7 @@ from minerva_bus.frame.collection import note_answer
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replies import checked, foreign_fragment, foreign_sender
+from minerva_bus.frame.work import are_light
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Scene, agents
@@ -179,6 +180,11 @@ class EvolutionStep:
             reason = reason or foreign_sender(
                 name, events, self._sender_names(name), asked, composition
             )
+        # A frame that is computed again has been within the limits of its own run.
+        if reply.emitted and not reason and in_flight.logged is None:
+            sent = [event for events in reply.emitted.values() for event in events]
+            if not are_light(sent):
+                reason = self._algorithm.work.objection_to_host(sent)
         if not reason and reply.views:
             # Only the first request is about views: a second one of an agent would not fit.
             reduced, visual = in_flight.requests.reduced, in_flight.events.visual

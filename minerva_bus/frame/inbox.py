@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from itertools import accumulate
 from typing import Final, TypeAlias
 
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.event_sources import is_people, person_of, source_of
 from minerva_bus.frame.unknown_receivers import UnknownReceivers
+from minerva_bus.frame.work import EventWork, are_light
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
@@ -20,9 +19,6 @@ Orders: TypeAlias = Mapping[str, Sequence[AnyEvent]]
 
 MAX_WAITING: Final = 100_000
 """Maximum events of one free-running generator in the queue, which grows while a world pauses."""
-
-MAX_SINGLE_EVENTS: Final = 2_000
-"""Maximum events of one free-running generator, outside columns, in a frame; others wait."""
 
 
 def counting(source: str, event: AnyEvent) -> str:
@@ -50,7 +46,6 @@ class FrameInbox:
         }
         self.sanctions: list[AnyEvent] = self.events.pop(SOURCE, [])
         self.emitted: list[AnyEvent] = list(past.emitted)
-        self.max_single_events: int = MAX_SINGLE_EVENTS
         self.max_waiting: int = MAX_WAITING
         self.unknown = UnknownReceivers(scene)
         self._counts: dict[str, int] = {}
@@ -72,8 +67,8 @@ class FrameInbox:
         """Replace all waiting events by these."""
         self.events = {source: list(waiting) for source, waiting in events.items()}
 
-    def add(self, source: str, events: Sequence[AnyEvent]) -> bool:
-        """Add events of a generator; False if its queue is full."""
+    def add(self, source: str, events: Sequence[AnyEvent], count: int) -> bool:
+        """Add events of a generator that count as so many; False if its queue is full."""
         waiting = self.events.setdefault(source, [])
         # A running count, because adding up the queue for each message would take quadratic time.
         held = self._counts.get(source)
@@ -82,13 +77,19 @@ class FrameInbox:
         # Whole messages are accepted or dropped, so the limit may be exceeded by one message.
         if held >= self.max_waiting:
             return False
-        self._counts[source] = held + sum(map(len, events))
+        self._counts[source] = held + count
         waiting.extend(events)
         return True
 
-    def add_order(self, event: AnyEvent, person: str = "") -> None:
-        """Add an event, or a batch, from a person."""
-        self.events.setdefault(source_of(person), []).append(event)
+    def add_order(self, event: AnyEvent, person: str, count: int) -> None:
+        """Add an event, or a batch, from a person that counts as so many."""
+        source = source_of(person)
+        self.events.setdefault(source, []).append(event)
+        self._counts[source] = self.ordered_by(person) + count
+
+    def ordered_by(self, person: str) -> int:
+        """The count of the orders of a person since the last frame."""
+        return self._counts.get(source_of(person), 0)
 
     def take_orders(self, is_taken: Callable[[str], bool]) -> Orders:
         """Remove the orders whose event type a generator takes, and return them by source."""
@@ -116,17 +117,22 @@ class FrameInbox:
                 taken |= {source: in_time} if in_time else {}
         return taken
 
-    def hold_back(self) -> dict[str, list[AnyEvent]]:
+    def hold_back(self, work: EventWork) -> dict[str, list[AnyEvent]]:
         """Remove the events, by source, that exceed the limit of one frame."""
         later: dict[str, list[AnyEvent]] = {}
+        most = work.most_of_generator
         for source, events in self.events.items():
-            singles = accumulate(isinstance(event, Event) for event in events)
-            # Batches do not count: the limit bounds the work for events outside columns.
-            if len(events) > self.max_single_events and not is_people(source):
-                taken = bisect_right(list(singles), self.max_single_events)
-                later[source] = events[taken:]
-                self.events[source] = events[:taken]
-        return {source: events for source, events in later.items() if events} if later else later
+            if is_people(source) or (len(events) <= most and are_light(events)):
+                continue
+            count = 0
+            for taken, event in enumerate(events):
+                count += work.weight(event)
+                # The first one always counts: the string may have grown since it arrived.
+                if count > most and taken:
+                    later[source] = events[taken:]
+                    self.events[source] = events[:taken]
+                    break
+        return later
 
     def put_back(self, later: Mapping[str, Sequence[AnyEvent]]) -> None:
         """Queue events that were held back, before those that arrived since."""

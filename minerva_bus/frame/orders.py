@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 from minerva_bus.errors import nearest
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.phases import Phase
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.known import values_of
 from minerva_bus.grammar.limits import Of
@@ -77,6 +78,13 @@ def without_effect(world: FrameAlgorithm, event: Event) -> str:
     if not responding:
         return f"no agent kind of this world responds to {event.type}"
     return f"no {' or '.join(sorted(kinds))} responds to {event.type}; {listed(responding)} does"
+
+
+def too_much_work(world: FrameAlgorithm, event: AnyEvent, person: str) -> str:
+    """Reason for rejecting an order that gives hosts too much work, or an empty string."""
+    work = world.work
+    weight, most = world.inbox.ordered_by(person) + work.weight(event), work.most_of_generator
+    return work.over(weight, most, "single_events", (event,)) if weight > most else ""
 
 
 def unknown_value(

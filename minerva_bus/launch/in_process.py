@@ -69,6 +69,8 @@ class InProcessRun:
         *sinks: Sink | Callable[[Notice], None],
     ) -> None:
         self.algorithm = FrameAlgorithm(file.world)
+        limits = file.access.limits
+        self.algorithm.work.allow(limits.single_events, limits.host_events)
         self.collected: CollectSink | None = None
         self._file = file
         self._console = console

@@ -93,7 +93,7 @@ class Coordinator(Sink):
         system: System = REAL,
     ) -> None:
         algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
-        algorithm.inbox.max_single_events = limits.single_events
+        algorithm.work.allow(limits.single_events, limits.host_events)
         keys, clock = Keys(world.name), system.monotonic
         self.system, self.watchers = system, watchers
         self.inbox = HubInbox(STATUS_EVERY, system)

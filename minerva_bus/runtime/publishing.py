@@ -7,9 +7,15 @@ from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.inbox import MAX_SINGLE_EVENTS
-from minerva_bus.frame.orders import listed, refusal_of_order, unknown_value, without_effect
+from minerva_bus.frame.orders import (
+    listed,
+    refusal_of_order,
+    too_much_work,
+    unknown_value,
+    without_effect,
+)
 from minerva_bus.frame.unknown_receivers import MAX_NAMES, unknown_agent
+from minerva_bus.frame.work import MAX_SINGLE_EVENTS
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
@@ -55,6 +61,9 @@ def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]
         missing = algorithm.composition.first_missing(batch.receivers)
         if missing is not None:
             raise ProtocolError(_no_agent(running, missing))
+        refusal = too_much_work(algorithm, batch, person)
+        if refusal:
+            raise ProtocolError(refusal)
         running.runner.handle(s.Publish(batch, person))
     frame, sent = algorithm.frame, f"{batch.count} {batch.type}"
     return {"frame": frame, "event": sent, "through": takers, "by": person}
@@ -79,6 +88,7 @@ def _send(
             raise ProtocolError(_no_agent(running, receiver))
     refusal = refusal_of_order(algorithm, event.type)
     refusal = refusal or unknown_value(algorithm, event, known)
+    refusal = refusal or too_much_work(algorithm, event, person)
     if refusal:
         raise ProtocolError(refusal)
     takers = algorithm.members.takers(event.type)

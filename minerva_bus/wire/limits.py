@@ -11,8 +11,9 @@ from functools import cache
 from typing import Annotated, Any, Final, get_args, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.inbox import MAX_SINGLE_EVENTS, MAX_WAITING
+from minerva_bus.frame.inbox import MAX_WAITING
 from minerva_bus.frame.schema import Note
+from minerva_bus.frame.work import MAX_HOST_EVENTS, MAX_SINGLE_EVENTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +72,18 @@ class Limits:
         int,
         Note(
             "events of a `ticked` or `emitted` that are not in columns; of those of a free-running"
-            " generator, in a frame"
+            " generator, in a frame; the weight of all of them, see below"
         ),
         Configurable(1),
     ] = MAX_SINGLE_EVENTS
     host_events: Annotated[
         int,
-        Note("events of an `evolved` that are not in columns; agents that it names as senders"),
+        Note(
+            "events of an `evolved` that are not in columns; agents that it names as senders; the"
+            " weight of all of its events"
+        ),
         Configurable(1),
-    ] = 8_000
+    ] = MAX_HOST_EVENTS
     receivers: Annotated[int, Note("receivers of the single events of a `ticked` or `emitted`")] = (
         20_000
     )

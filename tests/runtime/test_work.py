@@ -43,7 +43,7 @@ VOCABULARY = Vocabulary.of(PStone, eDrop)
 
 def rain():
     world = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
-    world.inbox.max_single_events = 3
+    world.work.most_of_generator = 3
     world.receive(s.Appeared("rain"))
     world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
     return world
