@@ -17,7 +17,7 @@ from minerva_bus.frame.collection import visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.description import World
-from minerva_bus.frame.event_sources import is_handed_over, is_people
+from minerva_bus.frame.event_sources import is_people, is_set_aside
 from minerva_bus.frame.goal import WorldGoal
 from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.inbox import FrameInbox
@@ -414,7 +414,7 @@ class FrameAlgorithm:
         for source, orders in events.orders.items() if self.in_frame else ():
             taken[source] = [*orders, *taken.get(source, ())]
         # The same events as `events.orders`, which have been added as people's.
-        taken = {name: each for name, each in taken.items() if not is_handed_over(name)}
+        taken = {name: each for name, each in taken.items() if not is_set_aside(name)}
         waiting = self.inbox.events
         if not any(map(is_people, (*taken, *waiting))):
             return {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from operator import attrgetter
 from typing import TYPE_CHECKING, Final
 
@@ -12,7 +13,9 @@ from minerva_bus.frame.calling import NOTHING
 from minerva_bus.frame.event_sources import (
     AGENTS,
     DEVICES,
+    DROPPED,
     handed_over,
+    is_dropped,
     is_handed_over,
     is_people,
     name_of,
@@ -105,6 +108,10 @@ class CollectionStep:
         inbox = algorithm.inbox.events
         handed = [source for source in sorted(inbox) if is_handed_over(source)]
         self._hand_over({people_of(source): inbox.pop(source) for source in handed})
+        dropped = [source.removeprefix(DROPPED) for source in sorted(inbox) if is_dropped(source)]
+        in_flight.events.dropped = tuple(dropped)
+        # Norms have judged them before they were left out.
+        inbox |= {source: inbox.pop(DROPPED + source) for source in dropped}
 
     def _has_taker(self, event_type: str) -> bool:
         return bool(self._algorithm.members.takers(event_type))
@@ -231,8 +238,11 @@ class CollectionStep:
             events.people = algorithm.members.standing_for_people(sources, logged)
         allowed = self._permitted(sources)
         if allowed:
+            events.allowed = allowed
             ordered = collect(algorithm.world.order, allowed)
             events.split(ordered, algorithm.world.vocabulary.events)
+        if events.dropped:
+            leave_out(algorithm, events.dropped)
 
     def _add_ticked(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
         """Add the events of members in step, and keep their saved data."""
@@ -301,6 +311,21 @@ def visual_events(algorithm: FrameAlgorithm, due: Sequence[str]) -> tuple[Event,
     """The visual events that devices generate, without data or receivers."""
     types = algorithm.world.vocabulary.events
     return tuple([types[event_type]() for event_type in due])
+
+
+def leave_out(algorithm: FrameAlgorithm, sources: Sequence[str]) -> None:
+    """Leave all events of some sources out of the frame in flight; its inputs keep them apart."""
+    world, in_flight = algorithm.world, algorithm.in_flight
+    events = in_flight.events
+    for source in sources:
+        reply, sent = in_flight.ticked.get(source), events.taken.pop(source, ())
+        if reply is not None:
+            sent = [*reply.events, *sent]
+            in_flight.ticked[source] = replace(reply, events=(), received=b"")
+        events.taken[DROPPED + source] = sent
+    events.dropped = tuple(sources)
+    events.allowed = {name: sent for name, sent in events.allowed.items() if name not in sources}
+    events.split(collect(world.order, events.allowed), world.vocabulary.events)
 
 
 def note_answer(algorithm: FrameAlgorithm, member: MemberEntry) -> None:

@@ -18,6 +18,10 @@ HANDED_OVER: Final = "~handed"
 """Key of the orders taken by generators in the inputs of a frame."""
 
 
+DROPPED: Final = "~dropped:"
+"""Prefix, in the inputs of a frame, of a source whose events were left out of it after all."""
+
+
 def source_of(person: str) -> str:
     """The source of a person's events; "" is a person without a name."""
     return f"{PEOPLE}:{person}" if person else PEOPLE
@@ -41,6 +45,16 @@ def person_of(source: str) -> str:
 def is_handed_over(source: str) -> bool:
     """Whether a source of a record has orders that a generator took."""
     return source.partition(":")[0] == HANDED_OVER
+
+
+def is_dropped(source: str) -> bool:
+    """Whether a source of a record has events that were left out of its frame."""
+    return source.startswith(DROPPED)
+
+
+def is_set_aside(source: str) -> bool:
+    """Whether events of a source of a record are not among those that hosts got."""
+    return is_handed_over(source) or is_dropped(source)
 
 
 def handed_over(source: str) -> str:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import HALTED
-from minerva_bus.frame.collection import note_answer
+from minerva_bus.frame.collection import leave_out, note_answer
+from minerva_bus.frame.event_sources import AGENTS, is_people, person_of
+from minerva_bus.frame.in_flight import FrameResult
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replies import checked, foreign_fragment, foreign_sender
@@ -140,6 +142,44 @@ class EvolutionStep:
                 algorithm.frame, (host,), evolving, visual, requests.repeats, tuple(only)
             )
             algorithm.out.send(host, request)
+
+    def lighten(self, host: str) -> bool:
+        """Repeat a frame that has ended a host twice, without the events of guests and people.
+
+        Returns False if there are none, or if norms have judged the first results: nothing happens.
+        """
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        requests, allowed, work = in_flight.requests, in_flight.events.allowed, algorithm.work
+        if not allowed:
+            return False
+        worst = max(allowed, key=lambda name: max(map(work.steps, allowed[name]), default=0))
+        again = in_flight.trial is None and in_flight.logged is None
+        guests = sorted(filter(algorithm.members.is_guest, allowed)) if again else []
+        names = ", ".join(map(_who, guests))
+        then = f"; the frame is repeated without the events of {names}" if guests else ""
+        algorithm.out.log(
+            host,
+            f"has ended twice in frame {algorithm.frame}; of its events"
+            f" {work.heaviest(allowed[worst])}, from {_who(worst)}{then}",
+        )
+        if not guests:
+            return False
+        for name in guests:
+            if not is_people(name):
+                algorithm.members.get(name).dropped += sum(map(len, allowed[name]))
+        leave_out(algorithm, guests)
+        requests.cancel()
+        requests.left_out.clear()
+        in_flight.result = FrameResult()
+        # Some hosts have evolved them by the events that no longer count.
+        for fragment in algorithm.composition.fragments:
+            algorithm.placement.resend(fragment)
+        algorithm.placement.arrange(algorithm.offers(), mid_frame=True)
+        hosts = self._hosts_to_ask()
+        self._repeat_request(
+            [name for host in hosts for name in algorithm.placement.fragments_of(host)]
+        )
+        return True
 
     # --- replies ---
 
@@ -322,6 +362,11 @@ class EvolutionStep:
             return []
         places = self._algorithm.composition.places(sent)
         return [event for name in sorted(sent, key=places) for event in sent[name]]
+
+
+def _who(source: str) -> str:
+    """A source of events, for the log."""
+    return person_of(source) if is_people(source) else "agents" if source == AGENTS else source
 
 
 def frame_record(algorithm: FrameAlgorithm) -> Callable[[], m.FrameRecord]:

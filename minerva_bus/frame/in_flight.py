@@ -35,6 +35,7 @@ class FrameEvents:
     permit.
     `taken`: events from the inbox, by source; `people`: the sources that represent people.
     `due`: visual event types that devices generate in this frame.
+    `allowed`: the events that count, by source; `dropped`: sources whose events are left out.
     `ordered`: e*, of which `visual` is e^v and `evolving` is e^u.
     """
 
@@ -43,6 +44,8 @@ class FrameEvents:
     taken: dict[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
     people: tuple[str, ...] = ()
     due: tuple[str, ...] = ()
+    allowed: Mapping[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
+    dropped: tuple[str, ...] = ()
     ordered: Events = ()
     visual: Events = ()
     evolving: Events = ()
@@ -66,6 +69,7 @@ class Requests:
     `left_out`: fragments that keep their state in this frame because no host answered for them.
     `reduced`: events and visual events of repeated requests after a norm rejected an outcome.
     `layout`: the division of populations at the time of the request.
+    `deaths`: how often each host has ended while a request to it was unanswered.
     """
 
     outstanding: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=_DICT)
@@ -74,6 +78,7 @@ class Requests:
     left_out: set[str] = field(default_factory=_SET)
     reduced: tuple[Events, Events] | None = None
     layout: Layout = ()
+    deaths: dict[str, int] = field(default_factory=_DICT)
 
     @property
     def complete(self) -> bool:

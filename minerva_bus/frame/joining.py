@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -13,6 +13,10 @@ from minerva_bus.frame.phases import Phase
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
+
+
+MAX_DEATHS: Final = 2
+"""Ends of a host in one frame after which the frame is tried without the events of guests."""
 
 
 class MemberLifecycle:
@@ -28,6 +32,7 @@ class MemberLifecycle:
         algorithm = self._algorithm
         member = algorithm.members.get(appeared.member)
         if member.active:
+            self._note_death(member)
             self._lose(member)
             algorithm.advance()
         member.blamed = False
@@ -161,7 +166,13 @@ class MemberLifecycle:
             # follows it, because the line is about the placement from before.
             algorithm.members.change(member, MemberChange.VANISHED)
             algorithm.out.log(member.name, f"is gone{self._outlook_without(member)}")
+            self._note_death(member)
         self._lose(member)
+
+    def _note_death(self, member: MemberEntry) -> None:
+        requests = self._algorithm.in_flight.requests
+        if self._algorithm.phase is Phase.EVOLVE and requests.of(member.name):
+            requests.deaths[member.name] = requests.deaths.get(member.name, 0) + 1
 
     def _outlook_without(self, member: MemberEntry) -> str:
         """Text for the log: the consequences for the world while a member is gone."""
@@ -282,5 +293,9 @@ class MemberLifecycle:
             in_flight.pending.add(member.name)
         if algorithm.phase not in (Phase.EVOLVE, Phase.CLOSING):
             return
+        if requests.deaths.get(member.name, 0) >= MAX_DEATHS:
+            requests.deaths[member.name] = 0
+            if algorithm.source.lighten(member.name):
+                return
         lost = [name for key in requests.of(member.name) for name in requests.outstanding.pop(key)]
         algorithm.source.ask_again(sorted({*lost, *requests.unassigned}))

@@ -78,6 +78,10 @@ class FrameSource:
     def ask_again(self, fragments: list[str]) -> None:
         """Request fragments once more: their host is gone, or one has returned."""
 
+    def lighten(self, host: str) -> bool:
+        """Repeat a frame that has ended a host twice by fewer events, if the source can."""
+        return False
+
     def members_changed(self, hello: m.Hello | None) -> None:
         """Process a change: a member has joined with this hello, or, for None, has left."""
 
@@ -95,7 +99,7 @@ class LiveSource(FrameSource):
         self.order, self.ask = collection.order, collection.ask
         self.settle, self.commit = evolution.settle, evolution.commit
         self.evolve_reply, self.ask_again = evolution.reply, evolution.ask_again
-        self.evolve = evolution.request
+        self.evolve, self.lighten = evolution.request, evolution.lighten
 
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""

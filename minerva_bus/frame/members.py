@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from minerva_bus.frame.event_sources import AGENTS
+from minerva_bus.frame.event_sources import AGENTS, is_people
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.messages import Hello
@@ -175,6 +175,10 @@ class Members:
     def is_process(self, name: str) -> bool:
         """Whether this is the name of a process of the world file."""
         return name in self._named
+
+    def is_guest(self, source: str) -> bool:
+        """Whether a source of events is a person, or a member that is no process of the world."""
+        return is_people(source) or not (source.startswith(("~", AGENTS)) or source in self._named)
 
     def missing_guests(self) -> list[str]:
         """Guests of the previous coordinator that have not returned yet, sorted."""

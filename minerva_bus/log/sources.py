@@ -9,6 +9,7 @@ from minerva_bus.frame.event_sources import (
     PEOPLE,
     is_handed_over,
     is_people,
+    is_set_aside,
     name_of,
     person_of,
 )
@@ -27,7 +28,7 @@ def sources_of(past: PastFrame) -> dict[str, list[AnyEvent]]:
         for member, reply in inputs.ticked.items():
             sent.setdefault(member, []).extend(reply.events)
         for source, events in inputs.taken.items():
-            if not is_handed_over(source):
+            if not is_set_aside(source):
                 sent.setdefault(source, []).extend(events)
     if past.checkpoint is not None and past.checkpoint.emitted:
         sent[AGENTS] = list(past.checkpoint.emitted)
