@@ -211,8 +211,10 @@ def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
     full = [item for item in single if len(item) == 5]
     receivers = sum(len(cast("list[Any]", item[4])) for item in full if isinstance(item[4], list))
     check(of.message, receivers, limits.receivers, "receivers of single events", _ADVICE)
-    # Equal conditions are parsed once, so only different ones count.
-    conditions = {item[2] for item in full if isinstance(item[2], str)}
+    # Equal conditions are parsed once, so only different ones count. A batch has its own.
+    batches = [cast("list[Any]", item) for item in plain if isinstance(item, list)]
+    given = [item[2] for item in full] + [item[3] for item in batches if len(item) == 6]
+    conditions = {text for text in given if isinstance(text, str)}
     characters = sum(map(len, conditions))
     check(of.message, characters, limits.conditions, "characters of conditions")
 

@@ -89,9 +89,7 @@ class Limits:
     )
     conditions: Annotated[
         int,
-        Note(
-            "characters of the different conditions of the single events of a `ticked` or `emitted`"
-        ),
+        Note("characters of the different conditions of the events of a `ticked` or `emitted`"),
     ] = 50_000
     kinds: Annotated[int, Note("kinds of a `hello`")] = 256
     fields: Annotated[int, Note("attributes of all kinds of a `hello`")] = 2_000

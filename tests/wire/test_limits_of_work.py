@@ -29,7 +29,7 @@ class Stone(Agent, symbol="AStone"):
 
 VOCABULARY = Vocabulary.of(eNear, eText, eBare, Stone)
 SMALL = Limits(
-    single_events=3, host_events=5, tick_bytes=800, emitted_bytes=900, receivers=4, conditions=40, kinds=2, fields=3, names=2, figures=2,
+    single_events=3, host_events=5, tick_bytes=800, emitted_bytes=900, receivers=4, conditions=39, kinds=2, fields=3, names=2, figures=2,
     events=50, rows=60, values=100, tick_values=200, answer_values=200, message_bytes=950, small_bytes=600,
 )  # fmt: skip
 
@@ -61,7 +61,11 @@ TOO_MUCH = {
     ),
     "conditions": (
         pack(["emitted", [["eNear", [n], f"x < {n} and x < 100000", "", []] for n in (1.0, 2.0)]]),
-        "emitted has 44 characters of conditions, over 40",
+        "emitted has 44 characters of conditions, over 39",
+    ),
+    "conditions of columns": (
+        pack(["emitted", [["eBare", 1, [], c, None, None] for c in ("x < 1 and x < 100000", "x < 2 and x < 100000")]]),
+        "emitted has 40 characters of conditions, over 39",
     ),
     "columns": (pack(["emitted", [many(51)]]), "51 events at once, over 50"),
     "columns in all": (pack(["emitted", [many(30), many(30)]]), "60 events at once, over 50"),
@@ -121,7 +125,14 @@ def test_messages_over_a_limit_are_rejected(what):
     data, problem = TOO_MUCH[what]
     with pytest.raises(ProtocolError, match=problem):
         Decoder(VOCABULARY, SMALL).from_member("x", data)
-    if what not in ("no name", "an unknown name", "values", "columns", "conditions"):
+    if what not in (
+        "no name",
+        "an unknown name",
+        "values",
+        "columns",
+        "conditions",
+        "conditions of columns",
+    ):
         Decoder(VOCABULARY).from_member("x", data)
 
 
