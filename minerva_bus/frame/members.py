@@ -103,6 +103,7 @@ class Members:
             first = next(iter(self._departed))
             del self._departed[first]
             self._entries.pop(first, None)
+            self.saved.pop(first, None)
 
     def expect(self, name: str) -> None:
         """Wait for a member of this name to join or return."""

@@ -49,6 +49,7 @@ def test_departed_members_are_listed_up_to_a_limit():
     comes("stays")
     returns = comes("returns")
     members.change(returns, MemberChange.WENT)
+    members.saved["guest-0"] = {"much": 1}
     for number in range(MAX_DEPARTED):
         members.change(comes(f"guest-{number}"), MemberChange.WENT)
         if not number:
@@ -58,6 +59,7 @@ def test_departed_members_are_listed_up_to_a_limit():
     names = {member.name for member in members}
     assert {"home", "stays", "returns", "guest-1", "last"} <= names
     assert "guest-0" not in names
+    assert not members.saved
     assert members.get("guest-0").state is MemberState.LEFT
     assert len(list(members)) == MAX_DEPARTED + 3
 
