@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgpack
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from minerva_bus import (
     Scene,
     Transformation,
     Vocabulary,
+    on,
 )
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
@@ -43,6 +46,10 @@ class Fish(Agent, symbol="AFish"):
     age: int = 0
     calm: bool = True
     name: str = ""
+
+    @on("eHit")
+    def suffer(self, hit, moment):
+        self.calm = False
 
 
 VOCABULARY = Vocabulary.of(PDot, TMove, eHit, Fish)
@@ -230,6 +237,9 @@ def ext(data):
     return msgpack.ExtType(3, data)
 
 
+DOTS = ["PDot", [ext(b"d" + bytes(24)), ["a", "b", "c"]]]
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -251,6 +261,8 @@ def ext(data):
         (lambda p: p[2][0][1].__setitem__(3, ["a", "b", 3]), "must be text"),
         (lambda p: p.__setitem__(2, []), "1 to 8 levels"),
         (lambda p: p.__setitem__(2, p[2] * 2), "cannot stand in columns"),
+        (lambda p: p[2].append(DOTS), "'AFish' cannot stand in columns"),
+        (lambda p: p.__setitem__(slice(1, 3), [None, [DOTS, DOTS]]), "'PDot' cannot stand in col"),
     ],
 )  # fmt: skip
 def test_errors_of_columns_are_reported(change, said):
@@ -278,6 +290,14 @@ def test_columns_count_as_the_nodes_that_they_stand_for():
     tight = Reader(VOCABULARY, Limits(nodes=2))
     with pytest.raises(ProtocolError, match="3 rows, over 2"):
         tight.scene([1, plain_columns(SHOAL)])
+    enough = Reader(VOCABULARY, Limits(nodes=3))
+    assert enough.scene([1, plain_columns(SHOAL)]) == Scene((SHOAL,))
+
+
+def test_a_condition_of_a_batch_that_no_agent_can_fulfil_is_refused():
+    assert READER.event(plain_events(replace(HITS, condition="age > 1"))).condition == "age > 1"
+    with pytest.raises(SceneError, match="AFish has no agee; did you mean 'age'"):
+        READER.event(plain_events(replace(HITS, condition="agee > 1")))
 
 
 def test_an_id_in_columns_and_beside_them_is_refused():
