@@ -137,7 +137,8 @@ scans = st.builds(
     lambda ranges, robot, rest: Scan(robot, np.array(ranges, np.float32), *rest),
     st.lists(st.floats(0, 100, width=32), max_size=5),
     texts(),
-    st.tuples(*[reals()] * 7),
+    # first, step, range_max, time and the mount: beams have different directions and a range.
+    st.tuples(reals(), reals().filter(bool), reals().map(abs).filter(bool), *[reals()] * 4),
 )
 sightings = st.builds(
     Sightings, texts(), st.lists(st.builds(Sighting, texts(), reals(), reals())).map(tuple), reals()
