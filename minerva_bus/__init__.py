@@ -1,15 +1,13 @@
 """Minerva Bus: virtual worlds as strings of a small language, run by many processes.
 
-The names that users need; see README.md. Each is imported at its first use, so that the command
-line answers without importing numpy.
+The names that users need; see README.md.
 """
 
+from minerva_bus.public_names import imported_at_first_use
 from minerva_bus.uncaught import install as _report_uncaught_errors
 
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
-    from typing import Any
-
     from minerva_bus.api.branching import branch
     from minerva_bus.api.calibrating import Calibration, calibrate
     from minerva_bus.api.checking import check
@@ -109,17 +107,7 @@ _HOMES = {
 _report_uncaught_errors()
 
 
-def __getattr__(name: str) -> "Any":
-    """Import a public name from its module."""
-    from importlib import import_module
-
-    for module, names in _HOMES.items():
-        if name in names.split():
-            value = getattr(import_module(f"minerva_bus.{module}"), name)
-            # Python calls this function only for names that are missing, so each is imported once.
-            globals()[name] = value
-            return value
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = imported_at_first_use(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:
