@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.command import options
 from minerva_bus import World
-from minerva_bus.rl import parallel_env
+from minerva_learning import parallel_env
 
 STEPS = 200
 LIGHTS = World.load("traffic")

@@ -26,12 +26,12 @@ from pathlib import Path
 
 from benchmarks.command import Table, options
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.scripted import ScriptedHub, ScriptedWorld
-from minerva_bus.testing.conformance.launching import RunningMember, command
-from minerva_bus.testing.conformance.world import DT, MEMBER, SEED, VOCABULARY
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.epochs import stamp, stamped
 from minerva_bus.wire.plain import unpack
+from minerva_conformance.launching import RunningMember, command
+from minerva_conformance.scripted_world import ScriptedHub, ScriptedWorld
+from minerva_conformance.world import DT, MEMBER, SEED, VOCABULARY
 
 MEMBERS = Path(__file__).parents[1] / "members"
 TURNS = 5
@@ -40,11 +40,11 @@ EPOCH = 1
 SECONDS = 30.0
 WORLD = """[world]
 string = "ACounter#a"
-vocabulary = "minerva_bus.testing.conformance.world:VOCABULARY"
+vocabulary = "minerva_conformance.world:VOCABULARY"
 frames = {frames}
 
 [process.counters]
-agents = "minerva_bus.testing.conformance.world:Counter"
+agents = "minerva_conformance.world:Counter"
 
 [process.member]
 command = {command}
@@ -66,7 +66,7 @@ def languages(build: Path) -> list[Language]:
     script = str(MEMBERS / "javascript" / "examples" / "conformance.js")
     java = ("java", "-cp", str(build / "java"), "Conformance")
     return [
-        Language("Python", (sys.executable, "-m", "minerva_bus.testing.conformance")),
+        Language("Python", (sys.executable, "-m", "minerva_conformance")),
         Language("JavaScript", ("node", script), ("node",)),
         Language("Java", java, ("make", "java", "javac"), "java"),
         Language("C", (str(build / "c" / "conformance"),), ("make", "cc"), "c"),

@@ -27,7 +27,7 @@ from gymnasium.vector import AsyncVectorEnv
 
 from benchmarks.command import Table, options
 from benchmarks.models.rabbits import MesaEnv
-from minerva_bus.rl import population_env, single_env, vector_env
+from minerva_learning import population_env, single_env, vector_env
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "survival"))
 

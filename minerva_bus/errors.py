@@ -24,14 +24,12 @@
     ├── BusError                 a session, an endpoint or a world cannot be reached
     │   └── Followed             another coordinator runs the world now
     ├── KeysError                a key or a certificate is missing or does not fit
-    ├── WorldStopped             a running world ended prematurely
-    ├── CaseFailure              a member violates a requirement          testing.conformance.link
-    └── NotJoined                a member has not joined for a case       testing.conformance.link
+    └── WorldStopped             a running world ended prematurely
 
 A module name at the end of a line says where a class is defined; the others are defined here.
-Services and agents derive their own errors from `MinervaError`, in the modules that raise them.
-tests/unit/test_references.py compares the tree with the classes. An error message says who failed,
-where, what was expected and what to do next.
+Extensions, services and agents derive their own errors from `MinervaError`, in the modules that
+raise them. tests/unit/test_references.py compares the tree with the classes. An error message says who
+failed, where, what was expected and what to do next.
 """
 
 from __future__ import annotations

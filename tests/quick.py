@@ -1,6 +1,6 @@
 """`pytest -m quick`: tests in one process, without waiting, chosen by cost and coverage.
 
-The list contains files, and folders with all of their files. Each part of the system that can be
+The list contains files, and folders with all of their files, below tests/ or an extension. Each part of the system that can be
 tested without a bus is represented: the paper's equations and tables, laws of the language and of
 engines, the wire format, the boundaries where untrusted data enters, settings and errors.
 """
@@ -12,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 TESTS = Path(__file__).parent
+EXTENSIONS = TESTS.parent / "extensions"
 QUICK = (
     "paper",
     "laws/test_language_laws.py",
@@ -24,7 +25,6 @@ QUICK = (
     "wire/test_codec.py",
     "fuzz/test_corpus.py",
     "golden/test_golden_messages.py",
-    "acl/test_acl_messages.py",
     "api/test_collected.py",
     "unit/test_agent_classes.py",
     "unit/test_references.py",
@@ -38,6 +38,7 @@ QUICK = (
     "unit/test_toml.py",
     "unit/test_vocabulary.py",
     "unit/test_wording.py",
+    "messages/tests/test_acl_messages.py",
 )
 
 
@@ -56,10 +57,11 @@ def pytest_ignore_collect(collection_path, config):
 @cache  # 10,000 tests are in 450 files.
 def is_quick(path):
     """Whether the list contains a test file or one of its folders."""
-    if TESTS not in path.parents:
-        return False
-    name = path.relative_to(TESTS)
-    return str(name) in QUICK or str(name.parent) in QUICK
+    for root in (TESTS, EXTENSIONS):
+        if root in path.parents:
+            name = path.relative_to(root)
+            return str(name) in QUICK or str(name.parent) in QUICK
+    return False
 
 
 def pytest_collection_modifyitems(config, items):

@@ -29,7 +29,7 @@ PROGRAMS = (
     ["-m", "minerva_bus"],
     ["-m", "minerva_bus.cli.main"],
     ["-m", "minerva_bus.api.child"],
-    ["-m", "minerva_bus.testing.conformance.coordinator"],
+    ["-m", "minerva_conformance.coordinator"],
     [str(Path(sys.executable).with_name("minerva"))],
 )
 """The words after the interpreter that start the command line, a world of the Python interface, or a

@@ -13,9 +13,9 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from minerva_bus.testing.conformance.case import CaseOutcome, CaseResult, Tier
-from minerva_bus.testing.conformance.suite import run_suite
-from minerva_bus.testing.conformance.world import MemberRole
+from minerva_conformance.case import CaseOutcome, CaseResult, Tier
+from minerva_conformance.suite import run_suite
+from minerva_conformance.world import MemberRole
 from tools import blocks
 from tools.protocol_tables import table
 

@@ -48,6 +48,7 @@ LINKED = (
     "deploy",
     "docs",
     "examples",
+    "extensions",
     "minerva_bus",
     "services",
     "tests",

@@ -11,7 +11,7 @@ from docutils import nodes
 from rendering import MarkdownDirective, plain, table
 from sphinx.application import Sphinx
 
-from minerva_bus.cli.main import GROUPS, app
+from minerva_bus.cli.main import app, topics
 from minerva_bus.launch.installed import declared_options
 
 ADDITION = re.compile(r"\s*\[(default|env var|required)[^\]]*\]")
@@ -22,7 +22,7 @@ def page() -> str:
     program: Any = typer.main.get_command(app)
     return "\n".join(
         line
-        for topic, names in GROUPS.items()
+        for topic, names in topics().items()
         for line in (f"## {topic}\n", *(text for n in names for text in command(program, n)))
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from survival import world
 
 from minerva_bus.collect.table import DataTable
-from minerva_bus.rl import parallel_env
+from minerva_learning import parallel_env
 
 OBSERVED = ["left", "right", "energy"]
 FRAMES, RABBITS = 300, 24

@@ -12,7 +12,7 @@ from ppo import learn
 
 from minerva_bus import World
 from minerva_bus.collect.table import DataTable
-from minerva_bus.rl import population_env
+from minerva_learning import population_env
 
 
 def smell(observations):

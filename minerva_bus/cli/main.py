@@ -2,7 +2,8 @@
 
 Each command is a function in cli/commands, with examples; to add one, write the function and list
 its name here. Those modules declare options and import little else, because `minerva --help` has to
-be fast.
+be fast. Extensions add commands by entry points: functions of the same kind, or a `typer.Typer` as
+a group, in a module whose `TOPIC` is the topic in the help.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ import errno
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
 from inspect import signature
 from itertools import chain
-from typing import Annotated, Any, Final, cast
+from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 
 import typer
 
@@ -47,18 +49,46 @@ from minerva_bus.process_end import ended_by_system
 from minerva_bus.runtime.lingering import limit_threads
 from minerva_bus.uncaught import report_threads
 
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
 GROUPS: Final = {
     "Run": ("run", "worlds", "check", "graph", "attach", "bridge"),
-    "Observe": ("list", "top", "logs", "echo", "explain", "metrics", "mcp"),
+    "Observe": ("list", "top", "logs", "echo", "explain", "metrics"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
-    "Records": (
-        *("info", "replay", "seek", "diff", "export", "plot"),
-        *("conversation", "recover", "map"),
-    ),
+    "Records": ("info", "replay", "seek", "diff", "export", "plot", "recover", "map"),
     "Studies": ("sweep", "branch", "calibrate", "evolve"),
-    "Set up": ("new", "schema", "doctor", "keys", "conformance", "version"),
+    "Set up": ("new", "schema", "doctor", "keys", "version"),
 }
-"""The commands by topic, in the order of the help."""
+"""The kernel's commands by topic, in the order of the help."""
+COMMANDS: Final = "minerva.commands"
+"""The entry points of further commands."""
+
+
+def topics() -> dict[str, list[str]]:
+    """All commands by topic, in the order of the help."""
+    by_topic = {topic: [*names] for topic, names in GROUPS.items()}
+    for name, entry in sorted(_further().items()):
+        by_topic.setdefault(_loaded(name, import_module, entry.module).TOPIC, []).append(name)
+    return by_topic
+
+
+def _further() -> Mapping[str, EntryPoint]:
+    from minerva_bus.launch.installed import entries
+
+    return entries(COMMANDS)
+
+
+def _loaded(name: str, load: Callable[..., Any], *arguments: Any) -> Any:
+    """What `load` imports for a command. Raises MinervaError for a package that fails."""
+    try:
+        return load(*arguments)
+    except Exception as error:
+        package = _further()[name].value
+        raise MinervaError(
+            f"the command {name} of {package} cannot be imported: {type(error).__name__}: {error};"
+            " reinstall or uninstall its package"
+        ) from error
 
 
 class _Commands(Group):
@@ -70,7 +100,7 @@ class _Commands(Group):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         width = max(map(len, self.commands))
-        for topic, names in GROUPS.items():
+        for topic, names in topics().items():
             with formatter.section(topic):
                 limit = formatter.width - width - 6
                 formatter.write_dl(
@@ -85,17 +115,17 @@ class _Made(Mapping[str, Any]):
         self._made: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
-        if name not in _NAMES:
+        if name not in _NAMES and name not in _further():
             raise KeyError(name)
         if name not in self._made:
             self._made[name] = _make(name)
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_NAMES)
+        return chain(_NAMES, sorted(_further()))
 
     def __len__(self) -> int:
-        return len(_NAMES)
+        return len(_NAMES) + len(_further())
 
 
 _NAMES: Final = tuple(chain.from_iterable(GROUPS.values()))
@@ -121,19 +151,21 @@ _MODULES: Final = (
 )
 
 
-def command_of(name: str) -> Callable[..., None]:
+def command_of(name: str) -> Callable[..., None] | typer.Typer:
     """The function that declares a command."""
+    if name not in _NAMES:
+        return _loaded(name, _further()[name].load)
     names = (name, f"{name}_")  # `list_`, because `list` is a type of an option.
     return next(getattr(m, n) for m in _MODULES for n in names if hasattr(m, n))
 
 
 def _make(name: str) -> Any:
     """The command of a name."""
-    if name == "keys":
-        group = typer.main.get_group(keys.app)
+    function = keys.app if name == "keys" else command_of(name)
+    if isinstance(function, typer.Typer):
+        group = typer.main.get_group(function)
         group.name = name
         return group
-    function = command_of(name)
     takes_others = "context" in signature(function).parameters
     single = typer.Typer(rich_markup_mode=None, add_completion=False)
     single.command(

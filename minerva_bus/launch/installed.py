@@ -24,12 +24,24 @@ from minerva_bus.outputs import note_read
 from minerva_bus.settings.kinds import phrase_of
 
 SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
+OWN: Final = "minerva_"
+"""Begins the names of this project's packages, and of no others."""
 
 
 @cache
 def entries(group: str) -> Mapping[str, EntryPoint]:
     """The installed entry points of a group, by name."""
-    return {entry.name: entry for entry in _all_entries().select(group=group)}
+    # An extension whose folder is gone has its entry points until the project is installed again.
+    return {
+        entry.name: entry
+        for entry in _all_entries().select(group=group)
+        if _is_there(entry.module.partition(".")[0])
+    }
+
+
+@cache
+def _is_there(package: str) -> bool:
+    return importlib.util.find_spec(package) is not None
 
 
 @cache
@@ -44,7 +56,7 @@ def installed_views() -> list[str]:
     return sorted(
         name
         for name, entry in entries(SERVICES).items()
-        if entry.value.startswith(views) or not entry.value.startswith("minerva_services.")
+        if entry.value.startswith(views) or not entry.value.startswith(OWN)
     )
 
 

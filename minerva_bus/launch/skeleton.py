@@ -19,7 +19,7 @@ from string import Template
 from typing import Final
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.launch.installed import AGENTS, SERVICES, WORLDS, entries, find_world
+from minerva_bus.launch.installed import AGENTS, OWN, SERVICES, WORLDS, entries, find_world
 
 TEMPLATES: Final = Path(__file__).with_name("templates")
 MAX_NAME_LENGTH: Final = 40
@@ -102,7 +102,7 @@ def _check_name(name: str) -> None:
         )
     if keyword.iskeyword(name) or keyword.issoftkeyword(name):
         raise MisuseError(f"{name!r} is a keyword of Python; choose another name")
-    if name in sys.stdlib_module_names or name in _TAKEN:
+    if name in sys.stdlib_module_names or name in _TAKEN or name.startswith(OWN):
         raise MisuseError(f"{name!r} is the name of another module; choose another name")
     for group in (SERVICES, AGENTS, WORLDS):
         if name in entries(group):
@@ -110,9 +110,7 @@ def _check_name(name: str) -> None:
 
 
 # The templates have a module `yard` and a folder `tests`.
-_TAKEN: Final = frozenset(
-    ("minerva_bus", "minerva_services", "minerva_agents", "numpy", "zenoh", "tests", "yard")
-)
+_TAKEN: Final = frozenset(("numpy", "zenoh", "tests", "yard"))
 
 
 def _fill(template: Path, goal: Path, name: str) -> None:

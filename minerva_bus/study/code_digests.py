@@ -24,6 +24,7 @@ import numpy as np
 import minerva_bus
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
+from minerva_bus.launch.installed import OWN
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.source import variables_of
@@ -41,7 +42,6 @@ SPEC: Final = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 """A text that may name an attribute, `module:attribute`."""
 
 MAX_DEPTH: Final = 12
-OWN: Final = ("minerva_bus", "minerva_services", "minerva_agents", "minerva_worlds")
 _PLAIN: Final = (type(None), type(...), bool, int, float, complex, str, bytes, np.generic)
 _SKIPPED: Final = re.compile(
     r"__(module|dict|weakref|doc|qualname|firstlineno|static_attributes)__|_abc_impl"
@@ -148,7 +148,7 @@ class _Walk:
 
     def _is_own(self, value: object) -> bool:
         package = _package(value)
-        if package in OWN:
+        if package.startswith(OWN):
             return False
         return package in self.packages or not _installed(package)
 

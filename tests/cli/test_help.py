@@ -5,12 +5,12 @@ import shlex
 import pytest
 import typer.main
 
-from minerva_bus.cli.main import GROUPS, app, command_of, main
+from minerva_bus.cli.main import app, command_of, main, topics
 from minerva_bus.cli.options import examples_of
 from minerva_bus.errors import UnknownOption
 
 ROOT = typer.main.get_group(app)
-NAMES = [name for group in GROUPS.values() for name in group]
+NAMES = [name for group in topics().values() for name in group]
 EXAMPLES = [line for name in NAMES if name != "keys" for line in examples_of(command_of(name))]
 
 

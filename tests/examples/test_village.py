@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from minerva_assistants.minds import eNoAnswer
 from minerva_bus import Frame, evolve
-from minerva_bus.acl import Conversation, Conversations, eMessage
 from minerva_bus.errors import MinervaError
-from minerva_bus.minds import eNoAnswer
+from minerva_messages import Conversation, Conversations, eMessage
 from tests.runtime.running import here, summary
 
 FOLDER = Path(__file__).resolve().parents[2] / "worlds" / "minerva_worlds" / "village"

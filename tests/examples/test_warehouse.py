@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 
 from minerva_bus import Frame, evolve, visualize
-from minerva_bus.acl import eMessage
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
+from minerva_messages import eMessage
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "worlds" / "minerva_worlds" / "warehouse"

@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus.cli.conversing import show_conversation
 from minerva_bus.cli.plotting import plot_file
-from minerva_bus.errors import DamagedRecordWarning, MinervaError, MisuseError
+from minerva_bus.errors import DamagedRecordWarning, MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.replaying import read_replay
@@ -135,11 +134,6 @@ def test_commands_name_the_damage_that_took_all_frames(tmp_path):
     ):
         read_replay(path, "meadow", Overrides())
     damage = "is damaged: bytes .*; lost: all from frame 0 on"
-    with (
-        pytest.warns(DamagedRecordWarning, match=damage),
-        pytest.raises(MinervaError, match="there is no eMessage"),
-    ):
-        show_conversation(path, "", None, as_json=False)
     pytest.importorskip("matplotlib")
     with pytest.warns(DamagedRecordWarning, match=damage):
         plot_file(path, None, (), "", "", bars=False, as_json=False)

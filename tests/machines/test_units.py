@@ -56,7 +56,7 @@ def machine(debian, place):
     for name in ("pyproject.toml", "package_metadata.py", "README.md", "LICENSE"):
         source.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, source)
-    for name in ("minerva_bus", "services", "agents", "worlds", "deploy", "members"):
+    for name in ("minerva_bus", "extensions", "services", "agents", "worlds", "deploy", "members"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
 
     def boot(script):

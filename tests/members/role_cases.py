@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from minerva_bus.testing.conformance.case import Tier
-from minerva_bus.testing.conformance.suite import select
-from minerva_bus.testing.conformance.world import MemberRole
+from minerva_conformance.case import Tier
+from minerva_conformance.suite import select
+from minerva_conformance.world import MemberRole
 
 
 def role_cases(roles: Sequence[MemberRole], part: int = 1) -> list[Any]:

@@ -11,10 +11,10 @@ import gardens
 import pytest
 from member_vectors import check_garbage, check_vectors
 
-from minerva_bus.testing.conformance import report
-from minerva_bus.testing.conformance.case import Tier
-from minerva_bus.testing.conformance.suite import run_suite
-from minerva_bus.testing.conformance.world import MemberRole
+from minerva_conformance import report
+from minerva_conformance.case import Tier
+from minerva_conformance.suite import run_suite
+from minerva_conformance.world import MemberRole
 
 PACKAGE = gardens.ROOT / "members" / "c"
 MISSING = [program for program in ("make", "gcc") if shutil.which(program) is None]

@@ -12,10 +12,10 @@ import pytest
 from member_vectors import check_garbage, check_vectors
 from role_cases import role_cases
 
-from minerva_bus.testing.conformance import report
-from minerva_bus.testing.conformance.case import Tier
-from minerva_bus.testing.conformance.suite import run_suite
-from minerva_bus.testing.conformance.world import MemberRole
+from minerva_conformance import report
+from minerva_conformance.case import Tier
+from minerva_conformance.suite import run_suite
+from minerva_conformance.world import MemberRole
 
 PACKAGE = gardens.ROOT / "members" / "java"
 PAGE = gardens.ROOT / "docs" / "howto" / "java.md"

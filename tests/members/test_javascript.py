@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 from role_cases import role_cases
 
-from minerva_bus.testing.conformance import report
-from minerva_bus.testing.conformance.case import Tier
-from minerva_bus.testing.conformance.suite import run_suite
-from minerva_bus.testing.conformance.world import MemberRole
+from minerva_conformance import report
+from minerva_conformance.case import Tier
+from minerva_conformance.suite import run_suite
+from minerva_conformance.world import MemberRole
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "members" / "javascript"

@@ -11,7 +11,10 @@ DOCUMENT = (ROOT / "PAPER.md").read_text()
 CODE = ("minerva_bus", "agents/minerva_agents", "services/minerva_services")
 PROJECT = tuple(Path(__file__).parents[2] / path for path in CODE)
 ROBOT = ("agents/minerva_agents/robot", "services/minerva_services", "minerva_bus")
-PACKAGES = ("minerva_bus", "minerva_agents", "minerva_services", "tests", "running")
+PACKAGES = (
+    *("minerva_bus", "minerva_agents", "minerva_services", "minerva_messages"),
+    *("tests", "extensions", "running"),
+)
 """Imports of these packages mean that a test runs the engine; `running` starts worlds."""
 NAME = re.compile(r"@?\.?[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*")
 PATH = re.compile(r"[\w/.]+(\.py|\.toml|\.md|/)")

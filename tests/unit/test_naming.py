@@ -17,7 +17,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 VAGUE = {"one", "found", "mine", "some", "many", "told"}
 BASELINE = tomllib.loads(Path(__file__).with_name("naming.toml").read_text(encoding="utf-8"))
-PACKAGES = ("minerva_bus", "services/minerva_services", "agents/minerva_agents")
+PACKAGES = (
+    "minerva_bus",
+    "services/minerva_services",
+    "agents/minerva_agents",
+    *sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("extensions/*/minerva_*")),
+)
 ARCHAIC = re.compile(
     r"\b(anew|of late(?!\s+\w)|by and by|truths|in vain|ever more|the how many(th)?"
     r"|(is|are|was|were|be|been) heard)\b",

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from minerva_bus import errors
-from tests.quick import QUICK, TESTS
+from tests.quick import EXTENSIONS, QUICK, TESTS
 
 PACKAGE = Path(__file__).parents[2] / "minerva_bus"
 LINE = re.compile(r"^    (?P<indent>[│├└─ ]*)(?P<name>[A-Z]\w+)(?P<rest>.*)$")
@@ -79,18 +79,23 @@ PAGE = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
 ROWS = [line for line in PAGE.splitlines() if line.startswith("| ") and "`" in line]
 
 
+def path_of(module):
+    """The file of a module: below the kernel, or of an extension."""
+    return ROOT / module if module.startswith("extensions/") else ROOT / "minerva_bus" / module
+
+
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.split("|")[1].strip())
 def test_the_modules_of_a_row_exist(row):
     modules = re.findall(r"`([\w/]+\.py)`", row.rpartition("|")[0].rpartition("|")[2])
     assert modules
     for module in modules:
-        assert (ROOT / "minerva_bus" / module).is_file(), module
+        assert path_of(module).is_file(), module
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.split("|")[1].strip())
 def test_the_classes_of_a_row_are_defined_in_its_modules(row):
     text = "".join(
-        (ROOT / "minerva_bus" / module).read_text(encoding="utf-8")
+        path_of(module).read_text(encoding="utf-8")
         for module in re.findall(r"`([\w/]+\.py)`", row)
     )
     cells = "|".join(row.split("|")[1:-2])
@@ -105,7 +110,7 @@ def test_every_symbol_of_the_paper_is_there():
 
 @pytest.mark.parametrize("name", QUICK)
 def test_the_files_of_the_quick_run_exist(name):
-    assert (TESTS / name).exists()
+    assert (TESTS / name).exists() or (EXTENSIONS / name).exists()
 
 
 DOCUMENT = (Path(__file__).parents[2] / "PROTOCOL.md").read_text(encoding="utf-8")

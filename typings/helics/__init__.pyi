@@ -1,4 +1,4 @@
-# The part of HELICS that minerva_bus.cosimulation uses.
+# The part of HELICS that minerva_cosimulation uses.
 from typing import Any
 
 class HelicsException(Exception): ...

@@ -197,30 +197,6 @@ def plot(
 
 
 @examples(
-    "minerva conversation talk.mcap",
-    "minerva conversation talk.mcap --output talk.mmd",
-)
-def conversation(
-    file: Record,
-    conversation: Annotated[
-        str, typer.Option(help="Show only the conversation with this id.")
-    ] = "",
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="A .svg, or a .mmd for Mermaid.")
-    ] = None,
-    json: Json = False,
-    force: Force = False,
-) -> None:
-    """Draw the messages between agents as a sequence diagram.
-
-    Without --output it prints the diagram as Mermaid text.
-    """
-    from minerva_bus.cli.conversing import show_conversation
-
-    show_conversation(file, conversation, output, json)
-
-
-@examples(
     "minerva map run.log",
     "minerva map scans.mcap --output house.pgm --cell 0.1",
 )

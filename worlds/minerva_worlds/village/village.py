@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+from minerva_assistants.minds import MINDS, Mind, eAsk
 from minerva_bus import (
     EMPTY,
     Context,
@@ -27,9 +28,8 @@ from minerva_bus import (
     portable,
     view,
 )
-from minerva_bus.acl import MESSAGES, REQUEST, Conversation, Talker
 from minerva_bus.errors import MinervaError
-from minerva_bus.minds import MINDS, Mind, eAsk
+from minerva_messages import MESSAGES, REQUEST, Conversation, Talker
 
 NAMES = (
     *("ada", "bela", "cora", "dario", "elin", "fritz"),

@@ -32,8 +32,8 @@ from minerva_bus import (
     portable,
     view,
 )
-from minerva_bus.acl import CONTRACT_NET, MESSAGES, Conversation, Talker
 from minerva_bus.grammar.scene import FigureNode
+from minerva_messages import CONTRACT_NET, MESSAGES, Conversation, Talker
 
 WIDTH, HEIGHT, HOME, AISLE = 24.0, 9.0, 1.0, 0.8  # metres
 SPEED, FULL, CHARGED = 0.45, 100.0, 1.5  # metres: per frame; per full charge; charged per frame

@@ -1,0 +1,5 @@
+"""Models of FMI 3 (FMUs) in a world."""
+
+from minerva_cosimulation.fmu_service.service import Fmu
+
+__all__ = ["Fmu"]

@@ -1,0 +1,80 @@
+"""Rewards, and the conditions under which the episode of an agent ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from minerva_bus.errors import MisuseError, VocabularyError, nearest
+from minerva_bus.grammar.condition import Scope, parse_condition
+from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.world.expressions import in_double_quotes
+from minerva_learning.states import KindStates
+
+Reward: TypeAlias = "str | Callable[[AgentNode, AgentNode | None], float] | None"
+"""An attribute whose increase counts, or a function of an agent before and after a step (None: it
+has died); None: 1 for each step survived."""
+
+Done: TypeAlias = "str | Callable[[AgentNode], bool] | None"
+"""A condition about attributes, or a function of an agent; None: agents only end by their death."""
+
+Rewarding: TypeAlias = Callable[[KindStates, KindStates, list[str]], dict[str, float]]
+Ending: TypeAlias = Callable[[KindStates], set[str]]
+
+
+def rewarding_of(reward: Reward, kind: AgentKind) -> Rewarding:
+    """The rewards of agents for a step, by id. Raises MisuseError for an unknown attribute."""
+    if reward is None:
+        return lambda before, after, ids: {agent: float(agent in after.row) for agent in ids}
+    if not isinstance(reward, str):
+        return lambda before, after, ids: {
+            agent: _number(reward(before.nodes[agent], after.nodes.get(agent)), agent)
+            for agent in ids
+        }
+    types = {field.name: field.type for field in kind.fields.all}
+    if reward not in types or types[reward].kind not in ("real", "int", "bool"):
+        raise MisuseError(
+            f"reward: {kind.name} has no number {reward}{nearest(reward, [*types])}; a function is"
+            " called with the agent before and after the step"
+        )
+    return lambda before, after, ids: _increase(reward, before, after, ids)
+
+
+def _number(value: Any, agent: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise MisuseError(
+            f"reward: the function returned {value!r:.60} for {agent}; expected a number"
+        ) from None
+
+
+def _increase(name: str, before: KindStates, after: KindStates, ids: list[str]) -> dict[str, float]:
+    """The increase of an attribute; 0 for agents that have died."""
+    old, new = before.column(name), after.column(name)
+    return {
+        agent: float(new[after.row[agent]]) - float(old[before.row[agent]])
+        if agent in after.row
+        else 0.0
+        for agent in ids
+    }
+
+
+def ending_of(done: Done, kind: AgentKind) -> Ending:
+    """The living agents whose episode ends. Raises VocabularyError for a wrong condition."""
+    if done is None:
+        return lambda states: set()
+    if not isinstance(done, str):
+        return lambda states: {agent for agent, node in states.nodes.items() if done(node)}
+    condition = parse_condition(in_double_quotes(done), "done")
+    condition.check([Scope(kind.name, list(kind.fields.names), kind.sort_of)], "done")
+    if not condition.comparisons:
+        raise VocabularyError("done: the condition is empty", source="done")
+
+    def ending(states: KindStates) -> set[str]:
+        columns = {name: states.column(name) for name in condition.names}
+        holds = condition.holds_of_many(columns, len(states.ids))
+        return {agent for agent, ends in zip(states.ids, holds, strict=True) if ends}
+
+    return ending

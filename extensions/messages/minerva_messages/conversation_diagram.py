@@ -1,0 +1,39 @@
+"""`minerva conversation`: the messages between agents in a record, as a sequence diagram."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from minerva_bus.cli.output import print_json, print_result
+from minerva_bus.errors import MinervaError
+from minerva_bus.log.reader import Record
+from minerva_bus.outputs import check_output, write_output
+from minerva_messages.exchanges import Exchange, check_drawable, exchange_of
+
+
+def show_conversation(file: Path, conversation: str, output: Path | None, as_json: bool) -> None:
+    """Print a record's messages as Mermaid or JSON, or draw them into a file.
+
+    Raises RecordError, and MinervaError for a file that cannot be written.
+    """
+    if output is not None and output.suffix.lower() not in (".svg", ".mmd"):
+        raise MinervaError(f"{output}: a conversation is drawn into a .svg or a .mmd")
+    if output is not None:
+        check_output(output, "conversation")
+    with Record(file) as record:
+        exchange = exchange_of(record, conversation)
+        if output is not None or not as_json:
+            check_drawable(record, exchange)
+    if output is not None:
+        _write(output, exchange)
+    if as_json:
+        print_json(exchange.plain())
+    else:
+        print_result(exchange.mermaid().rstrip() if output is None else str(output))
+
+
+def _write(output: Path, exchange: Exchange) -> None:
+    from minerva_messages.sequence import draw
+
+    text = draw(exchange) if output.suffix.lower() == ".svg" else exchange.mermaid()
+    write_output(output, text.encode(), "conversation")
