@@ -1,4 +1,8 @@
-"""Imports go in one direction, and each library has one place (ARCHITECTURE.md)."""
+"""Imports go in one direction, and each library has one place (ARCHITECTURE.md).
+
+The kernel, `minerva_bus`, imports no extension; an extension imports the kernel, services and the
+extensions that it requires. Imports within functions and under TYPE_CHECKING count.
+"""
 
 import ast
 import re
@@ -25,13 +29,8 @@ ORDER = [
     "runtime",
     "settings",
     "launch",
-    "acl",
-    "minds",
     "study",
     "api",
-    "rl",
-    "cosimulation",
-    "mcp",
     "testing",
     "cli",
 ]
@@ -40,13 +39,29 @@ ONLY = {
     "typer": "cli",
     "msgpack": "wire",
     "mcap": "log",
-    "mcp": "mcp",
-    "gymnasium": "rl",
-    "pettingzoo": "rl",
-    "mosaik_api_v3": "cosimulation",
-    "pythonfmu3": "cosimulation",
-    "helics": "cosimulation",
 }
+
+INSIDE = {
+    "study": (
+        *("study", "api/studies.py", "api/calibrating.py", "api/evolving.py", "api/branching.py"),
+        "grammar/mutation",
+    ),
+    "fast": ("compiled", "space"),
+}
+"""Extensions that are still packages of the kernel."""
+TIES = {
+    "study": """
+        __init__ api.live api.run_result api.study_tables cli.branching cli.calibrating
+        cli.commands.studies cli.evolving cli.plotting cli.study_options cli.sweeping
+        launch.branching launch.description launch.typed
+    """,
+    "fast": """
+        launch.compiling world.agent world.compiled_rows world.compiled_views world.compiling
+    """,
+}
+"""The modules of the kernel that import these; the lists may only shrink."""
+REQUIRED: dict[str, set[str]] = {}
+"""Extensions that others require, by the extension that requires them."""
 
 
 @cache
@@ -82,6 +97,42 @@ def test_the_document_has_this_order():
     assert line.split() == " → ".join(ORDER).split()
     folders = {path.parent.name for path in (ROOT / "minerva_bus").glob("*/__init__.py")}
     assert folders == set(ORDER)
+
+
+@cache
+def extensions():
+    return {path.name for path in (ROOT / "extensions").iterdir() if path.is_dir()}
+
+
+@pytest.mark.parametrize("folder", ["minerva_bus", "services", "agents"])
+def test_the_kernel_imports_no_extension(folder):
+    for path in files(folder):
+        for name in imports(path):
+            extension = name.split(".")[0].removeprefix("minerva_")
+            assert extension not in extensions(), f"{path.relative_to(ROOT)} imports {name}"
+
+
+@pytest.mark.parametrize("name", sorted(extensions()))
+def test_an_extension_imports_only_extensions_that_it_requires(name):
+    others = {f"minerva_{each}" for each in extensions() - REQUIRED.get(name, set()) - {name}}
+    for path in files(f"extensions/{name}"):
+        # Tests run worlds, but an extension does not know them.
+        more = () if "tests" in path.parts else ("minerva_agents", "minerva_worlds")
+        for imported in imports(path):
+            assert imported.split(".")[0] not in {*others, *more}, path
+
+
+@pytest.mark.parametrize("name", INSIDE)
+def test_the_ties_of_the_kernel_to_an_extension_within_it_only_shrink(name):
+    kernel = ROOT / "minerva_bus"
+    own = [path for part in INSIDE[name] for path in (kernel / part, *(kernel / part).rglob("*"))]
+    dotted = {".".join(path.relative_to(ROOT).with_suffix("").parts) for path in own}
+    ties = {
+        ".".join(path.relative_to(kernel).with_suffix("").parts)
+        for path in files("minerva_bus")
+        if path not in own and dotted & {*imports(path)}
+    }
+    assert ties == set(TIES[name].split())
 
 
 def test_modules_beside_the_packages_import_none_of_them():
