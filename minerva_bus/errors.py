@@ -28,8 +28,8 @@
 
 A module name at the end of a line says where a class is defined; the others are defined here.
 Extensions, services and agents derive their own errors from `MinervaError`, in the modules that
-raise them. tests/unit/test_references.py compares the tree with the classes. An error message says who
-failed, where, what was expected and what to do next.
+raise them. tests/unit/test_references.py compares the tree with the classes. An error message says
+who failed, where, what was expected and what to do next.
 """
 
 from __future__ import annotations

@@ -95,8 +95,7 @@ def test_the_modules_of_a_row_exist(row):
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.split("|")[1].strip())
 def test_the_classes_of_a_row_are_defined_in_its_modules(row):
     text = "".join(
-        path_of(module).read_text(encoding="utf-8")
-        for module in re.findall(r"`([\w/]+\.py)`", row)
+        path_of(module).read_text(encoding="utf-8") for module in re.findall(r"`([\w/]+\.py)`", row)
     )
     cells = "|".join(row.split("|")[1:-2])
     for name in re.findall(r"`([A-Z]\w+)", cells):
