@@ -20,6 +20,8 @@ from minerva_bus.log.errors import RecordError
 from minerva_messages import MESSAGES, eMessage
 from minerva_messages.conversation_diagram import show_conversation
 from minerva_messages.exchanges import MOST
+from tests.log.recorded_runs import bytes_of
+from tests.log.test_damaged import CHUNK, flipped, parts
 
 mcap = pytest.importorskip("mcap")
 
@@ -172,15 +174,16 @@ def test_an_unwritable_folder(record, tmp_path):
         show_conversation(record(TALK), "", tmp_path / "nowhere" / "x.svg", False)
 
 
-def test_damage_that_took_all_messages_is_named(record):
-    data = bytearray(record.read_bytes())
-    data[len(data) // 4 : len(data) // 2] = bytes(len(data) // 2 - len(data) // 4)
-    record.write_bytes(data)
+def test_damage_that_took_all_messages_is_named(tmp_path):
+    broken = bytes_of("meadow")
+    for at, _ in parts(broken, CHUNK)[1:]:
+        broken = flipped(broken, at + 100)
+    (tmp_path / "broken.mcap").write_bytes(broken)
     with (
-        pytest.warns(DamagedRecordWarning, match="is damaged: bytes .*; lost: all from frame"),
+        pytest.warns(DamagedRecordWarning, match="is damaged: bytes .*; lost: all from frame 0 on"),
         pytest.raises(MinervaError, match="there is no eMessage"),
     ):
-        show_conversation(record, "", None, as_json=False)
+        show_conversation(tmp_path / "broken.mcap", "", None, as_json=False)
 
 
 def test_a_missing_record(tmp_path):
