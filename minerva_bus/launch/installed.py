@@ -41,7 +41,7 @@ def entries(group: str) -> Mapping[str, EntryPoint]:
 
 @cache
 def _is_there(package: str) -> bool:
-    return importlib.util.find_spec(package) is not None
+    return not package.startswith(OWN) or importlib.util.find_spec(package) is not None
 
 
 @cache

@@ -8,16 +8,16 @@ import pytest
 
 from tests import patience
 
-TESTS = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 NAMED = {"timeout", "open_timeout", "patience", "within"}
 WAITS = {"wait", "join", "wait_for", "wait_for_publish", "settimeout", "set_default_timeout"}
 CLOCKS = {"monotonic", "perf_counter", "time"}
 SHORT = 1.0
 """A smaller number is the pace of a loop, not a limit."""
 REASONS = {
-    "assistants/reference_server.py": "the interval of a server that the suite for assistants expects",
-    "bridges/spade_rig.py": "an agent that looks again each second",
-    "conformance/naive.py": "a member with the times of PROTOCOL.md",
+    "extensions/assistants/tests/reference_server.py": "the interval of a server that the suite for assistants expects",
+    "extensions/messages/tests/spade_rig.py": "an agent that looks again each second",
+    "extensions/conformance/tests/naive.py": "a member with the times of PROTOCOL.md",
 }
 """Files with times that are no guards of a test."""
 
@@ -54,9 +54,9 @@ def limits(path):
 
 def test_no_test_has_a_limit_in_bare_seconds():
     found = {}
-    for path in TESTS.rglob("*.py"):
+    for path in (*ROOT.glob("tests/**/*.py"), *ROOT.glob("extensions/*/tests/**/*.py")):
         if texts := list(limits(path)):
-            found[str(path.relative_to(TESTS))] = texts
+            found[str(path.relative_to(ROOT))] = texts
     unknown = {name: texts for name, texts in found.items() if name not in REASONS}
     assert not unknown, "take tests.patience, or no limit: that of the test interrupts a call"
     assert not REASONS.keys() - found.keys()
