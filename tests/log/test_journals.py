@@ -64,3 +64,19 @@ def test_epochs_rise_from_0_with_any_clock(now, tmp_path):
     assert (first, stamped(stamp(first))[0]) == (0, 0)
     Journal(tmp_path / "w.journal", first, FrameAlgorithm(world))
     assert next_epoch(read_journal(tmp_path / "w.journal", world), now) == 1
+
+
+def test_frames_that_a_paused_world_may_run_are_deducted_not_noted_again(written):
+    written.pace(30.0, 5)
+    written.frame(INPUTS)
+    size = written.path.stat().st_size
+    written.pace(30.0, 4)
+    assert written.path.stat().st_size == size
+    written.pace(30.0, 3)
+    assert written.path.stat().st_size > size
+
+
+def test_only_its_owner_may_read_a_journal(tmp_path):
+    path = tmp_path / "own" / "w.journal"
+    Journal(path, 1, FrameAlgorithm(harbour().read().world)).close(over=False)
+    assert [each.stat().st_mode & 0o777 for each in (path, path.parent)] == [0o600, 0o700]
