@@ -251,7 +251,7 @@ class Norms:
     def _sanctions_of(self, norm: Norm) -> list[Event]:
         """The events that a violator receives in the next frame."""
         sanctions = [] if norm.sanction is None else [norm.sanction]
-        if self._refusal is not None and norm.refuses and not norm.on:
+        if self._refusal is not None and norm.refuses_steps:
             refusal = sanction_of(norm.name, self._refusal, {})
             sanctions += [refusal] if refusal.type not in [e.type for e in sanctions] else []
         return sanctions

@@ -1,4 +1,4 @@
-"""Orders: the events that people may send; those of sensors and clocks are reserved."""
+"""Orders: the events that people may send; those of sensors, clocks and norms are reserved."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
     """Reason for rejecting people's events of a type, or an empty string.
 
     They may send event types that a generator takes as orders, that the world file lists, or that
-    no generator makes. All other events are measured or computed; sent from a terminal they would
-    be false statements about the world.
+    neither a generator makes nor a norm sends. All other events are measured or computed; sent from
+    a terminal they would be false statements about the world.
     """
     reserved, members = _reservation(world, event_type), world.members
     if reserved:
@@ -44,11 +44,12 @@ def refusal_of_guest(world: FrameAlgorithm, hello: Hello, event_types: Iterable[
     """Reason for rejecting these event types of an attached generator, or an empty string.
 
     One that stands for people, such as a keyboard, may send what people may send; another may be a
-    sensor. A process of the world file is the choice of this file.
+    sensor, but no norm. A process of the world file is the choice of this file.
     """
-    if not hello.people or world.members.is_process(hello.member):
+    if world.members.is_process(hello.member):
         return ""
-    reasons = (_reservation(world, event_type) for event_type in event_types)
+    reserves = _reservation if hello.people else _reservation_by_norms
+    reasons = (reserves(world, event_type) for event_type in dict.fromkeys(event_types))
     reserved = next(filter(None, reasons), "")
     return reserved and f"{reserved}, or make {hello.member} a process of it"
 
@@ -60,8 +61,21 @@ def _reservation(world: FrameAlgorithm, event_type: str) -> str:
     if event_type in world.world.people or any(map(members.is_process, members.takers(event_type))):
         return ""
     makers = ", ".join(members.makers(event_type))
-    return makers and (
-        f"{event_type} comes from {makers}, so people may not send it; to let them,"
+    return _reservation_by_norms(world, event_type) or (makers and _reserved(event_type, makers))
+
+
+def _reservation_by_norms(world: FrameAlgorithm, event_type: str) -> str:
+    """Why an event type is for norms alone, and how to allow it; or an empty string."""
+    if event_type in world.world.people:
+        return ""
+    norms = [norm for norm in world.world.norms if event_type in norm.sends]
+    names = ", ".join(norm.name for norm in norms[:_MAX_LISTED])
+    return names and _reserved(event_type, f"the norm{'s'[: len(norms) > 1]} {names}")
+
+
+def _reserved(event_type: str, sources: str) -> str:
+    return (
+        f"{event_type} comes from {sources}, so people may not send it; to let them,"
         f' write people = ["{event_type}"] under [world] in the world file'
     )
 

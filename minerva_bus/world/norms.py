@@ -68,6 +68,17 @@ class Norm:
     sanction: Event | None = None
 
     @property
+    def refuses_steps(self) -> bool:
+        """Whether it rejects new states of agents, who are told so by `eRefused`."""
+        return self.refuses and not self.on
+
+    @property
+    def sends(self) -> tuple[str, ...]:
+        """The event types that violators receive."""
+        own = () if self.sanction is None else (self.sanction.type,)
+        return (*own, REFUSED) if self.refuses_steps else own
+
+    @property
     def conditions(self) -> tuple[Condition, ...]:
         """The conditions of the norm; an act is forbidden if it fulfils all of them."""
         return tuple(

@@ -12,6 +12,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.orders import refusal_of_order, unknown_value
+from minerva_bus.world.norms import Norm
 
 
 class Keys(Add):
@@ -44,6 +45,21 @@ def test_people_may_send_types_with_a_taker_even_if_another_generates_them():
     also = taking(more=service("more", Taker), steps=service("steps", Steps)).do("start, run 1")
     assert refusal(also, "eAdd") == ""
     assert "comes from steps" in refusal(also, "eStep")
+
+
+def test_what_norms_send_is_from_nobody_else():
+    """Neither people nor an attached generator, whether it stands for people or not."""
+    norms = Norm("quiet", on=("eStep",), when="event.count > 9", sanction=eAdd(9)), Norm("held", when="n > 9")
+    bus = started(counters(norms=norms, members={"add": service("add", Steps)}))
+    reserved = "comes from the norm {}, so people may not send it; to let them, write people = "
+    assert reserved.format("quiet") in refusal(bus, "eAdd")
+    assert reserved.format("held") in refusal(bus, "eRefused")
+    for name, generator in (("sensor", Add), ("keys", Keys)):
+        said, _ = attached(bus, generator, name)
+        assert reserved.format("quiet") in said[0], said
+    allowed = started(counters(norms=norms, people=("eAdd",)))
+    assert refusal(allowed, "eAdd") == ""
+    assert attached(allowed, Add)[0] == []
 
 
 def test_the_world_file_may_allow_it():
