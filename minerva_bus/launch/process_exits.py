@@ -75,8 +75,9 @@ class ProcessExits:
         """Restart a process that has failed, or end its part or the world."""
         run = self._run
         spec, name = process.spec, process.name
-        # These codes announce a report, which decides between a restart and the end.
-        if code in (RAISED, RAISED_BY_CHANCE):
+        # These codes announce a report, which decides between a restart and the end; a program in
+        # another language may have sent one with any code.
+        if code in (RAISED, RAISED_BY_CHANCE) or (spec.command and code > 0):
             self._await_cause(process)
         # The report has been shown and is more specific than the exit code.
         unready = code == UNREADY

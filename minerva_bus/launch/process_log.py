@@ -10,8 +10,11 @@ from minerva_bus.launch import forking
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.traces import blocked_at
 from minerva_bus.launch.worldfile import Process
-from minerva_bus.runtime.member import RAISED
+from minerva_bus.runtime.member import RAISED_BY_CHANCE
 from minerva_bus.wording import duration
+
+IN_A_FRAME: Final = re.compile(r"failed in frame \d+: ")
+"""Beginning of the report about an error that the same frame would cause again."""
 
 FAILURE_REPORT: Final = re.compile(r"failed(?: in frame \d+)?: ")
 """Beginning of a member's report about an error in its user code."""
@@ -54,7 +57,8 @@ class FailureLog:
 
         The cause names the frame and the event: the same input fails again.
         """
-        if code != RAISED or not cause:
+        # A member in another language may end with any code after its report.
+        if code <= 0 or code == RAISED_BY_CHANCE or not IN_A_FRAME.match(cause):
             return False
         key = ("" if process.agents else process.name, cause)
         repeated = key in self._before

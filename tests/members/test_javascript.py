@@ -73,20 +73,27 @@ def test_it_needs_no_other_package() -> None:
     assert all(name.startswith(("./", "../src/", "node:")) for name in imports), imports
 
 
-def garden(folder: Path, processes: str, string: str = "") -> dict:
-    """The summary of the garden with these processes, each in a world file of its own."""
+def run_garden(
+    folder: Path, processes: str, string: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """A run of the garden with these processes."""
     shutil.copy(EXAMPLES / "garden.py", folder)
     text = (EXAMPLES / "garden.toml").read_text(encoding="utf-8")
     if string:
         text = re.sub("string = .*", f'string = "{string}"', text)
     file = folder / "garden.toml"
     file.write_text(text[: text.index("[process.")] + processes)
-    done = subprocess.run(
+    return subprocess.run(
         [sys.executable, "-m", "minerva_bus.cli.main", "run", str(file), "--json"],
         env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder)},
         capture_output=True,
         text=True,
     )
+
+
+def garden(folder: Path, processes: str, string: str = "") -> dict:
+    """The summary of the garden with these processes, each in a world file of its own."""
+    done = run_garden(folder, processes, string)
     assert done.returncode == 0, done.stderr
     assert "Error" not in done.stderr
     return json.loads(done.stdout)
@@ -124,6 +131,25 @@ def test_the_generator_of_the_guide_runs(tmp_path: Path) -> None:
     dew = '[process.dew]\ncommand = ["node", "dew.js"]\non_failure = "stop"\n'
     summary = garden(folder, scripts("snails", "sun", "rain") + dew)
     assert summary["drops"] > 0
+
+
+def test_a_misspelt_event_ends_the_world_after_one_restart(tmp_path: Path) -> None:
+    shutil.copytree(PACKAGE / "src", tmp_path / "src")
+    shutil.copy(PACKAGE / "package.json", tmp_path)
+    folder = tmp_path / "examples"
+    folder.mkdir()
+    rain = (EXAMPLES / "rain.js").read_text(encoding="utf-8")
+    wrong = 'event(frame < 6n ? "eRain" : "eRian")'
+    (folder / "rain.js").write_text(rain.replace('event("eRain")', wrong))
+    process = '[process.rain]\ncommand = ["node", "rain.js"]\n'
+    done = run_garden(folder, scripts("snails", "sun") + process)
+    assert done.returncode == 1
+    said = [line for line in done.stderr.splitlines() if line.startswith("rain │")]
+    problem = "the world's vocabulary has no eRian"
+    assert f"rain │ failed in frame 6: {problem}" in said
+    assert sum("; restart " in line for line in said) == 1
+    assert "failed again with the same error in the same frame" in said[-1]
+    assert len(said) <= 8 and "dropped" not in done.stderr, done.stderr
 
 
 def test_snails_in_both_languages_are_the_same(tmp_path: Path) -> None:

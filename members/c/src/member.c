@@ -6,9 +6,10 @@
 #include <unistd.h>
 
 enum { VERSION = 7, GREETING = 10, SUCCESSOR = 5, FLUSHING = 1, LONGEST_KEY = 256 };
+enum { RAISED = 70 }; /* exit code after an error that the same input would cause again */
 
 mb_member mb_member_of(const char *name, mb_role role, mb_outside outside) {
-    return (mb_member){.name = name, .role = role, .outside = outside, .epoch = -1};
+    return (mb_member){.name = name, .role = role, .outside = outside, .epoch = -1, .asked_for = -1};
 }
 
 void mb_member_subscribe(const mb_member *member, void (*subscribe)(void *self, const char *key)) {
@@ -107,13 +108,13 @@ void mb_member_fail(mb_member *member, const char *problem) {
     mb_buffer body = {0};
     mb_write_list(&body, 4);
     mb_write_text(&body, "failed");
-    mb_write_int(&body, member->has_joined ? member->frame : -1);
+    mb_write_int(&body, member->asked_for);
     mb_write_text(&body, problem);
     mb_write_text(&body, "");
     mb_member_send(member, &body);
     mb_free(&body);
     member->outside.log(member->outside.self, problem);
-    member->outside.end(member->outside.self, 1);
+    member->outside.end(member->outside.self, RAISED);
 }
 
 /* --- receiving --- */
@@ -212,6 +213,8 @@ static bool act(mb_member *member, const mb_value *message) {
         member->is_stopping = true;
         member->outside.wait(member->outside.self, FLUSHING, 0);
     } else if (member->has_joined || mb_is(name, "sources")) {
+        if (mb_is(name, "tick") || mb_is(name, "evolve")) member->asked_for = message->items[1].integer;
+        if (mb_is(name, "view")) member->asked_for = message->items[2].integer;
         return member->role.receive(member->role.self, member, message);
     }
     return true;

@@ -48,6 +48,7 @@ struct mb_member {
     mb_outside outside;
     mb_vocabulary vocabulary;
     int64_t epoch, seed, frame; /* `frame`: the one of the welcome */
+    int64_t asked_for;          /* the frame of the last request; -1 before the first */
     double dt;
     bool has_joined, obeys, has_coordinator, is_stopping;
 };

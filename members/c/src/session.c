@@ -331,10 +331,11 @@ static bool receive_message(mb_session *session, const mb_message *message) {
     return true;
 }
 
-static bool receive_messages(mb_session *session, const uint8_t *data, size_t size) {
+/* Receives network messages, and advances to a transport message that follows them, or to the end. */
+static bool receive_messages(mb_session *session, const uint8_t **at, const uint8_t *end) {
     mb_message message;
-    for (const uint8_t *at = data, *end = data + size; at < end && session->socket >= 0;) {
-        if (!mb_wire_message(&at, end, &message)) return false;
+    while (*at < end && session->socket >= 0 && !mb_wire_is_transport(**at)) {
+        if (!mb_wire_message(at, end, &message)) return false;
         if (!receive_message(session, &message)) session->listener.on_problem(session->listener.self);
     }
     return true;
@@ -345,23 +346,26 @@ static bool receive_fragment(mb_session *session, const mb_batch *batch) {
     session->is_too_large = session->is_too_large || whole->size + batch->size > LARGEST;
     if (!session->is_too_large) mb_add(whole, batch->body, batch->size);
     if (batch->more) return true;
+    const uint8_t *at = whole->data;
     const bool is_read = session->is_too_large ? mb_refuse("a message is too large")
-                                               : receive_messages(session, whole->data, whole->size);
+                                               : receive_messages(session, &at, at + whole->size);
     mb_free(whole);
     session->is_too_large = false;
     return is_read;
 }
 
 static bool receive_batch(mb_session *session, const uint8_t *data, size_t size) {
+    const uint8_t *at = data, *end = data + size;
     mb_batch batch;
     do {
-        if (!mb_wire_batch(data, size, &batch)) return false;
-        data = batch.body;
-        size = batch.size;
-    } while (batch.type == MB_KEEP_ALIVE && size > 0);
-    if (batch.type == MB_CLOSE) lose_link(session);
-    if (batch.type == MB_FRAME) return receive_messages(session, data, size);
-    return batch.type != MB_FRAGMENT || receive_fragment(session, &batch);
+        if (!mb_wire_batch(at, (size_t)(end - at), &batch)) return false;
+        if (batch.type == MB_CLOSE) lose_link(session);
+        if (batch.type == MB_FRAGMENT) return receive_fragment(session, &batch);
+        if (batch.type != MB_FRAME && batch.type != MB_KEEP_ALIVE) return true;
+        at = batch.body;
+        if (batch.type == MB_FRAME && !receive_messages(session, &at, end)) return false;
+    } while (at < end && session->socket >= 0);
+    return true;
 }
 
 static void receive_batches(mb_session *session) {

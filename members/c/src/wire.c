@@ -12,6 +12,7 @@ enum {
 };
 
 enum { INIT = 0x01, OPEN, CLOSE, KEEP_ALIVE, FRAME, FRAGMENT };
+enum { LAST_TRANSPORT = 0x07 }; /* JOIN, between routers */
 enum { INTEREST = 0x19, PUSH = 0x1d, DECLARE = 0x1e, OAM = 0x1f };
 enum { NAMED = 0x20, RELIABLE = 0x20, MORE = 0x40, EXTENSIONS = 0x80 };
 enum { TYPE = 0x1f };
@@ -217,6 +218,8 @@ bool mb_wire_batch(const uint8_t *data, size_t size, mb_batch *batch) {
     }
     return !in.is_cut || mb_refuse("a message of Zenoh is cut off");
 }
+
+bool mb_wire_is_transport(uint8_t header) { return (header & TYPE) <= LAST_TRANSPORT; }
 
 static void read_push(reader *in, uint8_t header, mb_message *message) {
     read_key(in, header, message);

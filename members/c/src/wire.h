@@ -43,6 +43,9 @@ typedef struct mb_batch {
 /* False, with a problem, if the bytes are no transport message of a router. */
 bool mb_wire_batch(const uint8_t *data, size_t size, mb_batch *batch);
 
+/* Whether a header begins a transport message, which may follow the network messages of a FRAME in its batch. */
+bool mb_wire_is_transport(uint8_t header);
+
 typedef enum mb_network {
     MB_PUT,
     MB_KEY,       /* a mapping is declared */

@@ -10,6 +10,11 @@ import { decode, decodeAll, encode, Invalid } from "./msgpack.js";
 import { Vocabulary } from "./vocabulary.js";
 
 export const VERSION = 7n;
+/** Exit code after an error that the same input would cause again. */
+const RAISED = 70;
+const HERE = import.meta.url.replace(/[^/]*$/, "");
+/** Where the messages that ask a member for work name their frame. */
+const FRAME_AT = { tick: 0, evolve: 0, view: 1 };
 const SECONDS = { greeting: 10, successor: 5, flushing: 1 };
 /** Messages that begin a member's obedience to a coordinator. */
 const LEADING = ["greet", "refused", "stop"];
@@ -40,6 +45,8 @@ const ITEMS = {
 export class Member {
   epoch = -1n;
   joined = null;
+  /** The frame that it was last asked for; -1 before the first. */
+  frame = -1n;
   #obeys = false;
   #isThere = false;
   #isStopping = false;
@@ -101,9 +108,11 @@ export class Member {
   }
 
   #fail(error) {
-    this.send("failed", this.joined?.frame ?? -1n, String(error.message ?? error), String(error.stack ?? ""));
-    this.outside.log(String(error.stack ?? error));
-    this.outside.end(1);
+    const problem = `${error.message ?? error}${ownPlace(String(error.stack ?? ""))}`;
+    // The stack is in the log of the world.
+    this.send("failed", this.frame, problem, String(error.stack ?? ""));
+    this.outside.log(problem);
+    this.outside.end(RAISED);
   }
 
   /** The coordinator's token has appeared or vanished. */
@@ -161,6 +170,7 @@ export class Member {
       this.outside.end(2);
     } else if (name === "stop") this.#stop();
     else if (this.joined !== null || name === "sources") {
+      if (name in FRAME_AT) this.frame = items[FRAME_AT[name]];
       this.role[`on${name[0].toUpperCase()}${name.slice(1)}`]?.(...items);
     }
   }
@@ -183,4 +193,11 @@ export class Member {
     this.#isStopping = true;
     this.outside.wait(SECONDS.flushing, 0);
   }
+}
+
+/** The innermost line of a stack in the program's own code, as a second line of an error; "" without one. */
+function ownPlace(stack) {
+  const isOwn = (line) => /^\s+at .*:\d+:\d+\)?$/.test(line) && !line.includes(HERE) && !line.includes("node:");
+  const line = stack.split("\n").find(isOwn);
+  return line === undefined ? "" : `\n${line.trimEnd()}`;
 }

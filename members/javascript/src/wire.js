@@ -7,6 +7,7 @@ const SEQUENCE_MASK = 0x0fffffff; // such a sequence number is written in at mos
 const RELIABLE = 0x20;
 const MORE = 0x40;
 const EXTENSIONS = 0x80;
+const LAST_TRANSPORT = 0x07; // JOIN; network messages have numbers from 0x19 on
 const BLOCK_AT_DATA_PRIORITY = 0x0d;
 
 const TOKENS = 0x08;
@@ -195,11 +196,16 @@ function readInit(reader, header) {
   return { version, id, batchSize, cookie: reader.slice() };
 }
 
-/** The network messages in the body of a FRAME. */
+/**
+ * The network messages in the body of a FRAME. Further transport messages may share its batch, such as
+ * the CLOSE of a router that ends: they come last, as one of type `batch`.
+ */
 export function* readMessages(body) {
   const reader = new Reader(body);
   while (!reader.isEmpty) {
+    const start = reader.at;
     const header = reader.byte();
+    if ((header & 0x1f) <= LAST_TRANSPORT) return yield { type: "batch", body: body.subarray(start) };
     switch (header & 0x1f) {
       case 0x1d: yield readPush(reader, header); break;
       case 0x1e: yield readDeclaration(reader, header); break;

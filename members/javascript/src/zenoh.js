@@ -6,6 +6,7 @@ import * as wire from "./wire.js";
 // Node 18 has no global `crypto`.
 const { webcrypto } = globalThis.crypto ? { webcrypto: globalThis.crypto } : await import("node:crypto");
 
+const NOTHING = new Uint8Array(0);
 const LEASE = 3; // seconds
 const RETRY = { first: 50, most: 500 }; // milliseconds
 const OPENING = 5000; // milliseconds
@@ -196,18 +197,19 @@ export class Session {
   #receive(bytes) {
     this.#heardAt = performance.now();
     try {
-      this.#receiveBatch(bytes);
+      for (let rest = bytes; rest.length > 0; ) rest = this.#receiveBatch(rest);
     } catch (error) {
       if (!(error instanceof wire.WireError)) throw error;
       this.#handlers.onProblem(`dropped a message of the bus: ${error.message}`);
     }
   }
 
+  /** Returns what follows the first transport message of a batch. */
   #receiveBatch(bytes) {
     const batch = wire.readBatch(bytes);
-    if (batch.type === "close") return this.#lose(this.#link);
-    if (batch.type === "keepAlive" && batch.body.length > 0) return this.#receiveBatch(batch.body);
-    if (batch.type === "frame") this.#receiveMessages(batch.body);
+    if (batch.type === "close") this.#lose(this.#link);
+    if (batch.type === "keepAlive") return batch.body;
+    if (batch.type === "frame") return this.#receiveMessages(batch.body);
     if (batch.type === "fragment") {
       this.#fragments.push(batch.body.slice());
       if (!batch.more) {
@@ -216,10 +218,15 @@ export class Session {
         this.#receiveMessages(joinedPieces(pieces));
       }
     }
+    return NOTHING;
   }
 
   #receiveMessages(body) {
-    for (const message of wire.readMessages(body)) this.#receiveMessage(message);
+    for (const message of wire.readMessages(body)) {
+      if (message.type === "batch") return message.body;
+      this.#receiveMessage(message);
+    }
+    return NOTHING;
   }
 
   #receiveMessage({ type, key, payload, number, interest }) {

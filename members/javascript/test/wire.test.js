@@ -68,6 +68,14 @@ test("a PUT with timestamp, encoding, schema and extensions", () => {
   assert.equal(hex(message.payload), hex(ascii("abc")));
 });
 
+test("transport messages after those of a FRAME are of the batch", () => {
+  const body = Uint8Array.from([...wire.put("a", ascii("b")), ...wire.keepAlive(), ...wire.close()]);
+  const [put, { type, body: rest }, ...none] = wire.readMessages(body);
+  assert.deepEqual([put.type, type, none.length], ["put", "batch", 0]);
+  const batch = wire.readBatch(rest);
+  assert.deepEqual([batch.type, wire.readBatch(batch.body).type], ["keepAlive", "close"]);
+});
+
 test("declarations of an interest, and its end", () => {
   const token = [0x3e, 0x02, 0x66, 0x07, 0x00, 0x01, 0x61];
   const gone = [0x1e, 0x87, 0x07, 0x5f, 0x03, 0x01, 0x00, 0x61];

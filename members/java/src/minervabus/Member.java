@@ -39,11 +39,16 @@ final class Member {
     /** What a coordinator has said in its welcome. */
     record Welcome(Vocabulary vocabulary, long seed, double dt, long frame, Map<?, ?> saved) {}
 
+    /** Exit code after an error that the same input would cause again. */
+    private static final int RAISED = 70;
+
     private final String name;
     private final Role role;
     private final Outside outside;
     private long epoch = -1;
     private Welcome joined;
+    /** The frame that it was last asked for; -1 before the first. */
+    private long frame = -1;
     private boolean obeys;
     private boolean hasCoordinator;
     private boolean isStopping;
@@ -155,9 +160,20 @@ final class Member {
         var problem = error.getMessage() == null ? error.toString() : error.getMessage();
         var trace = new java.io.StringWriter();
         error.printStackTrace(new java.io.PrintWriter(trace));
-        send("failed", joined == null ? -1 : joined.frame(), problem, trace.toString());
-        outside.log(trace.toString().strip());
-        outside.end(1);
+        problem += ownPlace(error);
+        // The stack is in the log of the world.
+        send("failed", frame, problem, trace.toString());
+        outside.log(problem);
+        outside.end(RAISED);
+    }
+
+    /** The innermost line of the program's own code, as a second line of an error. */
+    private static String ownPlace(Throwable error) {
+        for (var each : error.getStackTrace()) {
+            boolean isOwn = !each.getClassName().startsWith("minervabus.") && !each.getClassName().startsWith("java.");
+            if (isOwn) return "\n    at " + each;
+        }
+        return "";
     }
 
     private void receiveReadings(String[] key, byte[] data) {
@@ -202,6 +218,8 @@ final class Member {
             }
             case "stop" -> stop();
             default -> {
+                if (message.equals("tick") || message.equals("evolve")) frame = (Long) items.get(0);
+                if (message.equals("view")) frame = (Long) items.get(1);
                 if (joined != null || message.equals("sources")) role.receive(this, message, items);
             }
         }

@@ -33,6 +33,7 @@ final class Session implements Closeable {
         void onProblem(String problem);
     }
 
+    private static final byte[] NOTHING = {};
     private static final int LEASE_SECONDS = 3;
     private static final int OPENING = 5000; // milliseconds, as all times
     private static final int FIRST_RETRY = 50;
@@ -243,13 +244,15 @@ final class Session implements Closeable {
     private void receive(Link from, byte[] data) {
         if (link != from) return;
         try {
-            var batch = Wire.batch(data);
-            while (batch.type() == Wire.Transport.KEEP_ALIVE && batch.body().length > 0) batch = Wire.batch(batch.body());
-            switch (batch.type()) {
-                case CLOSE -> lose(from);
-                case FRAME -> receiveMessages(batch.body());
-                case FRAGMENT -> receiveFragment(batch);
-                default -> { }
+            for (var rest = data; rest.length > 0 && link == from; ) {
+                var batch = Wire.batch(rest);
+                rest = switch (batch.type()) {
+                    case FRAME -> receiveMessages(batch.body());
+                    case KEEP_ALIVE -> batch.body();
+                    default -> NOTHING;
+                };
+                if (batch.type() == Wire.Transport.CLOSE) lose(from);
+                if (batch.type() == Wire.Transport.FRAGMENT) receiveFragment(batch);
             }
         } catch (Invalid problem) {
             listener.onProblem(problem.getMessage());
@@ -267,7 +270,8 @@ final class Session implements Closeable {
         receiveMessages(whole);
     }
 
-    private void receiveMessages(byte[] body) {
+    /** Returns the transport messages that follow the network messages of a FRAME. */
+    private byte[] receiveMessages(byte[] body) {
         for (var message : Wire.messages(body)) {
             switch (message.type()) {
                 case PUT -> listener.onSample(named(message.key()), message.payload());
@@ -276,9 +280,13 @@ final class Session implements Closeable {
                 case TOKEN -> receiveToken(message);
                 case NO_TOKEN -> receiveNoToken(message);
                 case FINAL -> receiveFinal(message.interest());
+                case BATCH -> {
+                    return message.payload();
+                }
                 case OTHER -> { }
             }
         }
+        return NOTHING;
     }
 
     private String named(Wire.Key key) {

@@ -4,6 +4,7 @@ import java.io.ByteArrayOutputStream;
 import java.nio.ByteBuffer;
 import java.nio.charset.StandardCharsets;
 import java.util.ArrayList;
+import java.util.Arrays;
 import java.util.List;
 
 /** Zenoh's messages as bytes, as far as a client in the members' role needs them (PROTOCOL.md, section 19). */
@@ -19,6 +20,7 @@ final class Wire {
     private static final int FRAME_ROOM = 6; // a header and a sequence number of at most five bytes
 
     private static final int INIT = 0x01, OPEN = 0x02, CLOSE = 0x03, KEEP_ALIVE = 0x04, FRAME = 0x05, FRAGMENT = 0x06;
+    private static final int LAST_TRANSPORT = 0x07; // JOIN, between routers
     private static final int INTEREST = 0x19, PUSH = 0x1d, DECLARE = 0x1e, ADMINISTRATION = 0x1f;
     private static final int NAMED = 0x20, RELIABLE = 0x20, MORE = 0x40, EXTENSIONS = 0x80, TYPE = 0x1f;
 
@@ -130,7 +132,7 @@ final class Wire {
     }
 
     /** What a network message is about; OTHER is of no concern to a member. */
-    enum Network { PUT, KEY, NO_KEY, TOKEN, NO_TOKEN, FINAL, OTHER }
+    enum Network { PUT, KEY, NO_KEY, TOKEN, NO_TOKEN, FINAL, OTHER, BATCH }
 
     /** A key expression: the number of a declared one, 0 for none, and what follows it. */
     record Key(long mapping, String suffix) {}
@@ -242,12 +244,20 @@ final class Wire {
         return new Batch(Transport.INIT, null, false, batchSize, in.slice(), 0);
     }
 
-    /** The network messages in the body of a FRAME. */
+    /**
+     * The network messages in the body of a FRAME. Further transport messages may share its batch, such as the
+     * CLOSE of a router that ends: they come last, as the payload of one of type BATCH.
+     */
     static List<Message> messages(byte[] body) {
         var in = new Reader(body);
         var messages = new ArrayList<Message>();
         while (in.in.hasRemaining()) {
+            int start = in.in.position();
             int header = in.octet();
+            if ((header & TYPE) <= LAST_TRANSPORT) {
+                messages.add(new Message(Network.BATCH, -1, 0, null, Arrays.copyOfRange(body, start, body.length)));
+                break;
+            }
             messages.add(switch (header & TYPE) {
                 case PUSH -> push(in, header);
                 case DECLARE -> declaration(in, header);
