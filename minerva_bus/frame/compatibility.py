@@ -13,6 +13,9 @@ from minerva_bus.world.when import Participation, objection
 
 PROTOCOL_VERSION = 7
 
+_MAX_SHOWN = 500
+"""Characters of the names of attributes in a reason: a hello may have thousands."""
+
 
 def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
     """Reason why a member cannot join a world of this vocabulary, or an empty string."""
@@ -81,8 +84,8 @@ def _state_mismatch(kind: AgentKind, expected: AgentKind) -> str:
     names, expected_names = kind.fields.names, expected.fields.names
     if names != expected_names:
         return (
-            f"its {kind.name} has the state ({', '.join(names)}),"
-            f" the world's ({', '.join(expected_names)})"
+            f"its {kind.name} has the state ({', '.join(names)[:_MAX_SHOWN]}),"
+            f" the world's ({', '.join(expected_names)[:_MAX_SHOWN]})"
         )
     for field, other in zip(kind.fields.all, expected.fields.all, strict=True):
         if field.type != other.type:

@@ -28,7 +28,8 @@ Patches: TypeAlias = Mapping[str, Delta]
 SentBy: TypeAlias = Mapping[str, tuple[AnyEvent, ...]]
 
 Sender: TypeAlias = Annotated[str, Mark.FROM_KEY]
-Names: TypeAlias = Annotated[tuple[str, ...], AtMost("names")]
+Topics: TypeAlias = Annotated[tuple[str, ...], AtMost("names"), Mark.TOPICS]
+EventTypes: TypeAlias = Annotated[tuple[str, ...], AtMost("names"), Mark.EVENT_TYPES]
 GeneratedEvents: TypeAlias = Annotated[tuple[AnyEvent, ...], Mark.GENERATED]
 Saved: TypeAlias = Mapping[str, Any] | None
 Received: TypeAlias = Annotated[bytes, Mark.LOCAL]
@@ -58,21 +59,21 @@ class Hello:
         Note("the kinds of agents that it evolves, with the world's names and types of attributes"),
     ] = ()
     generates: Annotated[
-        Names, Note("the event types that it may send; any other violates the protocol")
+        EventTypes, Note("the event types that it may send; any other violates the protocol")
     ] = ()
     when: Annotated[
         When, Note("when it takes part in frames, see [section 7](#when-a-member-takes-part)")
     ] = NO_WHEN
-    orders: Annotated[Names, Note("the event types for which it takes people's orders")] = ()
+    orders: Annotated[EventTypes, Note("the event types for which it takes people's orders")] = ()
     people: Annotated[
         bool, Mark.OPTIONAL, Note("norms treat the events that it generates as sent by people")
     ] = False
-    draws: Annotated[Names, Note("the visual event types whose views it draws")] = ()
+    draws: Annotated[EventTypes, Note("the visual event types whose views it draws")] = ()
     coupled: Annotated[
         bool, Note("a device that executes each view before the next frame's events")
     ] = False
-    topics: Annotated[Names, Note("the topics to which it subscribes")] = ()
-    publishes: Annotated[Names, Note("the topics on which it publishes")] = ()
+    topics: Annotated[Topics, Note("the topics to which it subscribes")] = ()
+    publishes: Annotated[Topics, Note("the topics on which it publishes")] = ()
     plain: Annotated[
         bool,
         Mark.OPTIONAL,
@@ -81,6 +82,7 @@ class Hello:
     about: Annotated[
         Figures,
         AtMost("figures"),
+        Mark.SHOWN,
         Note("for people: `service`, what it is; `pid`, its process; `host`, its machine"),
     ] = field(default_factory=dict[str, bool | int | float | str])
 

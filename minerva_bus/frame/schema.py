@@ -73,6 +73,15 @@ class Mark(Enum):
     OPTIONAL = auto()
     """May be missing in a keyed message; then its default applies."""
 
+    TOPICS = auto()
+    """Names of sensor topics, which are parts of keys."""
+
+    EVENT_TYPES = auto()
+    """Names of event types."""
+
+    SHOWN = auto()
+    """Texts that are shown to people, on one line."""
+
     GENERATED = auto()
     """Events of a generator, of which only a limited number may be outside columns."""
 

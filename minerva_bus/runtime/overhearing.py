@@ -10,7 +10,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from minerva_bus.wire.keys import Keys
+from minerva_bus.wire.keys import Keys, is_name
 
 
 def overhear(
@@ -26,7 +26,9 @@ def overhear(
 
     def on_sample(sample: zenoh.Sample) -> None:
         topic, member = str(sample.key_expr).split("/")[-2:]
-        receive(topic, member, sample.payload.to_bytes())
+        # A message on a pattern reaches this subscription, too, but is of no topic.
+        if is_name(topic) and is_name(member):
+            receive(topic, member, sample.payload.to_bytes())
 
     all_topics = f"{keys.base}/topic/*/*"
     wanted = [all_topics] if "*" in topics else [keys.topic(topic) for topic in sorted(topics)]

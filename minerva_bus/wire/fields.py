@@ -20,12 +20,14 @@ from minerva_bus.wire.field_codec import DeclaredField, FieldCodec
 from minerva_bus.wire.limits import check
 from minerva_bus.wire.plain import (
     as_bool,
+    as_event_type,
     as_int,
     as_list,
     as_map,
     as_number,
     as_scalar,
     as_text,
+    as_topic,
     name_of,
 )
 from minerva_bus.wire.reader import Reader
@@ -43,6 +45,9 @@ from minerva_bus.world.readings import Reading
 from minerva_bus.world.when import When
 
 _ADVICE: Final = "send those of one type in columns"
+
+MAX_SHOWN: Final = 200
+"""Characters of a text about a member, for people."""
 
 
 def field_codec(declared: DeclaredField) -> FieldCodec:
@@ -98,11 +103,13 @@ def _bytes(of: DeclaredField) -> FieldCodec:
 
 def _texts(of: DeclaredField) -> FieldCodec:
     what = of.what
+    read_text = as_topic if of.has(Mark.TOPICS) else as_text
+    read_text = as_event_type if of.has(Mark.EVENT_TYPES) else read_text
 
     def read(reader: Reader, plain: Any) -> tuple[str, ...]:
         items = as_list(plain, what)
         of.check_count(reader, len(items))
-        return tuple([as_text(item, what) for item in items])
+        return tuple([read_text(item, what) for item in items])
 
     return FieldCodec("[text]", read, list)
 
@@ -121,6 +128,12 @@ def _figures(of: DeclaredField) -> FieldCodec:
     def read(reader: Reader, plain: Any) -> m.Figures:
         figures = as_map(plain, of.what)
         of.check_count(reader, len(figures))
+        for text in (*figures, *figures.values()) if of.has(Mark.SHOWN) else ():
+            if isinstance(text, str) and not (text.isprintable() and len(text) <= MAX_SHOWN):
+                raise ProtocolError(
+                    f"{of.what}: {text[:MAX_SHOWN]!r:.100} must be one line of printable text, at"
+                    f" most {MAX_SHOWN} characters"
+                )
         return {
             name: as_scalar(value, f"{of.what}: {name[:40]}") for name, value in figures.items()
         }

@@ -26,15 +26,23 @@ from minerva_bus.errors import MisuseError
 
 # Without the characters that have a meaning in Zenoh's key expressions (/ * $ ? #), so that no name
 # matches other keys. No name begins with ~, which marks internal sources and parts.
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.~-]{0,63}")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.~-]*")
+MAX_NAME = 64
+"""Characters of the longest name."""
+
 ROOT = "minerva"
 COORDINATOR = "coordinator"
 ANY_WORLD = "*"
 
 
-@lru_cache(4096)  # The name in the key of each message is checked, and the names recur.
 def is_name(text: str) -> bool:
     """Whether this can name a world, a member or a topic."""
+    # The cache must not keep texts of any length.
+    return len(text) <= MAX_NAME and _is_name(text)
+
+
+@lru_cache(4096)  # The name in the key of each message is checked, and the names recur.
+def _is_name(text: str) -> bool:
     return _NAME.fullmatch(text) is not None
 
 
@@ -42,8 +50,8 @@ def checked_name(name: str, what: str) -> str:
     """The name, if it is valid as part of a key. Raises MisuseError."""
     if not is_name(name):
         raise MisuseError(
-            f"{name!r} cannot name {what}: use up to 64 letters, digits and _ . ~ -,"
-            " beginning with a letter, digit or _"
+            f"{name[: 2 * MAX_NAME]!r} cannot name {what}: use up to {MAX_NAME} letters, digits and"
+            " _ . ~ -, beginning with a letter, digit or _"
         )
     return name
 

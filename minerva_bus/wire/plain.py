@@ -10,12 +10,17 @@ from typing import Any, Final, cast
 
 import msgpack
 
-from minerva_bus.errors import ProtocolError
+from minerva_bus.errors import MisuseError, ProtocolError
+from minerva_bus.grammar.fields import NAME
+from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.weighing import values_in
 
 SLICE: Final = 1 << 18
 """Bytes decoded per call: msgpack holds the GIL for the duration of a call."""
+
+MAX_SYMBOL: Final = 256
+"""Characters of the name of an event type or a kind in a message."""
 
 _TEXT: Final = frozenset({str})
 
@@ -90,6 +95,25 @@ def _unpacked(data: bytes) -> Any:
             raise ValueError("data follows the message's end")
         return value
     raise ValueError("it is cut off")
+
+
+def as_topic(plain: Any, what: str) -> str:
+    """`plain` as the name of a sensor topic. Raises ProtocolError."""
+    try:
+        return checked_name(as_text(plain, what), "a topic")
+    except MisuseError as error:
+        raise ProtocolError(f"{what}: {error}") from None
+
+
+def as_event_type(plain: Any, what: str) -> str:
+    """`plain` as the name of an event type, or of an agent kind. Raises ProtocolError."""
+    name = as_text(plain, what)
+    if len(name) > MAX_SYMBOL or not NAME.fullmatch(name):
+        raise ProtocolError(
+            f"{what}: {name[:MAX_SYMBOL]!r:.100} is not the name of a symbol: use up to"
+            f" {MAX_SYMBOL} letters, digits and _, beginning with a letter"
+        )
+    return name
 
 
 def on_screen(text: str) -> str:

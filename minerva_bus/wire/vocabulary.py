@@ -36,7 +36,16 @@ from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Unfit, parse_type
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.plain import as_bool, as_list, as_map, as_number, as_text, as_texts
+from minerva_bus.wire.plain import (
+    as_bool,
+    as_event_type,
+    as_list,
+    as_map,
+    as_number,
+    as_text,
+    as_texts,
+    on_screen,
+)
 
 _MAX_ERROR_CHARS = 300
 # Forms are encoded by the names of their classes; their measures are the fields in order.
@@ -177,7 +186,9 @@ def read_kind(plain: Any) -> AgentKind:
     try:
         return _kind(plain)
     except (MisuseError, SceneError, Unfit, ValueError, TypeError) as error:
-        raise ProtocolError(f"invalid agent kind: {error}"[:_MAX_ERROR_CHARS]) from None
+        # The text may quote any part of the kind, and the member that sent it may print it.
+        problem = on_screen(f"invalid agent kind: {error}"[:_MAX_ERROR_CHARS])
+        raise ProtocolError(problem) from None
 
 
 def _kind(plain: Any) -> AgentKind:
@@ -188,18 +199,19 @@ def _kind(plain: Any) -> AgentKind:
     subscribed = dict(map(_subscribed, as_list(subscribes, "event types")))
     chances = tuple(sorted((name, chance) for name, chance in subscribed.items() if chance != 1.0))
     return AgentKind(
-        as_text(name, "a kind's name"), _fields(fields), frozenset(subscribed),
-        frozenset(as_texts(views, "event types")), chances, as_texts(rest, "attributes at rest"),
+        as_event_type(name, "a kind's name"), _fields(fields), frozenset(subscribed),
+        frozenset([as_event_type(view, "an event type") for view in as_list(views, "event types")]),
+        chances, as_texts(rest, "attributes at rest"),
     )  # fmt: skip
 
 
 def _subscribed(plain: Any) -> tuple[str, float | str]:
     if not isinstance(plain, list):
-        return as_text(plain, "an event type"), 1.0
+        return as_event_type(plain, "an event type"), 1.0
     name, probability = _items(plain, 2, "an event type with a probability")
     if not isinstance(probability, str):
         probability = as_number(probability, "a probability")
-    return as_text(name, "an event type"), probability
+    return as_event_type(name, "an event type"), probability
 
 
 def _event_type(plain: Any, parts: Mapping[str, Any]) -> EventType:

@@ -38,6 +38,8 @@ def plain_data(leaves=None):
 
 saved = st.none() | st.dictionaries(texts(), plain_data(), max_size=3)
 figures = st.dictionaries(texts(), st.booleans() | integers() | reals() | texts(), max_size=4)
+lines = texts().filter(str.isprintable)
+about = st.dictionaries(lines, st.booleans() | integers() | reals() | lines, max_size=4)
 
 
 def without_agents(scene):
@@ -78,7 +80,7 @@ def from_member(vocabulary):
                 lambda symbols: tuple(vocabulary.kinds[symbol] for symbol in symbols)
             ),
             generates=few, when=whens, orders=few, draws=few, coupled=st.booleans(),
-            topics=few, publishes=few, people=st.booleans(), plain=st.booleans(), about=figures,
+            topics=few, publishes=few, people=st.booleans(), plain=st.booleans(), about=about,
         ),
         st.builds(m.TickReply, members, numbers, event_tuples, saved),
         st.builds(

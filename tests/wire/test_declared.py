@@ -10,7 +10,7 @@ import pytest
 from minerva_bus import EventType, Vocabulary
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.schema import AtLeast, Mark, Note, Wire
+from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Wire
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.declared import by_name, message_codec
@@ -29,7 +29,7 @@ class Probe:
 
     member: m.Sender
     count: Annotated[int, AtLeast(3), Note("how many")]
-    names: m.Names
+    names: Annotated[tuple[str, ...], AtMost("names")]
     rate: Annotated[float, AtLeast(0)] = 1.0
     events: m.GeneratedEvents = ()
     saved: m.Saved = None
@@ -105,6 +105,25 @@ def test_an_error_in_a_key_names_it():
     plain[1]["kinds"] = [["XBad", [], [], [], []]]
     with pytest.raises(ProtocolError, match=r"^hello: kinds: .*XBad"):
         DECODER.from_member("x", pack(plain))
+
+
+@pytest.mark.parametrize("bad", ["", "**", "a/b", "\x1b[2J", "x" * 100_000])
+def test_names_in_a_hello_are_names(bad):
+    """They become parts of keys, and of lines that people read."""
+    kind = ["AThing", [], ["eHit"], ["eShow"], []]
+    kinds = [[[*kind[:at], new, *kind[at + 1 :]]] for at, new in ((0, bad), (2, [bad]), (3, [bad]))]
+    wrong = [(key, ["scan", bad]) for key in ("topics", "publishes")]
+    wrong += [(key, ["eHit", bad]) for key in ("generates", "orders", "draws")]
+    wrong += [("kinds", each) for each in kinds]
+    # What people read about a member need not be a name.
+    wrong += [("about", {"service": bad})] if "x" in bad or "[" in bad else []
+    for key, value in wrong:
+        plain = unpack(encode(m.Hello("x", 7)))
+        plain[1][key] = value
+        with pytest.raises(ProtocolError, match=f"^hello: {key}: ") as raised:
+            DECODER.from_member("x", pack(plain))
+        assert str(raised.value).isprintable()
+        assert len(str(raised.value)) < 400
 
 
 def test_a_key_that_must_be_there_is_named():
