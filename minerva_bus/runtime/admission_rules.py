@@ -194,7 +194,7 @@ class AdmissionRules:
         return (
             _beyond("agents", kinds, own.kinds)
             or _beyond("events", hello.generates, own.events)
-            or _beyond("topics", hello.publishes, own.topics)
+            or _beyond("topics", hello.publishes, own.topics, some=True)
         )
 
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:
@@ -220,9 +220,16 @@ class AdmissionRules:
         return rights_of(who, self._rights()) if self._rights is not None else None
 
 
-def _beyond(what: str, shown: tuple[str, ...] | list[str], confined: frozenset[str]) -> str:
-    beyond = sorted(set(shown) - confined) if confined else []
+def _beyond(
+    what: str, shown: tuple[str, ...] | list[str], confined: frozenset[str], some: bool = False
+) -> str:
+    """Why a certificate does not allow what is shown; `some`: without restriction, none of it."""
+    beyond = sorted(set(shown) - confined) if confined or some else []
     if not beyond:
         return ""
     allowed = ", ".join(sorted(confined))
     return f"its certificate is for the {what} {allowed}, not for {', '.join(beyond)}"
+    if not confined:
+        return (
+            f"its certificate is for no {what}, not for {', '.join(beyond)} (keys issue --{what})"
+        )

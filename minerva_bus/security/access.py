@@ -116,7 +116,9 @@ def _own_chunk(holder: Rights) -> str:
 
 def _sent(keys: Keys, holder: Rights, own: str) -> list[str]:
     # Zenoh must enforce restrictions of topics, because readings bypass the coordinator.
-    topics = (sorted(holder.topics) or ["*"]) if holder.may(GENERATOR) else []
+    # No pattern stands for all topics: it would permit a put on the pattern itself, which reaches
+    # subscribers of every topic, whatever the hello says.
+    topics = sorted(holder.topics) if holder.may(GENERATOR) else []
     return [keys.sent_by(own), *(f"{keys.base}/topic/{topic}/{own}" for topic in topics)]
 
 

@@ -33,8 +33,8 @@ FAMILY: Final = "-*"
 class Rights:
     """The rights of a certificate.
 
-    `name` is its common name: that of a member or of a family. `kinds`, `events` and `topics`
-    restrict its roles to these; empty means all.
+    `name` is its common name: that of a member or of a family. `kinds` and `events` restrict its
+    roles to these; empty means all. It publishes on `topics` alone.
     """
 
     name: str

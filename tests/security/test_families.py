@@ -67,7 +67,7 @@ def test_a_name_has_one_owner_and_revocation_takes_precedence(names, member):
 
 @pytest.mark.parametrize("role", ["agent", "generator", "view", "operator"])
 def test_the_rules_are_for_all_names_of_a_family_and_no_other(role):
-    keys, family = WorldKeys("w"), Rights("hosts-*", frozenset({role}))
+    keys, family = WorldKeys("w"), Rights("hosts-*", frozenset({role}), topics=frozenset({"scan"}))
     access = access_control(keys, [family, Rights("hostsx", frozenset({"view"}))], [])
     for name, its in (("hosts-a", True), ("hosts-a-b.c", True), ("hosts", False),
                       ("hostsx", False), ("other", False), ("coordinator", False)):  # fmt: skip

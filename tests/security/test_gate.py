@@ -85,6 +85,12 @@ def test_replies_that_a_frame_awaits_are_recognized_by_their_prefix(message, awa
     assert declaration(b"\x07\x08" + data, 2).awaited == awaited
 
 
+def test_a_certificate_without_topics_is_for_none():
+    rights = {"a": Rights("a", frozenset({"generator"}))}
+    said = AdmissionRules(rights=lambda: rights).objection(m.Hello("a", 1, publishes=("scan",)))
+    assert said == "its certificate is for no topics, not for scan (keys issue --topics)"
+
+
 def test_without_certificates_all_may_do_all():
     gate = AdmissionRules()
     assert gate.objection(m.Hello("a", 1, generates=("eRain",), draws=("eShow",))) == ""

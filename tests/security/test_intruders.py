@@ -46,7 +46,7 @@ GENERATOR = {"roles": ("generator",)}
 ISSUED = {
     "ann": {"roles": ("operator",)},
     "watcher": {"roles": ("view",)},
-    "sensor": GENERATOR,
+    "sensor": {**GENERATOR, "topics": ("battery",)},
     "flooder": GENERATOR,
     "giant": GENERATOR,
     "quiet": {"roles": ("generator",), "events": ("eNoise",), "topics": ("battery",)},
@@ -208,7 +208,8 @@ def test_a_member_speaks_on_its_own_keys_only(world, door, keys, inside):
     heard, kept = listen(inside, f"{base}/**")
     foreign = [
         "all", "tick", "evolve", "to/steps", "view/eShow", "record", "from/steps",
-        "from/coordinator", "topic/sight/water", "control", "ask/sensor", "epoch/9",
+        "from/coordinator", "topic/sight/water", "topic/sight/sensor", "topic/*/sensor",
+        "control", "ask/sensor", "epoch/9",
     ]  # fmt: skip
     with open_client("sensor", door, own=keys.credentials("sensor")) as session:
         tokens = [

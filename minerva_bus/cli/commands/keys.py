@@ -65,7 +65,9 @@ def issue(
         list[str] | None, typer.Option(help="Only these agent kinds: AFox,ARabbit.")
     ] = None,
     events: Annotated[list[str] | None, typer.Option(help="Only these event types.")] = None,
-    topics: Annotated[list[str] | None, typer.Option(help="Only these sensor topics.")] = None,
+    topics: Annotated[
+        list[str] | None, typer.Option(help="Sensor topics on which it publishes; otherwise none.")
+    ] = None,
     host: Hosts = None,
     days: Days = 365,
     family: Annotated[
