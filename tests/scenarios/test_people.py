@@ -49,15 +49,18 @@ def test_people_may_send_types_with_a_taker_even_if_another_generates_them():
 
 def test_what_norms_send_is_from_nobody_else():
     """Neither people nor an attached generator, whether it stands for people or not."""
-    norms = Norm("quiet", on=("eStep",), when="event.count > 9", sanction=eAdd(9)), Norm("held", when="n > 9")
-    bus = started(counters(norms=norms, members={"add": service("add", Steps)}))
+    norms = (
+        Norm("quiet", on=("eStep",), when="event.count > 9", sanction=eAdd(9)),
+        Norm("held", when="n > 9"),
+    )
+    bus = started(norms=norms, members={"add": service("add", Steps)})
     reserved = "comes from the norm {}, so people may not send it; to let them, write people = "
     assert reserved.format("quiet") in refusal(bus, "eAdd")
     assert reserved.format("held") in refusal(bus, "eRefused")
     for name, generator in (("sensor", Add), ("keys", Keys)):
         said, _ = attached(bus, generator, name)
         assert reserved.format("quiet") in said[0], said
-    allowed = started(counters(norms=norms, people=("eAdd",)))
+    allowed = started(norms=norms, people=("eAdd",))
     assert refusal(allowed, "eAdd") == ""
     assert attached(allowed, Add)[0] == []
 
