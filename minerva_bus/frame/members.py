@@ -169,6 +169,11 @@ class Members:
         """The members that the world waits for."""
         return self.index.awaited
 
+    def takes_part(self, name: str) -> bool:
+        """Whether a member of this name is expected or takes part in frames; from any thread."""
+        member = self._entries.get(name)
+        return member is not None and (member.expected or member.active)
+
     def named(self, member: MemberEntry) -> bool:
         """Whether a member is a process of the world file; any other is a guest."""
         return member.name in self._named

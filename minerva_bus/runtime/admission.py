@@ -13,7 +13,7 @@ from typing import Any, Final
 import zenoh
 
 from minerva_bus.errors import KeysError
-from minerva_bus.runtime.admission_rules import STRANGERS, AdmissionRules
+from minerva_bus.runtime.admission_rules import MAX_NAMES, STRANGERS, AdmissionRules
 from minerva_bus.runtime.endpoints import for_others
 from minerva_bus.runtime.links import Linked, Links, cut, watched
 from minerva_bus.runtime.session import LOOPBACK, Secured, listening_at
@@ -258,6 +258,7 @@ class Admission:
         rights = rights_of(who, self._rights)
         known = who if rights is None else rights.name
         what = (known, re.sub(r"from \S+", "", text).replace(who, known))
-        if what not in self._logged:
+        # Without certificates, names are unlimited.
+        if what not in self._logged and len(self._logged) < MAX_NAMES:
             self._logged.add(what)
             self._say(who, text)

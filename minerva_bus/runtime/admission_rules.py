@@ -30,29 +30,33 @@ READING: Final = frozenset(
 
 FOR_ALL: Final = frozenset({"status"})
 STRANGERS: Final = "strangers"
+GUESTS: Final = "~guests"
+"""Whose buckets the tokens of all that take no part share."""
+
 MAX_NAMES: Final = 1000
 """Maximum number of names counted separately: without certificates, names are unlimited."""
 
 _MOMENT: Final = 0.001
 _MESSAGES, _BYTES, _VALUES = "messages", "bytes", "values"
 _SECONDS, _HELLOS, _ALL = "seconds", "hellos", "hellos of all"
+_TOKENS, _ALL_TOKENS = "tokens", "tokens of all"
 
 
 class _Allowance:
-    """Token buckets of one sender; each holds up to one second's worth."""
+    """Token buckets of one sender; each holds up to one second's worth. Last filled `at`."""
 
     def __init__(self, full: Mapping[str, float], now: float) -> None:
         self._full = full
         self._left = dict(full)
-        self._at = now
+        self.at = now
         self.logged = False
 
     def fill(self, now: float) -> None:
         """Refill the buckets for the time that has passed."""
-        passed = now - self._at
+        passed = now - self.at
         if passed < _MOMENT:
             return  # In a flood, refilling would cost more than everything else.
-        self._at = now
+        self.at = now
         for what, full in self._full.items():
             # Capped at one second's worth, so that an idle member cannot
             # send an unlimited burst.
@@ -97,14 +101,16 @@ class AdmissionRules:
             _SECONDS: limits.seconds,
             _HELLOS: limits.hellos,
             _ALL: limits.all_hellos,
+            _TOKENS: limits.hellos,
+            _ALL_TOKENS: limits.all_hellos,
         }
         of_strangers = min(limits.messages, limits.stranger_messages)
         self._full_of_strangers = {**self._full, _MESSAGES: of_strangers}
 
-    def count(self, who: str) -> None:
-        """Count a rejection of a sender."""
+    def count(self, who: str, number: int = 1) -> None:
+        """Count rejections of a sender."""
         known = who in self.refused or len(self.refused) < MAX_NAMES
-        self.refused[who if known else STRANGERS] += 1
+        self.refused[who if known else STRANGERS] += number
 
     def counts(self) -> dict[str, int]:
         """The number of rejections by name."""
@@ -138,6 +144,19 @@ class AdmissionRules:
         # sender must not empty the common one.
         return self._filled(who).take(_HELLOS, 1) and self._filled(_ALL).take(_ALL, 1)
 
+    def has_token(self, who: str, takes_part: bool) -> bool:
+        """Whether a change of a member's token is within the limits per second.
+
+        Names are unlimited, so all that take no part have common limits as well.
+        """
+        own = self._filled(who)
+        if takes_part:
+            return own.take(_TOKENS, 1)
+        common = self._filled(GUESTS)
+        if common.left(_SECONDS) <= 0 or common.left(_ALL_TOKENS) < 1:
+            return False
+        return own.take(_TOKENS, 1) and common.take(_ALL_TOKENS, 1)
+
     def spent(self, who: str, seconds: float) -> None:
         """Charge the seconds that processing a message took."""
         self._filled(who).owe(_SECONDS, seconds)
@@ -146,26 +165,32 @@ class AdmissionRules:
         """The refilled buckets of a sender."""
         own = self._allowances.get(who)
         if own is None:
+            if len(self._allowances) >= self._limits.members + MAX_NAMES:
+                self._forget()
             full = self._full if who != STRANGERS else self._full_of_strangers
             own = self._allowances[who] = _Allowance(full, self._clock())
         own.fill(self._clock())
         return own
 
-    def too_much(self, who: str) -> str:
-        """The warning for the first message above the limits; an empty string after that."""
-        self.count(who)
-        own = self._allowances[who]
+    def _forget(self) -> None:
+        """Forget the senders of longest ago: without certificates, names are unlimited."""
+        latest = sorted(self._allowances.items(), key=lambda entry: entry[1].at)
+        self._allowances = dict(latest[MAX_NAMES:])
+
+    def too_much(self, who: str, number: int = 1) -> str:
+        """Count messages or tokens above the limits; the warning for the first, "" after that."""
+        self.count(who, number)
+        own, limits = self._filled(who), self._limits
         if own.logged:
             return ""
         own.logged = True
-        limits = self._limits
         if who == STRANGERS:
             return (
-                f"unknown senders send more than {limits.stranger_messages} messages per second;"
-                " the rest is only counted"
+                f"unknown senders send more than {limits.stranger_messages} messages per second,"
+                " or their tokens come and go too fast; the rest is only counted"
             )
         return (
-            f"sends more than {limits.messages} messages, {limits.hellos} hellos,"
+            f"sends more than {limits.messages} messages, {limits.hellos} hellos or tokens,"
             f" {limits.bytes >> 20} MiB or {limits.values} values per second, or messages that take"
             f" {limits.seconds:g} s; the rest is dropped (columns are few values; [limits])"
         )
@@ -227,9 +252,9 @@ def _beyond(
     beyond = sorted(set(shown) - confined) if confined or some else []
     if not beyond:
         return ""
-    allowed = ", ".join(sorted(confined))
-    return f"its certificate is for the {what} {allowed}, not for {', '.join(beyond)}"
     if not confined:
         return (
             f"its certificate is for no {what}, not for {', '.join(beyond)} (keys issue --{what})"
         )
+    allowed = ", ".join(sorted(confined))
+    return f"its certificate is for the {what} {allowed}, not for {', '.join(beyond)}"

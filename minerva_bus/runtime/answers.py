@@ -32,9 +32,9 @@ PAUSE_FACTOR: Final = 2.0
 class Answers:
     """Checks and queues the questions to one world and answers them with `commands`.
 
-    At most `limits.questions` wait at the same time, and answering takes at most a third of the
-    coordinator's time, so that questions cannot stop the frames. `operated` is called before an
-    answer is sent. `queue` contains admitted questions without an answer.
+    At most `limits.questions` wait at the same time, and as many of those who may not operate the
+    world, which come last. Answering takes at most a third of the coordinator's time, so that
+    questions cannot stop the frames. `operated` is called before an answer is sent.
     """
 
     def __init__(
@@ -46,29 +46,45 @@ class Answers:
         system: System,
         commands: Mapping[str, Command],
     ) -> None:
-        self.queue: deque[Question] = deque()
+        self._operators = deque[Question]()
+        self._readers = deque[Question]()
         self._world = world
         self._admission = admission
         self._limits = limits
         self._operated = operated
         self._clock = system.monotonic
         self._commands = commands
-        # Counts the questions between `admit` and their answers. A deque, because several threads
-        # of Zenoh may append at the same time.
-        self._admitted: deque[None] = deque()
+        # Count the questions of readers and of operators between `admit` and their answers. Deques,
+        # because several threads of Zenoh may append at the same time.
+        self._admitted = deque[None](), deque[None]()
         self._next_at = 0.0
 
     def admit(self, query: zenoh.Query) -> Question | None:
         """The question of a query, or None if too many wait; called in a thread of Zenoh."""
-        asked, most = question(query), self._limits.questions
         # Checked in Zenoh's thread, so that a flood of questions does
-        # not fill the coordinator's inbox.
-        if len(self._admitted) < most:
-            self._admitted.append(None)
+        # not fill the coordinator's inbox, nor its memory.
+        most, most_bytes = self._limits.questions, self._limits.small_bytes
+        asked, size = question(query, most_bytes), len(query.payload) if query.payload else 0
+        _, orders, key = self._asker(asked)
+        admitted = self._admitted[orders]
+        if size > most_bytes:
+            problem = f"a question has {size} bytes, over {most_bytes}"
+        elif len(admitted) >= most:
+            problem = f"{most} questions wait for an answer already; ask again in a moment"
+        else:
+            admitted.append(None)
             return asked
-        problem = f"{most} questions wait for an answer already; ask again in a moment"
-        asked.reply(self._asker(asked)[2], pack({"error": problem}))
+        asked.reply(key, pack({"error": problem}))
         return None
+
+    def add(self, asked: Question) -> None:
+        """Queue an admitted question."""
+        _, orders, _ = self._asker(asked)
+        (self._operators if orders else self._readers).append(asked)
+
+    def __bool__(self) -> bool:
+        """Whether a question waits for its answer."""
+        return bool(self._operators or self._readers)
 
     @property
     def wait(self) -> float:
@@ -78,13 +94,14 @@ class Answers:
 
     def answer_due(self) -> None:
         """Answer the next question once the pause after the previous answer is over."""
-        if not self.queue or self.wait > 0:
+        if not self or self.wait > 0:
             return
         began = self._clock()
+        orders = bool(self._operators)
         try:
-            self._answer(self.queue.popleft())
+            self._answer((self._operators if orders else self._readers).popleft())
         finally:
-            self._admitted.pop()
+            self._admitted[orders].pop()
             now = self._clock()
             # In proportion to the answer, so that expensive questions are answered less often.
             self._next_at = now + PAUSE_FACTOR * (now - began)
@@ -96,7 +113,6 @@ class Answers:
     def _answer(self, question: Question) -> None:
         asker, orders, key = self._asker(question)
         try:
-            check("a question", len(question.data), self._limits.small_bytes, "bytes")
             most = min(self._limits.values, MAX_VALUES)
             check("a question", values_in(question.data, most), most, "values")
             asked = as_map(unpack(question.data), "a question")

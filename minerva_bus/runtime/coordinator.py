@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, Final
 
 import zenoh
+from zenoh.handlers import Callback
 
 from minerva_bus.errors import BusError, Followed
 from minerva_bus.frame import messages as m
@@ -26,7 +27,7 @@ from minerva_bus.runtime.links import Linked
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.monitor import STATUS_EVERY, Monitor
 from minerva_bus.runtime.operated import Command, Operated
-from minerva_bus.runtime.presence import Successor, presence, successor
+from minerva_bus.runtime.presence import Successor, TokensChanged, successor
 from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
@@ -107,7 +108,7 @@ class Coordinator(Sink):
         self.runner = Runner(algorithm, self.transport, [*own, *sinks])
         self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
-        self._postponed = receiver.postponed
+        self._receiver, self._postponed = receiver, receiver.postponed
         self._answers = Answers(
             self._operated(), self.admission, limits, watchers.operated, system, commands
         )
@@ -137,12 +138,12 @@ class Coordinator(Sink):
         return {
             tuple: receiver.receive,
             Decoded: receiver.take_decoded,
-            s.Appeared: receiver.appear,
+            TokensChanged: receiver.take_token,
             s.End: self._monitor.end,
-            TimerTick: lambda _: self._monitor.tick(self.system.monotonic()),
+            TimerTick: self._tick,
             Printed: lambda line: self.log.line(line.member, line.line, line.level),
             Started: lambda started: self._monitor.started(started.member),
-            Question: self._answers.queue.append,
+            Question: self._answers.add,
             LocalQuestion: self._answers.answer_local,
             Successor: self._compare_epochs,
             Linked: self.admission.notice,
@@ -211,14 +212,18 @@ class Coordinator(Sink):
             liveliness.declare_token(keys.alive(COORDINATOR)),
             liveliness.declare_token(keys.epoch(epoch)),
             # With history, because members and other coordinators may have declared theirs before.
-            liveliness.declare_subscriber(keys.epoch("*"), handler(successor), history=True),
-            liveliness.declare_subscriber(keys.alive("*"), handler(presence), history=True),
+            liveliness.declare_subscriber(
+                keys.epoch("*"), handler(partial(successor, own=epoch)), history=True
+            ),
+            liveliness.declare_subscriber(
+                keys.alive("*"), Callback(self._receiver.tokens.note), history=True
+            ),
         ]
 
     # --- one iteration of the loop ---
 
     def _turn(self) -> None:
-        if self._answers.queue:
+        if self._answers:
             self._answers.answer_due()
         due = self.schedule.due
         if due is None:
@@ -239,7 +244,7 @@ class Coordinator(Sink):
         if self.transport.has_output:
             self._use_idle_time()
         # A blocking receive is the fastest, but with other work it could last too long.
-        waits = self._answers.queue or self._postponed
+        waits = self._answers or self._postponed
         item = self._next_before_work() if waits else self.inbox.wait()
         # As in `handle`, without the call: this line runs for each message of a member.
         self._handlers.get(item.__class__, self.runner.handle)(item)
@@ -276,7 +281,7 @@ class Coordinator(Sink):
         if wait > 0:
             if self.transport.has_output:
                 self._use_idle_time()
-            poll = POLL_SECONDS_ASKED if self._answers.queue else POLL_SECONDS
+            poll = POLL_SECONDS_ASKED if self._answers else POLL_SECONDS
             self.system.sleep(min(wait, poll))
 
     def _use_idle_time(self) -> None:
@@ -284,14 +289,16 @@ class Coordinator(Sink):
         self.transport.has_output = False
         self.watchers.idle()
 
+    def _tick(self, _: TimerTick) -> None:
+        self._receiver.tick()
+        self._monitor.tick(self.system.monotonic())
+
     def _compare_epochs(self, other: Successor) -> None:
         """Raises Followed if another coordinator of this world has a later epoch."""
-        own = self.transport.epoch
-        if other.epoch > own:
-            raise Followed(
-                f"another coordinator runs the world {self.keys.world!r} now, of epoch"
-                f" {other.epoch}; this one, of epoch {own}, stops in frame {self.algorithm.frame}"
-            )
+        raise Followed(
+            f"another coordinator runs the world {self.keys.world!r} now, of epoch {other.epoch};"
+            f" this one, of epoch {self.transport.epoch}, stops in frame {self.algorithm.frame}"
+        )
 
     # --- observations of the run ---
 

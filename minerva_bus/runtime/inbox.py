@@ -60,14 +60,15 @@ class Question:
     reply: Callable[[str, bytes], None]
 
 
-def question(query: zenoh.Query) -> Question:
-    """A query as a `Question`."""
+def question(query: zenoh.Query, most: int) -> Question:
+    """A query as a `Question`; a payload of more than `most` bytes is left out."""
 
     def reply(key: str, data: bytes) -> None:
         with query:
             query.reply(key, data)
 
-    data = query.payload.to_bytes() if query.payload else b""
+    payload = query.payload
+    data = payload.to_bytes() if payload and len(payload) <= most else b""
     return Question(str(query.key_expr), data, reply)
 
 
@@ -164,6 +165,12 @@ class Inbox:
             self._side.put(item)
             if self._side.qsize() <= MAX_WAKE_UPS:
                 self._wake(WAKE_UP)
+
+    def again(self, item: Any) -> None:
+        """Add an item to the side queue, behind the next message; from the main thread only."""
+        self._side.put(item)
+        # Without a wake-up, which could block this thread: no other one empties the channel.
+        self._unsent += 1
 
     def handler(self, read: Callable[[Any], Any] = _as_it_is) -> Callback[Any]:
         """A handler for a Zenoh declaration that puts into the side queue, in order of arrival.

@@ -113,7 +113,9 @@ class Monitor:
         late = sorted(name for name, at in self._greeted.items() if now >= at + GREETED_AGAIN)
         for name in late:
             del self._greeted[name]
-            if self._algorithm.members.get(name).state is MemberState.JOINING:
+            # A guest that has left long ago is forgotten.
+            known = self._algorithm.members.knows(name)
+            if known and self._algorithm.members.get(name).state is MemberState.JOINING:
                 # This notes the greeting again, so it is repeated until the member answers.
                 self._runner.transport.send(name, m.Greet())
 

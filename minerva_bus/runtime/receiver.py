@@ -10,7 +10,7 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.schema import Wire
-from minerva_bus.runtime.admission_rules import STRANGERS
+from minerva_bus.runtime.admission_rules import GUESTS, STRANGERS
 from minerva_bus.runtime.large import (
     LARGE,
     MAX_BEHIND,
@@ -21,6 +21,7 @@ from minerva_bus.runtime.large import (
 )
 from minerva_bus.runtime.metrics import MICRO
 from minerva_bus.runtime.postponed import Postponed, PostponedMessage
+from minerva_bus.runtime.presence import Tokens, TokensChanged
 from minerva_bus.wire.codec import Decoder, declaration
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.limits import Limits
@@ -32,9 +33,10 @@ if TYPE_CHECKING:
 class Receiver:
     """Turns the bytes of members into stimuli of a coordinator's runner.
 
-    `arrived` is called with the name of a member whose hello is admitted. Large messages return
-    through the inbox, as a `Decoded`, once a thread has decoded them. The coordinator processes
-    `postponed` messages when nothing else has arrived.
+    `arrived` is called with the name of a member whose hello is admitted. `tokens` has the changes
+    of members' tokens, which `take_token` and `tick` process. Large messages return through the
+    inbox, as a `Decoded`, once a thread has decoded them. The coordinator processes `postponed`
+    messages when nothing else has arrived.
     """
 
     def __init__(
@@ -49,11 +51,14 @@ class Receiver:
         self._metrics = coordinator.metrics
         self._log = coordinator.log
         self._max_members = limits.members
+        self._max_tokens = limits.hellos
         self._clock = system.monotonic
         self._arrived = arrived
         self._decoder = Decoder(vocabulary, limits)
         # A decoder caches what it has read, so the thread for large messages has its own.
         self._large = LargeMessages(Decoder(vocabulary, limits), system, coordinator.inbox.put)
+        self._again = coordinator.inbox.again
+        self.tokens = Tokens(self._members.takes_part, limits.members, coordinator.inbox.put)
         self.postponed = Postponed(self._take_postponed, system.monotonic)
 
     def receive(self, message: tuple[str, bytes]) -> None:
@@ -109,9 +114,37 @@ class Receiver:
         if not isinstance(decoded.message, m.TickReply | m.EvolveReply):
             self._admission.rules.spent(large.member, decoded.seconds)
 
-    def appear(self, appeared: s.Appeared) -> None:
+    def take_token(self, _: object = None) -> None:
+        """Process the changes of one token; further ones after the next message."""
+        rules, began = self._admission.rules, self._clock()
+        changes = self.tokens.take(rules.has_token)
+        if not changes:
+            return
+        takes_part = self._members.takes_part(changes[0].member)
+        for change in changes:
+            if isinstance(change, s.Appeared):
+                self._appear(change)
+            elif self._members.knows(change.member):
+                self._handle(change)
+        if not takes_part:
+            rules.spent(GUESTS, self._clock() - began)
+        if self.tokens:
+            self._again(TokensChanged())
+
+    def tick(self) -> None:
+        """Process tokens that have waited for room, and count those that were left out."""
+        self.take_token()
+        for name, number in self.tokens.left_out().items():
+            # A few in a row are no flood: the coordinator may have been busy.
+            if number > self._max_tokens:
+                self._drop(name, number)
+            else:
+                self._admission.rules.count(name, number)
+
+    def _appear(self, appeared: s.Appeared) -> None:
         """Admit a member whose token appeared, unless it is shut out or there are too many."""
         if self._admission.keeps_out(appeared.member):
+            self.tokens.forget(appeared.member)
             # A link that shares its socket (QUIC) cannot be cut: its member waits for an answer.
             if reason := self._admission.rules.shut_out(appeared.member):
                 self._transport.send(appeared.member, m.Refused(reason))
@@ -119,6 +152,7 @@ class Receiver:
         if self._members.knows(appeared.member) or self._members.count < self._max_members:
             self._handle(appeared)
         else:
+            self.tokens.forget(appeared.member)
             self._admission.too_many(self._max_members)
 
     def _receive_of_stranger(self, member: str, data: bytes) -> None:
@@ -187,9 +221,9 @@ class Receiver:
             reason = self._admission.rules.objection(message)
         self._handle(s.Violation(member, reason) if reason else message)
 
-    def _drop(self, member: str) -> None:
-        """Drop a message that exceeds the limits; log the first one."""
-        text = self._admission.rules.too_much(member)
+    def _drop(self, member: str, number: int = 1) -> None:
+        """Drop messages or tokens that exceed the limits; log the first."""
+        text = self._admission.rules.too_much(member, number)
         if text:
             self._log.warn(member, text)
 

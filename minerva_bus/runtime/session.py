@@ -41,8 +41,10 @@ CONNECT_SECONDS = 5.0
 # The events of a link arrive in the threads that opened it (app) or accepted it (acc), which wake
 # the reading threads (rx): two context switches per message. With one pool for both there is one
 # switch, and a client, which has one link, needs a single thread. Writing threads (tx) stay
-# separate, so that a link is kept alive regardless of its readers.
-_HUB_THREADS = "(acc:(handover:rx))"
+# separate, so that a link is kept alive regardless of its readers. A reading thread handles what a
+# link has sent before it turns to another one: the hub has more of them than cores, so that the
+# messages of members do not wait for links that are flooded.
+_HUB_THREADS = "(rx:(worker_threads:6),acc:(handover:rx))"
 _CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
 
 _COMMON: dict[str, Any] = {

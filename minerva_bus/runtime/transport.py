@@ -16,11 +16,15 @@ from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.epochs import stamp
 from minerva_bus.wire.keys import Keys
+from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.plain import pack
 
 _GROUPS: Final = frozenset({s.EVERYONE, s.TICKED, s.HOSTS})
 _DROP = zenoh.CongestionControl.DROP
 _BLOCK = zenoh.CongestionControl.BLOCK
+
+MAX_PUBLISHERS: Final = 4 * DEFAULT.members
+"""Publishers that are kept; another one takes the place of the oldest."""
 
 # Empty replies to ticks differ in the frame number only. Encoding a reply for each frame would
 # cost more than sending the tick.
@@ -117,9 +121,19 @@ class ZenohTransport:
         drops = control == _DROP
         publisher = self._publishers.get((key, drops))
         if publisher is None:
+            if len(self._publishers) >= MAX_PUBLISHERS:
+                self._forget_publishers()
             publisher = self._session.declare_publisher(key, congestion_control=control)
             self._publishers[key, drops] = publisher
         return publisher
+
+    def _forget_publishers(self) -> None:
+        """Forget the oldest publishers: guests may come and go under any number of names."""
+        record = self._keys.record, True  # Its listener lasts as long as the session.
+        oldest = [known for known in self._publishers if known != record][: MAX_PUBLISHERS // 2]
+        for known in oldest:
+            self._publishers.pop(known).undeclare()
+        self._keys_to = {to: self._keys_to[to] for to in _GROUPS}
 
     def _on_observers(self, status: zenoh.MatchingStatus) -> None:
         self.observed = status.matching

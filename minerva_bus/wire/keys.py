@@ -144,7 +144,11 @@ def who_asks(key: str, world: str) -> tuple[str, bool, str]:
 
     The asker is empty for a command on this machine.
     """
-    kind, _, who = key.split("/", 2)[2].partition("/")
+    rest = key.split("/", 2)[-1]
+    kind, _, who = rest.partition("/")
+    # A query on a pattern reaches this world, too; it is answered like a question without a name.
+    if kind not in ("control", "ask"):
+        return "", False, control_key(world)
     return who, kind == "control", f"{ROOT}/{world}/{kind}/{who}".rstrip("/")
 
 

@@ -103,8 +103,13 @@ class Limits:
     stranger_messages: Annotated[
         int, Note("messages of all unknown senders in a second; further ones are only counted")
     ] = 100
-    hellos: Annotated[int, Note("`hello`s of a member in a second")] = 20
-    all_hellos: Annotated[int, Note("`hello`s of all members in a second")] = 1_000
+    hellos: Annotated[int, Note("`hello`s of a member in a second; changes of its token")] = 20
+    all_hellos: Annotated[
+        int,
+        Note(
+            "`hello`s of all members in a second; changes of the tokens of those that take no part"
+        ),
+    ] = 1_000
     questions: Annotated[
         int, Note("unanswered questions; further ones are answered with an error")
     ] = 100

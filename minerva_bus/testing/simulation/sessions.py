@@ -37,6 +37,9 @@ class Bytes:
 
     data: bytes = b""
 
+    def __len__(self) -> int:
+        return len(self.data)
+
     def to_bytes(self) -> bytes:
         """Its bytes."""
         return self.data

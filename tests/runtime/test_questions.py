@@ -1,0 +1,60 @@
+"""Questions that arrive faster than they are answered."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from minerva_bus.runtime.admission import Admission, ListenConfig
+from minerva_bus.runtime.answers import Answers
+from minerva_bus.runtime.system import REAL
+from minerva_bus.testing.simulation.sessions import Query
+from minerva_bus.wire.keys import Keys, who_asks
+from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.plain import pack, unpack
+
+STATUS = pack({"ask": "status"})
+
+
+@pytest.fixture
+def asked():
+    """A function that asks on a key and returns whether it was admitted; replies; and answers."""
+    limits, replies = Limits(questions=2), list[Any]()
+    world: Any = SimpleNamespace(algorithm=SimpleNamespace(world=SimpleNamespace(name="w")))
+    admission = Admission(Keys("w"), limits, ListenConfig(), lambda *line: None)
+    answers = Answers(world, admission, limits, lambda: None, REAL, {"status": lambda *_: {}})
+
+    def ask(key, data=STATUS):
+        def reply(answer):
+            replies.append((key, unpack(answer)))
+
+        query: Any = Query(f"minerva/w/{key}", data, reply)
+        question = answers.admit(query)
+        if question is not None:
+            answers.add(question)
+        return question is not None
+
+    return ask, replies, answers
+
+
+def test_those_of_readers_leave_room_for_those_of_operators(asked):
+    ask, replies, answers = asked
+    assert [ask("ask/eve") for _ in range(3)] == [True, True, False]
+    assert "2 questions wait for an answer already" in replies.pop()[1]["error"]
+    assert ask("control/ann")
+    while answers:
+        answers.answer_due()
+    assert [key for key, _ in replies] == ["control/ann", "ask/eve", "ask/eve"]
+    assert ask("ask/eve")
+
+
+def test_one_that_is_too_large_is_not_kept(asked):
+    ask, replies, answers = asked
+    assert not ask("control", b"x" * 300_000)
+    assert not answers
+    assert replies == [("control", {"error": "a question has 300000 bytes, over 262144"})]
+
+
+@pytest.mark.parametrize("key", ["**", "minerva/**", "minerva/w/**", "minerva/*", "minerva/w/*/x"])
+def test_one_on_a_pattern_may_only_read(key):
+    assert who_asks(key, "w") == ("", False, "minerva/w/control")
