@@ -6,7 +6,7 @@ plain data and that read and check them, and the name of the type in PROTOCOL.md
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, ProtocolError
@@ -17,7 +17,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.field_codec import DeclaredField, FieldCodec
-from minerva_bus.wire.limits import check
+from minerva_bus.wire.limits import OF_A_HOST, check
 from minerva_bus.wire.plain import (
     as_bool,
     as_event_type,
@@ -44,6 +44,7 @@ from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_kind,
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.when import When
 
+_OF_CONDITIONS: Final = "characters of conditions"
 _ADVICE: Final = "send those of one type in columns"
 
 MAX_SHOWN: Final = 200
@@ -224,12 +225,16 @@ def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
     full = [item for item in single if len(item) == 5]
     receivers = sum(len(cast("list[Any]", item[4])) for item in full if isinstance(item[4], list))
     check(of.message, receivers, limits.receivers, "receivers of single events", _ADVICE)
-    # Equal conditions are parsed once, so only different ones count. A batch has its own.
-    batches = [cast("list[Any]", item) for item in plain if isinstance(item, list)]
-    given = [item[2] for item in full] + [item[3] for item in batches if len(item) == 6]
-    conditions = {text for text in given if isinstance(text, str)}
-    characters = sum(map(len, conditions))
-    check(of.message, characters, limits.conditions, "characters of conditions")
+    check(of.message, _characters([plain]), limits.conditions, _OF_CONDITIONS)
+
+
+def _characters(lists: Iterable[Any]) -> int:
+    """The characters of the different conditions of events: equal ones are parsed once."""
+    events = [cast("list[Any]", each) for each in lists if isinstance(each, list)]
+    items = [cast("list[Any]", item) for each in events for item in each if isinstance(item, list)]
+    # The third item from the end, of an event of five items and of a batch of six.
+    given = [item[-3] for item in items if len(item) > 4]
+    return sum(map(len, {text for text in given if isinstance(text, str)}))
 
 
 def _events_by_sender(of: DeclaredField) -> FieldCodec:
@@ -241,6 +246,8 @@ def _events_by_sender(of: DeclaredField) -> FieldCodec:
             advice = f"{_ADVICE}, or raise host_events in [limits]"
             check(of.message, len(senders), reader.limits.host_events, "senders of events", advice)
             check(of.message, count, reader.limits.host_events, "single events", advice)
+            most = OF_A_HOST * reader.limits.conditions
+            check(of.message, _characters(senders.values()), most, _OF_CONDITIONS)
         return {name: reader.events(events) for name, events in senders.items()}
 
     def write(senders: m.SentBy) -> Any:

@@ -15,6 +15,9 @@ from minerva_bus.frame.inbox import MAX_WAITING
 from minerva_bus.frame.schema import Note
 from minerva_bus.frame.work import MAX_HOST_EVENTS, MAX_SINGLE_EVENTS
 
+OF_A_HOST: Final = 8
+"""Times as many characters of conditions for a host, whose agents each have their own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Configurable:
@@ -89,7 +92,10 @@ class Limits:
     )
     conditions: Annotated[
         int,
-        Note("characters of the different conditions of the events of a `ticked` or `emitted`"),
+        Note(
+            "characters of the different conditions of the events of a `ticked` or `emitted`; eight"
+            " times as many of an `evolved`"
+        ),
     ] = 50_000
     kinds: Annotated[int, Note("kinds of a `hello`")] = 256
     fields: Annotated[int, Note("attributes of all kinds of a `hello`")] = 2_000

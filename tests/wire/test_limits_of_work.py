@@ -67,6 +67,10 @@ TOO_MUCH = {
         pack(["emitted", [["eBare", 1, [], c, None, None] for c in ("x < 1 and x < 100000", "x < 2 and x < 100000")]]),
         "emitted has 40 characters of conditions, over 39",
     ),
+    "conditions of agents": (
+        pack(["evolved", 0, 0, {}, {"a": [["eBare", [], f"x < {n} and x < {10**50}", "", []] for n in range(5)]}, {}]),
+        "evolved has 325 characters of conditions, over 312",
+    ),
     "columns": (pack(["emitted", [many(51)]]), "51 events at once, over 50"),
     "columns in all": (pack(["emitted", [many(30), many(30)]]), "60 events at once, over 50"),
     "emitted by agents": (
