@@ -54,8 +54,9 @@ EXACT: Final = 1 << 53
 INTS: Final = {
     **{f"ints of {size} bytes": (-(1 << bits), (1 << bits) - 1)
        for size, bits in ((1, 7), (2, 15), (4, 31), (8, 63))},
-    **{f"ints that take {size} bytes": (-(1 << bits) - 1, 1 << bits)
-       for size, bits in ((2, 7), (4, 15), (8, 31))},
+    **{f"ints above {size} bytes": (0, 1 << bits) for size, bits in ((1, 7), (2, 15), (4, 31))},
+    **{f"ints below {size} bytes": (0, -(1 << bits) - 1)
+       for size, bits in ((1, 7), (2, 15), (4, 31))},
     "ints that floats can represent": (-EXACT, EXACT),
     "ints below -2^53": (-EXACT - 1, 0), "ints above 2^53": (0, EXACT + 1),
 }  # fmt: skip
