@@ -15,7 +15,8 @@ from markdown_it.token import Token
 from myst_parser.slugs import github_slugify, unique_slug
 from pages import ROOT
 
-BUILD_SECONDS = 540
+from tests.patience import patience
+
 TARGETS = {"a": "href", "img": "src", "link": "href", "script": "src", "source": "src"}
 """Attributes of HTML elements that name other files."""
 
@@ -31,6 +32,8 @@ def build(folder: Path) -> subprocess.CompletedProcess[str]:
         "-q",
         "-d",
         f"{folder}.doctrees",
+        "-D",
+        f"nb_execution_timeout={patience(100):.0f}",
     ]
     return subprocess.run([*command, "docs", folder], cwd=ROOT, capture_output=True, text=True)
 

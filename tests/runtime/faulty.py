@@ -2,6 +2,7 @@
 
 import threading
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 from town import eHappy, eStep
@@ -29,10 +30,10 @@ def sleeps():
 
 
 def compiles():
-    from numba import njit
-
-    while fault("compile"):
-        njit(lambda x: x + 1)(1)
+    if fault("compile"):  # as a stack in the compiler looks like, which may be too deep to be read
+        (folder,) = find_spec("numba").submodule_search_locations
+        wait = compile("while fault('compile'): time.sleep(0.1)", f"{folder}/compiler.py", "exec")
+        exec(wait, globals())
 
 
 class Clock(Generator, events=("eStep",)):

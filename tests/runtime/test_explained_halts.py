@@ -83,14 +83,11 @@ def cause(world, kind, function=""):
             return None
         assert len(halt.lines()) <= 24
         causes = (each for each in halt.causes if each.kind == kind)
-        return next((each for each in causes if not function or called(each) == function), None)
+        return next(
+            (each for each in causes if not function or each.place.function == function), None
+        )
 
-    return eventually(named, f"a cause {kind!r}\n{world.text}")
-
-
-def called(halt):
-    """The function of a cause; none while it imports a compiler, whose imports are too deep."""
-    return halt.place.function if halt.place is not None else ""
+    return eventually(named, lambda: f"a cause {kind!r}\n{world.text}")
 
 
 def test_a_pending_request_of_a_study_that_waits(faulty):

@@ -43,7 +43,7 @@ def said(screen, tmp_path, monkeypatch):
     monkeypatch.setenv("DISPLAY", screen.display)
     for name in [variable for variable in os.environ if variable.startswith(("SDL_", "WAYLAND_"))]:
         monkeypatch.delenv(name)
-    words = ["-m", "minerva_bus", "run", "robot", "--rate", "20", "--view"]
+    words = ["-m", "minerva_bus", "run", "robot", "--rate", "8", "--view"]
     words.append(f"opengl:width={SIZE[0]},height={SIZE[1]}")
     path = tmp_path / "said.txt"
     with path.open("w") as file:

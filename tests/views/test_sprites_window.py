@@ -50,7 +50,7 @@ class Office:
         self.log = (folder / "log").open("w+")
         self.process = subprocess.Popen(
             [sys.executable, "-m", "minerva_bus.cli.main", "run", "robot", "--view", OPTIONS,
-             "--rate", "20"],
+             "--rate", "8"],
             cwd=folder, env=environment, stdout=self.log, stderr=self.log,
             stdin=subprocess.DEVNULL,
         )  # fmt: skip
