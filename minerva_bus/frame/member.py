@@ -228,7 +228,7 @@ class Member:
         if isinstance(self.service, Device) and not isinstance(self.service, Generator):
             with blamed(self.service.heard):
                 for reading in readings.readings:
-                    self.service.heard(reading)
+                    self.service.heard(reading, readings.frame)
             return
         self._generating.buffer.put(readings)
         self._tick_if_complete()

@@ -230,8 +230,11 @@ class Device(Service):
         if coupled:
             cls.coupled = True
 
-    def heard(self, reading: Reading) -> None:
-        """Called with each reading of `topics`, on arrival, if the device is not a generator."""
+    def heard(self, reading: Reading, frame: int) -> None:
+        """Called with each reading of `topics`, on arrival, if the device is not a generator.
+
+        `frame` is the frame in which it was published; -1 from a free-running publisher.
+        """
 
     @abstractmethod
     def show(self, view: View) -> None:

@@ -52,6 +52,14 @@ def test_scans_are_points_where_beams_hit(rows):
     assert far[1] == pytest.approx(0.75 * np.sin(np.radians(120.0)))
 
 
+def test_scans_lie_where_they_were_measured(rows, recorded):
+    places = rows["/world/ARover"].values["positions"]
+    # None in frame 5, the last string, because no scan follows it.
+    assert [at[0] for at in rows["/world/r1/scan"].values["translation"]] == [
+        pytest.approx(at[0]) for at in places[1:5]
+    ]
+
+
 def test_images_readings_and_events_are_there(rows):
     assert rows["/r1/image"].frames == rows["/r1/photo"].frames == [1, 2, 3, 4]
     assert bytes(rows["/r1/photo"].values["blob"][0][0]).startswith(b"\x89PNG")

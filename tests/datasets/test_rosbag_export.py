@@ -65,6 +65,20 @@ def test_poses_are_those_of_the_strings(recorded, by_topic):
         assert first.transform.rotation.z == pytest.approx(np.sin(half))
 
 
+def test_scans_have_the_pose_of_their_own_frame(recorded, tmp_path):
+    export_dataset(recorded[1], tmp_path / "bag", "rosbag", every=4)
+    with AnyReader([tmp_path / "bag"], default_typestore=messages().store) as reader:
+        poses = [
+            [
+                each.child_frame_id
+                for each in reader.deserialize(data, connection.msgtype).transforms
+            ]
+            for connection, _, data in reader.messages()
+            if connection.topic == "/tf"
+        ]
+    assert poses == [["r1", "r2"], ["r1"], ["r1"], ["r1"], ["r1", "r2"]]
+
+
 def test_events_are_json(by_topic):
     time, message = by_topic[0]["/events/eSteer"][1]
     first, second = json.loads(message.data)

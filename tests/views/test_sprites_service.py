@@ -57,6 +57,8 @@ def test_views_lie_over_one_another(tmp_path):
     image = pixels(tmp_path / "w.png")
     assert middle_of(image, ROBOT) is not None
     assert middle_of(image, DOT) is not None
+    device.show(view(1, TPut(4.0, 2.5)(PDot(0.3))))
+    assert np.array_equal(pixels(tmp_path / "w.png"), image)  # not yet the other view of frame 1
 
 
 def test_how_it_takes_part(monkeypatch):

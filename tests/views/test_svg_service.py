@@ -124,6 +124,9 @@ def test_views_of_several_types_lie_over_one_another(tmp_path: Path):
     device.show(view(1, PRobot(), "ePicture"))
     fills = [e.attrib["fill"] for e in elements((tmp_path / "w.svg").read_text(), "circle")]
     assert fills == ["#e07a2f", "#123456"]
+    before = (tmp_path / "w.svg").read_text()
+    device.show(view(2, PRobot(), "ePicture"))
+    assert (tmp_path / "w.svg").read_text() == before  # not yet the other view of frame 2
 
 
 def test_a_folder_that_cannot_be_made_is_a_clear_error(tmp_path: Path):

@@ -3,8 +3,7 @@
 | entity              | archetype                                                              |
 |---------------------|------------------------------------------------------------------------|
 | world/KIND          | Points3D: the agents of a kind, with their ids                         |
-| world/ROBOT         | Transform3D: a robot that has sensors                                  |
-| world/ROBOT/TOPIC   | Points3D: a scan                                                       |
+| world/ROBOT/TOPIC   | Transform3D, Points3D: a scan, and where its robot measured it         |
 | ROBOT/TOPIC         | Image or EncodedImage; GeoPoints; Scalars of odometry and of a battery |
 | agents/KIND         | Scalars: the number of agents                                          |
 | events/TYPE         | Scalars: the number of events in a frame                               |
@@ -14,7 +13,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -29,7 +28,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.display import SHOWN
 from minerva_bus.log.exporting import ExportChoice, ExportProgress, only_record
 from minerva_bus.log.info import kinds_in
-from minerva_bus.log.places import Surveyor
+from minerva_bus.log.places import Positions, Surveyor
 from minerva_bus.log.reader import Record
 from minerva_bus.log.record_frames import RecordFrames
 from minerva_bus.outputs import check_file
@@ -62,7 +61,7 @@ def write_rrd(
                 made.begin(frame.number)
                 if not (frame.number - choice.begin) % choice.every:
                     made.agents(frame.scene)
-                made.readings(frame.readings)
+                made.readings(frame.readings, frame.scene)
                 if frame.events:
                     made.events(frame.events)
                 progress(frame.number - choice.begin, frames.last - choice.begin)
@@ -81,7 +80,6 @@ class _RrdExport:
         self.entities: set[str] = set()
         self._record, self._dt = record, world.dt
         self._surveyor = Surveyor(world.vocabulary, SHOWN)
-        self._robots: set[str] = set()
         self._path = path
         self._stream = open_stream(world.name, path, "choose another file")
 
@@ -106,18 +104,17 @@ class _RrdExport:
             at = np.stack([places.x, places.y, np.zeros(len(places.x))], axis=1)
             shown = rr.Points3D(at, radii=_RADIUS, labels=list(places.ids), show_labels=False)
             self._log(f"world/{kind}", shown)
-            for robot, x, y, angle in places.of(self._robots):
-                turn = rr.RotationAxisAngle([0, 0, 1], degrees=angle)
-                pose = rr.Transform3D(translation=[x, y, 0.0], rotation=turn)
-                self._log(f"world/{robot}", pose)
 
-    def readings(self, published: Iterable[Readings]) -> None:
-        """Write the readings of a frame."""
-        for message in published:
-            for reading in message.readings:
-                self._robots.add(reading.robot)
-                for path, archetype in _shown(reading, f"{reading.robot}/{message.topic}"):
-                    self._log(path, archetype)
+    def readings(self, published: Sequence[Readings], scene: Scene) -> None:
+        """Write the readings of a frame that began with a string."""
+        readings = [(message.topic, each) for message in published for each in message.readings]
+        robots = {each.robot for _, each in readings if isinstance(each, Scan)}
+        poses = _poses(self._surveyor.places(scene), robots) if robots else {}
+        for topic, reading in readings:
+            placed = isinstance(reading, Scan) and reading.robot in poses
+            extra = [poses[reading.robot]] if placed else []
+            for path, archetype in _shown(reading, f"{reading.robot}/{topic}"):
+                self._log(path, archetype, *extra)
 
     def events(self, events: Iterable[AnyEvent]) -> None:
         """Write the numbers of events of a frame."""
@@ -139,9 +136,22 @@ class _RrdExport:
                 self.begin(number)
                 self._log("log", rr.TextLog(f"{line.member}: {line.text}"))
 
-    def _log(self, path: str, archetype: rr.AsComponents) -> None:
+    def _log(self, path: str, *archetypes: rr.AsComponents) -> None:
         self.entities.add(path)
-        self._stream.log(path.strip("/"), archetype)
+        self._stream.log(path.strip("/"), *archetypes)
+
+
+def _poses(places: Mapping[str, Positions], robots: Container[str]) -> dict[str, rr.Transform3D]:
+    """The poses of robots."""
+    import rerun as rr
+
+    return {
+        robot: rr.Transform3D(
+            translation=[x, y, 0.0], rotation=rr.RotationAxisAngle([0, 0, 1], degrees=angle)
+        )
+        for of_kind in places.values()
+        for robot, x, y, angle in of_kind.of(robots)
+    }
 
 
 def _shown(reading: Reading, path: str) -> Iterator[tuple[str, rr.AsComponents]]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -59,8 +59,11 @@ def write_bag(
         with closing(_BagFile(into)) as bag:
             for frame in frames:
                 bag.time = description.began + time_of(frame.number, description.world.dt)
-                if not (frame.number - choice.begin) % choice.every:
-                    bag.poses(surveyor, frame.scene)
+                due = not (frame.number - choice.begin) % choice.every
+                # A scan is placed by the pose of its own frame.
+                sensed = {r.robot for message in frame.readings for r in message.readings}
+                if due or sensed:
+                    bag.poses(surveyor, frame.scene, None if due else sensed)
                 bag.readings(frame.readings)
                 bag.events(frame.events)
                 progress(frame.number - choice.begin, frames.last - choice.begin)
@@ -83,13 +86,13 @@ class _BagFile:
     def close(self) -> None:
         self._file.close()
 
-    def poses(self, surveyor: Surveyor, scene: Scene) -> None:
-        """Write the poses of agents."""
+    def poses(self, surveyor: Surveyor, scene: Scene, robots: Container[str] | None) -> None:
+        """Write the poses of agents; of these `robots` only, unless it is None."""
         header, make = self._header(MAP), messages()
         transforms = [
             make.transform(header, name, x, y, angle)
             for places in surveyor.places(scene).values()
-            for name, x, y, angle in places.of(places.ids)
+            for name, x, y, angle in places.of(places.ids if robots is None else robots)
         ]
         if transforms:
             self._write("/tf", TRANSFORMS, make.make(TRANSFORMS, transforms=transforms))

@@ -21,6 +21,17 @@ class Overlay:
         """The frame of the newest view; -1 before the first one."""
         return max((view.frame for view in self._views.values()), default=-1)
 
+    @property
+    def is_complete(self) -> bool:
+        """True if the latest views of all event types are of one frame.
+
+        Other devices may cause further views of some of them. A file contains complete pictures
+        only; a display that people watch shows each view at once.
+        """
+        return {view.frame for view in self._views.values()} == {self.frame} and len(
+            self._views
+        ) == len(self._lists)
+
     def add(self, view: View) -> None:
         """Replace the view of its event type."""
         self._views[view.event_type] = view

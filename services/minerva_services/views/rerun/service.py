@@ -60,7 +60,7 @@ class RerunView(Device, draws=("ePicture",)):
 
     def show(self, view: View) -> None:
         self._overlay.add(view)
-        if self._file is not None:
+        if self._file is not None and self._overlay.is_complete:
             self._file.show(self._overlay.picture(), view.frame, view.frame * self._dt)
 
     def report(self) -> Mapping[str, bool | int | float | str]:

@@ -56,7 +56,7 @@ class Svg(Device, draws=("ePicture",)):
         self._makes_png = png
         self._width = width
         self._pictures: Pictures | None = None
-        self._views: dict[str, Scene] = {}
+        self._views: dict[str, View] = {}
         self._written: Path | None = None
         self._check_outputs()
 
@@ -78,7 +78,9 @@ class Svg(Device, draws=("ePicture",)):
         prepare_folder(self._path)
 
     def show(self, view: View) -> None:
-        self._views[view.event_type] = view.scene
+        self._views[view.event_type] = view
+        if any(self._frame_of(event_type) != view.frame for event_type in self.draws):
+            return  # A picture shows one frame.
         document = self._draw(view.frame)
         path = numbered(self._path, view.frame) if self._keeps_all else self._path
         write_output(path, document.encode(), "picture")
@@ -92,8 +94,12 @@ class Svg(Device, draws=("ePicture",)):
     def _draw(self, frame: int) -> str:
         if self._pictures is None:
             raise MisuseError("picture: a view arrived before the world was joined")
-        scene = Scene(tuple(n for d in self.draws if d in self._views for n in self._views[d]))
-        return self._pictures.draw(scene, frame)
+        nodes = [node for event_type in self.draws for node in self._views[event_type].scene]
+        return self._pictures.draw(Scene(tuple(nodes)), frame)
+
+    def _frame_of(self, event_type: str) -> int:
+        view = self._views.get(event_type)
+        return -1 if view is None else view.frame
 
     def _write_png(self, path: Path, document: str) -> None:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,36 +20,55 @@ from minerva_services.views.window.controls import WindowControls
 from minerva_services.views.window.painter import Beams, Sight
 from minerva_services.views.window.picking import spots_of
 
-_MAX_SCANS = 8
+_MAX_SCANS = 64
+"""Scans kept for each robot, because they may arrive long before the picture of their frame."""
+
+
+@dataclass(slots=True)
+class _Measured:
+    """A scan, the frame whose string its robot had, and its beams in the picture of that frame."""
+
+    scan: Scan
+    frame: int
+    beams: Beams | None = None
 
 
 class ScanBuffer:
     """The latest scans of each robot."""
 
     def __init__(self) -> None:
-        self._scans: dict[str, deque[Scan]] = {}
+        self._scans: dict[str, deque[_Measured]] = {}
 
-    def add(self, reading: Reading) -> None:
-        """Add a reading; readings other than scans are ignored."""
+    def add(self, reading: Reading, frame: int) -> None:
+        """Add a reading of a frame, -1 for the next picture's; others than scans are ignored."""
         if isinstance(reading, Scan):
-            self._scans.setdefault(reading.robot, deque(maxlen=_MAX_SCANS)).append(reading)
+            scans = self._scans.setdefault(reading.robot, deque(maxlen=_MAX_SCANS))
+            scans.append(_Measured(reading, frame))
 
-    def beams(self, picture: Picture, time: float) -> list[Beams]:
-        """The beams of all robots in a picture of this simulated time."""
-        spots = spots_of(picture, self._scans.keys())
-        return [
-            beams_of(_of_time(self._scans[robot], time), Pose(spot.x, spot.y, spot.angle))
-            for robot, spot in spots.items()
-        ]
+    def beams(self, picture: Picture, frame: int) -> list[Beams]:
+        """The beams of all robots in the picture of a frame, where they were measured.
 
-
-def _of_time(scans: deque[Scan], time: float) -> Scan:
-    """The newest scan not newer than the picture, or the oldest: real sensors have other clocks."""
-    return next((scan for scan in reversed(scans) if scan.time <= time + 1e-6), scans[-1])
+        The newest scan may be of an earlier frame: a lidar can be slower than the frames, and no
+        scan follows the last one. Its beams stay where its own frame's picture had the robot.
+        Without such a picture, nobody knows where they belong, and they are left out.
+        """
+        found: list[Beams] = []
+        for robot, spot in spots_of(picture, self._scans.keys()).items():
+            scans = self._scans[robot]
+            newest = next((each for each in reversed(scans) if each.frame <= frame), None)
+            if newest is None:
+                continue
+            if newest.frame < 0:
+                newest.frame = frame
+            if newest.frame == frame:
+                newest.beams = beams_of(newest.scan, Pose(spot.x, spot.y, spot.angle))
+            if newest.beams is not None:
+                found.append(newest.beams)
+        return found
 
 
 def beams_of(scan: Scan, robot: Pose) -> Beams:
-    """The beams of a scan, relative to the robot's displayed pose."""
+    """The beams of a scan that a robot measured at this pose."""
     sensor = robot.then(scan.mount_x, scan.mount_y, scan.mount_angle, 0.0)
     x, y, degrees = origins(scan, np.arange(len(scan.ranges)))
     ranges = np.asarray(scan.ranges, np.float64)
@@ -100,9 +120,14 @@ class Composer:
         """Replace the view of its event type."""
         self._overlay.add(view)
 
-    def add_reading(self, reading: Reading) -> None:
-        """Keep a scan, to draw its beams."""
-        self._scans.add(reading)
+    @property
+    def is_complete(self) -> bool:
+        """True if the views of all event types are of one frame."""
+        return self._overlay.is_complete
+
+    def add_reading(self, reading: Reading, frame: int) -> None:
+        """Keep a scan of a frame, to draw its beams."""
+        self._scans.add(reading, frame)
 
     def compose(
         self,
@@ -114,10 +139,9 @@ class Composer:
     ) -> Sight:
         """Everything to display; `text`: title, subtitle, notice; `keys`: whether keys act."""
         self.picture = self._overlay.picture()
-        time = max(self._overlay.frame, 0) * self._world.dt
         return Sight(
             self.picture,
-            tuple(self._scans.beams(self.picture, time)) if controls.beams else (),
+            tuple(self._scans.beams(self.picture, self._overlay.frame)) if controls.beams else (),
             *text,
             controls.help if controls.helps else (),
             controls.selected,

@@ -80,15 +80,15 @@ class WindowDevice(Device):
         else:
             self._output = VideoOutput(options, world.dt, options.asks_every)
 
-    def heard(self, reading: Reading) -> None:
-        self._composer.add_reading(reading)
+    def heard(self, reading: Reading, frame: int) -> None:
+        self._composer.add_reading(reading, frame)
 
     def show(self, view: View) -> None:
         if self._painter is None:
             raise MisuseError(f"{self.options.service}: a view arrived before the world was joined")
         self._composer.add_view(view)
         self._changed = True
-        if self._output is not None:
+        if self._output is not None and self._composer.is_complete:
             self._output.add(view.frame, self._drawn)
 
     def pulse(self) -> None:
