@@ -101,12 +101,13 @@ def _witnesses(create: Callable[..., Coordinator], last: Path, paused: bool) -> 
             counts.add(done.events)
             watchers.frame_done(done)
 
-        def stopping(reason: str) -> None:
+        def stopping(notice: s.Stopping) -> None:
+            counts.add(notice.events)
             scene = str(coordinator.algorithm.scene)
             # A file, because the coordinator is another process than the launcher that writes the
             # result.
             write_result(last, {"scene": scene, "events": counts.sorted()})
-            watchers.stopping(reason)
+            watchers.stopping(notice)
 
         watching = replace(watchers, frame_done=frame_done, stopping=stopping)
         coordinator = create(world, watching, **settings)

@@ -180,7 +180,7 @@ def export_plans(
     if frame is not None and cursor.number <= last:
         missing.append(range(cursor.number, last + 1))
         collector.drop_unfinished()
-    collector.close()
+    collector.close(cursor.closing_events() if frame is None and cursor.number <= last else ())
     rows = {name: counting.count for name, counting in counts.items()}
     return Export(record.path, begin, last, record.complete, tuple(missing), rows)
 

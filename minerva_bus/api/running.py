@@ -126,7 +126,7 @@ class EventCounts:
         self.counts: Counter[str] = Counter()
 
     def __call__(self, notice: Notice) -> None:
-        if isinstance(notice, s.FrameDone):
+        if isinstance(notice, s.FrameDone | s.Stopping):
             self.add(notice.events)
 
     def add(self, events: Iterable[AnyEvent]) -> None:

@@ -1,7 +1,8 @@
 """Evaluates expressions in each frame, and passes rows to the writers of its tables.
 
 Row t of a table of agents or frames is about w_t, the string with which frame t begins: frame 0 has
-the initial string, and a run of 300 frames has the rows 0 to 300. Events are those of frame t.
+the initial string, and a run of 300 frames has the rows 0 to 300. Events are those of frame t; of
+frame 300 there are those that agents and norms sent in frame 299.
 """
 
 from __future__ import annotations
@@ -81,10 +82,9 @@ class Collector:
         self.end(frame, events)
         self.begin(frame + 1, scene)
 
-    def close(self) -> None:
-        """Finish all tables."""
-        # The last string has no frame after it; its row counts no events.
-        self.end(self._frame, ())
+    def close(self, events: Iterable[AnyEvent]) -> None:
+        """Finish all tables; no frame follows the last string, and these are its `events`."""
+        self.end(self._frame, events)
         for _, writer in self._tables:
             writer.close()
 

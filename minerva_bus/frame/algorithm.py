@@ -38,6 +38,7 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.norms import SOURCE
+from minerva_bus.world.order import collect
 
 MAX_NAMED_STRANGERS: Final = 3
 MAX_PROBLEM_LINES: Final = 10
@@ -188,7 +189,7 @@ class FrameAlgorithm:
         self.in_flight.pending = set()
         self.in_flight.requests.cancel()
         self.shutdown.begin(member.name for member in self.members.active())
-        self.out.add(s.Stopping(self.shutdown.reason))
+        self.out.add(s.Stopping(self.shutdown.reason, self.frame, self.closing_events))
         self.out.send(s.EVERYONE, m.Stop(self.shutdown.reason))
 
     def _finish(self, awaited: Awaited) -> None:
@@ -382,6 +383,15 @@ class FrameAlgorithm:
     def offers(self) -> Offers:
         """The kinds that each host may evolve, as far as the world's placement rules allow."""
         return self.world.placement.allowed(self.members.offers(), self.members.machines())
+
+    @property
+    def closing_events(self) -> tuple[AnyEvent, ...]:
+        """What agents and norms sent in the last complete frame: events of the next one.
+
+        Whoever counts, writes or prints the events of a run takes these at its end, because no
+        frame follows.
+        """
+        return collect(self.world.order, self.inbox.sent)
 
     # --- checkpoints and logs ---
 

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from minerva_bus.frame.event_sources import AGENTS
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.world.norms import SOURCE
 
 HALTED: Final = "~halted"
 """Key in `Checkpoint.saved` for the agents whose actions the last views must not execute."""
@@ -30,3 +32,8 @@ class Checkpoint:
     )
     reached: frozenset[str] = frozenset()
     reaching: frozenset[str] = frozenset()
+
+    @property
+    def sent(self) -> dict[str, tuple[AnyEvent, ...]]:
+        """What agents and norms sent in the frame before, by source: events of the next frame."""
+        return {AGENTS: self.emitted, SOURCE: self.inbox.get(SOURCE, ())}

@@ -337,7 +337,7 @@ class EvolutionStep:
         record = frame_record(algorithm)
         algorithm.out.add(s.FrameDone(algorithm.frame, record, in_flight.events.ordered, inputs))
         algorithm.frame += 1
-        inbox.emitted = sent
+        inbox.end_frame(sent)
         if result.changed:
             algorithm.views.last_change = algorithm.frame
 

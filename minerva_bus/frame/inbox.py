@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final, TypeAlias
 
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.event_sources import is_people, person_of, source_of
+from minerva_bus.frame.event_sources import AGENTS, is_people, person_of, source_of
 from minerva_bus.frame.unknown_receivers import UnknownReceivers
 from minerva_bus.frame.work import EventWork, are_light
 from minerva_bus.grammar.batch import AnyEvent
@@ -35,8 +35,9 @@ def _receivers(event: AnyEvent) -> list[str]:
 class FrameInbox:
     """Events that wait for the next frame, by source.
 
-    `emitted`: events that agents have sent. `sanctions`: events from norms. `unknown` finds events
-    for agents that have never been in the string.
+    `emitted`: events that agents have sent. `sanctions`: events from norms. `sent`: both, by
+    source, as the last complete frame left them. `unknown` finds events for agents that have never
+    been in the string.
     """
 
     def __init__(self, past: Checkpoint, scene: Scene) -> None:
@@ -46,6 +47,7 @@ class FrameInbox:
         }
         self.sanctions: list[AnyEvent] = self.events.pop(SOURCE, [])
         self.emitted: list[AnyEvent] = list(past.emitted)
+        self.sent: Mapping[str, Sequence[AnyEvent]] = past.sent
         self.max_waiting: int = MAX_WAITING
         self.unknown = UnknownReceivers(scene)
         self._counts: dict[str, int] = {}
@@ -57,6 +59,12 @@ class FrameInbox:
         """Events for the next frame by source, for a checkpoint."""
         waiting = {source: tuple(events) for source, events in self.events.items()}
         return {**waiting, SOURCE: tuple(self.sanctions)} if self.sanctions else waiting
+
+    def end_frame(self, emitted: list[AnyEvent]) -> None:
+        """Queue the events that agents sent in a frame that is complete."""
+        self.emitted = emitted
+        # A copy, because the next frame takes the sanctions before it is complete.
+        self.sent = {AGENTS: emitted, SOURCE: tuple(self.sanctions)}
 
     def take_sanctions(self) -> list[AnyEvent]:
         """Remove and return the sanctions, sorted by receivers; those of one keep their order."""

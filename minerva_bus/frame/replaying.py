@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
 
 OVER = "the record is over"
+RECORD = "~record"
+"""Source of the events of a record."""
 _HERE = "~replay"
 
 
@@ -56,6 +58,10 @@ class FrameCursor(Protocol):
 
     def seek(self, number: int) -> Scene:
         """Move before a frame and return its initial string. Raises MinervaError."""
+        ...
+
+    def closing_events(self) -> tuple[AnyEvent, ...]:
+        """What agents and norms sent in the last frame of the run."""
         ...
 
 
@@ -101,7 +107,7 @@ class RecordedSource(FrameSource):
         recorded = [event for event in events if types[event.type].visual]
         clock = algorithm.in_flight.clock_views
         due = due_views(algorithm.members.index, algorithm.frame, clock, closing=closing)
-        sources = {"~record": recorded, DEVICES: visual_events(algorithm, due)}
+        sources = {RECORD: recorded, DEVICES: visual_events(algorithm, due)}
         return collect(algorithm.world.order, sources)
 
     def evolve(self) -> None:
@@ -127,6 +133,8 @@ class RecordedSource(FrameSource):
         events = algorithm.in_flight.events.ordered
         algorithm.out.add(s.FrameDone(algorithm.frame, frame_record(algorithm), events))
         algorithm.frame += 1
+        if not self.has_next():
+            algorithm.inbox.sent = {RECORD: self._cursor.closing_events()}
 
     def why_over(self) -> str:
         """Step 9: reason for the end if the recorded run is over and no member is present."""

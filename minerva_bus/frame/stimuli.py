@@ -194,9 +194,14 @@ class FrameDone:
 
 @passed
 class Stopping:
-    """No frame follows, for this reason; members send their reports and leave."""
+    """No frame follows, for this reason; members send their reports and leave.
+
+    `events` are those of frame `frame` that agents and norms have sent in the frame before.
+    """
 
     reason: str
+    frame: int
+    events: tuple[AnyEvent, ...]
 
 
 @passed

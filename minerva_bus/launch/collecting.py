@@ -138,7 +138,7 @@ class CollectSink(Sink):
 
     def close(self) -> None:
         """Finish all tables."""
-        self.collector.close()
+        self.collector.close(self._algorithm.closing_events)
         if self._parts is not None:
             self._parts.join()
 

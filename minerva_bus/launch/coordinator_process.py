@@ -150,7 +150,7 @@ class _Reporter:
             # `record` and `journal` are set later than the callbacks.
             idle=lambda: self.record.idle(),
             operated=lambda: self.journal.operated(),
-            stopping=lambda reason: send("stopping", reason=reason),
+            stopping=lambda notice: send("stopping", reason=notice.reason),
             restart=self._restart,
             stack=self._stack,
             opened=self._opened,

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.inputs import RecordedFrame
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
 from minerva_bus.log.checkpoints import Step
@@ -76,6 +77,10 @@ class Cursor:
     def end(self) -> int:
         """Number of the last frame plus one."""
         return self._record.last()[0]
+
+    def closing_events(self) -> tuple[AnyEvent, ...]:
+        """What agents and norms sent in the last frame of the record."""
+        return self._record.closing_events()
 
     def seek(self, number: int) -> Scene:
         """Move before a frame and return its string. Raises RecordError if it is unknown."""

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from minerva_bus.frame.inputs import RecordedFrame
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.log.errors import RecordError
@@ -107,7 +108,8 @@ def info_of(record: Record, check: bool = False) -> Info:
     scene = world.scene
     for frame, scene in record.strings(check):  # noqa: B007
         count, last = count + 1, frame
-        events.update(_counted(frame))
+        events.update(_counted(frame.events))
+    events.update(_counted(record.closing_events()))
     topics, dropped = _sensed(record)
     losses = record.losses()
     reached = last.number + 1 if last is not None else 0
@@ -149,9 +151,9 @@ def _broken(record: Record) -> dict[str, int]:
     return dict(saved.get(SOURCE, {}).get("broken", {}))
 
 
-def _counted(frame: RecordedFrame) -> Counter[str]:
+def _counted(events: Iterable[AnyEvent]) -> Counter[str]:
     counts: Counter[str] = Counter()
-    for event in frame.events:
+    for event in events:
         counts[event.type] += len(event)
     return counts
 

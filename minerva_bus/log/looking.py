@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.cursor import Cursor
 from minerva_bus.log.errors import RecordError
@@ -21,7 +20,8 @@ class FrameText:
     """A frame of a record as text, with the string before or after it.
 
     `title` begins the text. `seconds` is the world time at the string, `digest` that of the string.
-    `frame` is None at the end of a record.
+    `is_end`: the record ends here, and the `events` are what agents and norms sent in its last
+    frame.
     """
 
     title: str
@@ -29,7 +29,8 @@ class FrameText:
     seconds: float
     string: Scene
     digest: bytes
-    frame: RecordedFrame | None
+    events: tuple[AnyEvent, ...]
+    is_end: bool = False
 
     def plain(self) -> dict[str, Any]:
         """The frame as a JSON object."""
@@ -38,21 +39,16 @@ class FrameText:
             "seconds": self.seconds,
             "digest": self.digest.hex(),
             "string": str(self.string),
-            "events": list(self._events()),
+            "events": list(map(str, single(self.events))),
         }
 
     def lines(self) -> list[str]:
         """The frame as lines of text."""
         agents = [f"{count:,} {kind}" for kind, count in kinds_in(self.string).items()]
         about = f"frame {self.number}, {self.title}: {', '.join(agents) or 'no agents'}"
-        events = ["  events", *(f"    {event}" for event in self._events())]
-        if self.frame is None:
-            events = ["  the record ends here"]
-        return [about, f"  digest  {self.digest.hex()}", *events]
-
-    def _events(self) -> Iterator[str]:
-        """The events of the frame in order."""
-        return map(str, single(self.frame.events if self.frame is not None else ()))
+        heading = "  the record ends here" if self.is_end else "  events"
+        events = [f"    {event}" for event in single(self.events)]
+        return [about, f"  digest  {self.digest.hex()}", heading, *events]
 
 
 def frames_after(record: Record, begin: int) -> Iterator[FrameText]:
@@ -65,26 +61,27 @@ def frames_after(record: Record, begin: int) -> Iterator[FrameText]:
         if frame.number >= begin:
             seconds = (frame.number + 1) * dt
             title = f"until {seconds:.2f} s"
-            yield FrameText(title, frame.number, seconds, string, frame.digest, frame)
+            yield FrameText(title, frame.number, seconds, string, frame.digest, frame.events)
 
 
 def moment_of(record: Record, number: int | None) -> FrameText:
     """A frame of a record, or its end for None. Raises RecordError for a missing frame."""
     end, string = record.last()
-    frame = None
+    events: tuple[AnyEvent, ...] = ()
+    is_end = number is None or number == end
     if number is None or number == end:
-        number = end
+        number, events = end, record.closing_events()
     elif 0 <= number < end:
         cursor = Cursor(record)
         string = cursor.seek(number)
         frame = cursor.ahead
-        if frame is not None and frame.number != number:
-            frame = None  # It was not recorded; a later one was.
+        # If it was not recorded, a later one may be ahead.
+        events = frame.events if frame is not None and frame.number == number else ()
     else:
         raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {number}")
     seconds = number * record.description.world.dt
     title = f"{seconds:.2f} s of the world"
-    return FrameText(title, number, seconds, string, string.digest, frame)
+    return FrameText(title, number, seconds, string, string.digest, events, is_end)
 
 
 def written(string: Scene) -> str:

@@ -28,6 +28,7 @@ from minerva_bus.log.intact import IntactMessages
 from minerva_bus.log.losses import Losses
 from minerva_bus.log.sensing import Dropped, decode_sensed
 from minerva_bus.world.operator import PersonOperation
+from minerva_bus.world.order import collect
 
 _END: Final = 1 << 62
 """A number greater than that of any frame."""
@@ -158,6 +159,16 @@ class Record:
         cursor = Cursor(self, events=False)
         cursor.skip_to(_END)
         return cursor.number, cursor.scene
+
+    def closing_events(self) -> tuple[AnyEvent, ...]:
+        """What agents and norms sent in the last frame: no frame of the record has these events.
+
+        Nothing if it is unknown, as in a record without checkpoints.
+        """
+        end = self.intact_end()
+        if end.checkpoint is None or end.number != self.last()[0]:
+            return ()
+        return collect(self.description.world.order, end.checkpoint.sent)
 
     def end(self) -> tuple[Checkpoint, Scene]:
         """The last known checkpoint, and the string there: a run resumes from this state.

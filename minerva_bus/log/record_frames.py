@@ -19,8 +19,8 @@ class FrameContents:
     """A frame of a record.
 
     `scene` is the string with which it begins, `after` that with which it ends. `readings` are
-    sorted by topic and publisher. The string after the last frame is a `FrameContents` without
-    events, in which `after` is `scene`.
+    sorted by topic and publisher. The string after the last frame is a `FrameContents` with what
+    agents and norms sent in that frame; its `after` is `scene`.
     """
 
     number: int
@@ -54,7 +54,8 @@ class RecordFrames:
             yield FrameContents(number, before, cursor.advance(), frame.events, sensed.take(number))
         if frame is None:
             number = cursor.number
-            yield FrameContents(number, cursor.scene, cursor.scene, (), sensed.take(number))
+            events = cursor.closing_events() if number == self.length else ()
+            yield FrameContents(number, cursor.scene, cursor.scene, events, sensed.take(number))
 
 
 class _Sensed:

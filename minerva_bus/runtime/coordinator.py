@@ -322,5 +322,8 @@ class Coordinator(Sink):
             self.transport.publish(notice.record)
 
     def stopping(self, notice: s.Stopping) -> None:
-        """Inform the launcher that no frame follows."""
-        self.watchers.stopping(notice.reason)
+        """Inform the launcher that no frame follows, and observers of the last events."""
+        self.watchers.stopping(notice)
+        if self.transport.observed and notice.events:
+            digest = self.algorithm.scene.digest
+            self.transport.publish(m.FrameRecord(notice.frame, notice.events, {}, digest))

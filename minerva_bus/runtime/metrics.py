@@ -191,6 +191,11 @@ class Metrics(Sink):
         elif self._algorithm.phase is not self._phase:
             self._asked_at = perf_counter()
 
+    def stopping(self, notice: s.Stopping) -> None:
+        """Count the last events of the world."""
+        if self.on:
+            self._figures.totals.count(notice.events)
+
     def frame_done(self, notice: s.FrameDone) -> None:
         """Count the events of a frame; stop measuring some time after the last question."""
         if not self.on:

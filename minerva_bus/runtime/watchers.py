@@ -57,8 +57,8 @@ class Watchers:
     """The coordinator is about to wait for members: deferred work may be done."""
     operated: Callable[[], None] = field(default=lambda: None)
     """Events wait for a frame, or belong to it, which only this coordinator knows."""
-    stopping: Callable[[str], None] = field(default=lambda _: None)
-    """No frame follows; the argument is the reason."""
+    stopping: Callable[[s.Stopping], None] = field(default=lambda _: None)
+    """No frame follows."""
     restart: Callable[[str], str] = field(default=lambda _: "no launcher restarts its processes")
     stack: Callable[[str], str] = field(default=lambda _: "no launcher started its processes")
     noted: Callable[[PersonOperation], None] = field(default=lambda _: None)

@@ -78,6 +78,11 @@ class WorldLog(Sink):
         if self._metrics.wanted:
             self.event_log.frame(notice.frame, notice.events)
 
+    def stopping(self, notice: s.Stopping) -> None:
+        """Log the last events of the world, as those of a frame."""
+        if self._metrics.wanted:
+            self.event_log.frame(notice.frame, notice.events)
+
     def _write(self, member: str, text: str, details: str = "") -> None:
         # A member's text must not control the terminal of the person who reads it.
         text, details = on_screen(text), on_screen(details)

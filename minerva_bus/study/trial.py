@@ -106,11 +106,12 @@ def _reporting_coordinator(
         _count(counts, done.events)
         watchers.frame_done(done)
 
-    def stopping(reason: str) -> None:
+    def stopping(notice: s.Stopping) -> None:
+        _count(counts, notice.events)
         # A file, because the coordinator is another process, whose report has only the digest.
         report = {"string": str(coordinator.algorithm.scene), "events": counts}
         end.write_text(json.dumps(report), encoding="utf-8")
-        watchers.stopping(reason)
+        watchers.stopping(notice)
 
     watching = replace(watchers, frame_done=frame_done, stopping=stopping)
     coordinator = Coordinator(world, watching, **settings)
@@ -121,7 +122,7 @@ def _in_process(file: WorldFile, interrupted: Callable[[], bool]) -> Outcome:
     counts: Counter[str] = Counter()
 
     def observe(notice: Notice) -> None:
-        if isinstance(notice, s.FrameDone):
+        if isinstance(notice, s.FrameDone | s.Stopping):
             _count(counts, notice.events)
 
     run = InProcessRun(file, Console(quiet=True, traceback=True), time.monotonic(), observe)

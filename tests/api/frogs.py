@@ -1,11 +1,12 @@
 """A small world in a module that other processes can import."""
 
-from minerva_bus import Agent, EventType, Primitive, Transformation, World, each, on, view
+from minerva_bus import EMPTY, Agent, EventType, Primitive, Transformation, World, each, on, view
 
 PFrog = Primitive("PFrog", size=float)
 TAt = Transformation("TAt", x=float)
 eTick = EventType("eTick")
 eCroak = EventType("eCroak", loud=float)
+eCross = EventType("eCross")
 eFeed = EventType("eFeed", amount=float)
 ePicture = EventType("ePicture", visual=True)
 
@@ -47,6 +48,23 @@ class Toad(Agent, symbol="AToad"):
         self.age += 1
         if self.age == 3:
             raise ValueError("no more flies")
+
+
+class Racer(Agent, symbol="ARacer"):
+    steps: int = 0
+
+    @on("eTick")
+    def run(self, tick, moment):
+        self.steps += 1
+        if self.steps == 3:
+            moment.emit(eCross())
+            return EMPTY if self.id == "ghost" else self.string
+        return self.string
+
+
+def race(racer):
+    """A world whose agent sends eCross in frame 2; a ghost vanishes there."""
+    return World(f"ARacer#{racer}", agents=[Racer], services=[each(eTick)], symbols=[eCross])
 
 
 def marsh():

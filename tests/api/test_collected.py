@@ -6,14 +6,18 @@ import sys
 
 import numpy as np
 import pytest
-from frogs import Frog, eCroak, pond
+from frogs import Frog, eCroak, eCross, pond, race
 
-from minerva_bus import MinervaError, World, count, data, each, on, run
+from minerva_bus import MinervaError, World, count, data, each, export, on, run
 from minerva_bus.api.run_result import pick_table
 from minerva_bus.collect.plans import read_entries
 from minerva_bus.collect.table import DataTable
 from minerva_bus.collect.writers import open_writer, read_columns
 from minerva_bus.errors import MisuseError, VocabularyError
+from minerva_bus.log.info import info_of
+from minerva_bus.log.looking import moment_of
+from minerva_bus.log.reader import Record
+from minerva_bus.log.record_frames import RecordFrames
 from minerva_bus.world.expressions import Expression, read_expression
 
 TYPES = {"frame": "int64", "x": "float64", "on": "bool", "name": "text"}
@@ -140,7 +144,7 @@ def test_frames_agents_and_events_have_a_table_each():
     assert frames["mid_0.5"].tolist() == [2.0] * 7
     assert (frames["sizes_0"][0], frames["sizes_1"][0]) == (1, 2)
     # An event that is sent in frame t is processed in frame t + 1.
-    assert frames["croaks"].tolist() == [0, 0, 0, 3, 0, 0, 0]
+    assert frames["croaks"].tolist() == [0, 0, 0, 3, 0, 0, 3]
     agents = done.table("AFrog")
     assert agents["id"].tolist()[:4] == ["a", "b", "c", "a"]
     assert len(agents) == 21
@@ -334,3 +338,29 @@ def test_an_agent_with_a_handler_named_like_nothing_else_is_untouched():
 
     world = World("ANewt#n", agents=[Newt], services=[each("eTick")])
     assert run(world, frames=3, collect=[Newt.age]).table()["age"].tolist() == [0, 2, 4, 6]
+
+
+CROSSED = {"crossed": count(eCross), "rows": data(eCross)}
+
+
+@pytest.mark.parametrize(("racer", "settings"), [
+    ("anna", {"until": "eCross"}), ("anna", {"frames": 3}), ("ghost", {}),
+    ("anna", {"until": "eCross", "processes": 1}),
+])  # fmt: skip
+def test_events_that_agents_send_in_the_last_frame_count(tmp_path, racer, settings):
+    path = tmp_path / "race.mcap"
+    done = run(race(racer), collect=CROSSED, record=path, **{"frames": 9, **settings})
+    assert (done.frames, done.events) == (3, {"eCross": 1, "eTick": 3})
+    for tables in (done.tables, export(path, collect=CROSSED).tables):
+        assert tables["frames"]["crossed"].tolist() == [0, 0, 0, 1]
+        assert tables["eCross"]["frame"].tolist() == [3]
+    with Record(path) as record:
+        assert info_of(record).events == done.events
+        assert [event.type for event in moment_of(record, None).events] == ["eCross"]
+        assert [len(frame.events) for frame in RecordFrames(record)] == [1] * 4
+
+
+def test_they_count_in_a_world_that_is_stopped():
+    with race("anna").start(collect=CROSSED) as live:
+        live.step(3)
+    assert live.table("frames")["crossed"].tolist() == [0, 0, 0, 1]
