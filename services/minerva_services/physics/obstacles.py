@@ -13,7 +13,7 @@ from typing import Final
 import pymunk
 
 from minerva_bus import portable
-from minerva_services.physics.sweep import Point, Segment, offset
+from minerva_services.physics.sweep import Point, Segment, meeting, offset
 
 Ray = Callable[[Point, Point], float]
 
@@ -21,6 +21,9 @@ Ray = Callable[[Point, Point], float]
 _PLAIN_WALL: Final = 1
 _OUTLINE: Final = 2
 _DISC: Final = 4
+_NEARBY: Final = 1e-6
+"""Radius of walls in metres, so that a query finds those that a line touches, despite rounding."""
+
 _WALLS: Final = pymunk.ShapeFilter(mask=_PLAIN_WALL | _OUTLINE)
 _OUTLINES: Final = pymunk.ShapeFilter(mask=_OUTLINE)
 
@@ -38,7 +41,7 @@ class Obstacles:
     def add_wall(self, wall: Segment, *, solid_behind: bool) -> None:
         """Add a segment of positive length; the area to the right of an outline a → b is solid."""
         ax, ay, bx, by = wall
-        shape = pymunk.Segment(self._space.static_body, (ax, ay), (bx, by), radius=0)
+        shape = pymunk.Segment(self._space.static_body, (ax, ay), (bx, by), radius=_NEARBY)
         category = _OUTLINE if solid_behind else _PLAIN_WALL
         shape.filter = pymunk.ShapeFilter(categories=category)
         self._space.add(shape)
@@ -89,17 +92,31 @@ class Obstacles:
     def ray_of(self, name: str) -> Ray:
         """A function that returns the free fraction (0 to 1) of the line between two points.
 
-        It ignores the disc `name`. Reuse the function for many rays, because creating its filter
-        costs as much as a ray.
+        A line that touches a wall ends there. It ignores the disc `name`. Reuse the function for
+        many rays, because creating its filter costs as much as a ray.
         """
         query = self._space.segment_query_first
         others = pymunk.ShapeFilter(group=self._discs[name].filter.group)
 
         def ray(start: Point, end: Point) -> float:
             hit = query(start, end, 0, others)
-            return 1.0 if hit is None else hit.alpha
+            if hit is None:
+                return 1.0
+            free = self._free(start, end, hit)
+            if free is not None:
+                return free
+            # It only passes a wall nearby.
+            met = (
+                self._free(start, end, info)
+                for info in self._space.segment_query(start, end, 0, others)
+            )
+            return min((free for free in met if free is not None), default=1.0)
 
         return ray
+
+    def _free(self, start: Point, end: Point, hit: pymunk.SegmentQueryInfo) -> float | None:
+        wall = self._walls.get(hit.shape) if hit.shape is not None else None
+        return hit.alpha if wall is None else meeting(start, end, wall)
 
     def depth_in_solid(self, point: Point) -> float:
         """Depth in metres of a point behind the outlines; 0 in free space."""

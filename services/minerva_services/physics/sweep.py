@@ -20,6 +20,13 @@ NEVER: Final = math.inf
 TOLERANCE: Final = 1e-9
 """Overlap in metres that counts as touching: far above rounding, far below anything visible."""
 
+TOUCH: Final = 1e-9
+"""Metres between a line and a wall that count as touching.
+
+On a map of cells, robots often stand and look exactly along the edges of walls and at their
+corners. Rounding would decide there otherwise, and differ between two simulations of one robot.
+"""
+
 
 def contact(start: Point, move: Point, wall: Segment, reach: float) -> float:
     """Fraction of a move at which a disc is stopped by a segment.
@@ -49,6 +56,30 @@ def offset(point: Point, wall: Segment) -> Point:
     square = lx * lx + ly * ly
     part = min(1.0, max(0.0, (px * lx + py * ly) / square)) if square else 0.0
     return px - part * lx, py - part * ly
+
+
+def meeting(start: Point, end: Point, wall: Segment) -> float | None:
+    """Fraction of a line at which it crosses a wall or touches one of its ends, if it does.
+
+    Args:
+        start: the line's beginning in metres.
+        end: its end.
+        wall: `ax, ay, bx, by` in metres.
+
+    """
+    x, y = end[0] - start[0], end[1] - start[1]
+    ax, ay, bx, by = wall[0] - start[0], wall[1] - start[1], wall[2] - start[0], wall[3] - start[1]
+    square = x * x + y * y
+    # Distances from the line of both ends, times its length.
+    a, b = x * ay - y * ax, x * by - y * bx
+    near = [
+        (x * to_x + y * to_y) / square
+        for across, to_x, to_y in ((a, ax, ay), (b, bx, by))
+        if across * across <= TOUCH * TOUCH * square
+    ]
+    if a * b < 0:
+        near.append((ax * by - ay * bx) / (b - a))
+    return min((part for part in near if 0 <= part <= 1), default=None)
 
 
 def _entry(start: Point, move: Point, wall: Segment, reach: float) -> float:

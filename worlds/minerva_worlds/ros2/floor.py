@@ -3,6 +3,9 @@
 import numpy as np
 from ruamel.yaml import YAML
 
+TOUCH = 1e-9
+"""Metres between a beam and a wall that count as touching."""
+
 
 class Floor:
     """A map_server map: occupied cells, and distances to them."""
@@ -19,7 +22,10 @@ class Floor:
         self.markers = options.get("markers", {})
 
     def ranges(self, x, y, angles, most):
-        """Exact distance in metres to the first wall in each direction; inf beyond `most`."""
+        """Exact distance in metres to the first wall in each direction; inf beyond `most`.
+
+        A beam that passes within `TOUCH` of a wall ends there, as in the simulated laser.
+        """
         x0, y0 = (x - self.origin[0]) / self.cell, (y - self.origin[1]) / self.cell
         cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
         reach = most / self.cell
@@ -29,12 +35,15 @@ class Floor:
             along = np.where(sin > 0, np.floor(y0) + 1 + steps - y0, np.ceil(y0) - 1 - steps - y0)
             crossings = np.concatenate([down / cos, along / sin], axis=1)
         crossings = np.where(np.isfinite(crossings) & (crossings <= reach), crossings, np.inf)
-        probes = np.where(np.isfinite(crossings), crossings, 0) + 1e-9
-        rows = np.floor(x0 + probes * cos).astype(int)
-        columns = np.floor(y0 + probes * sin).astype(int)
-        inside = (rows >= 0) & (rows < self.walls.shape[0])
-        inside &= (columns >= 0) & (columns < self.walls.shape[1])
-        hit = ~inside | self.walls[np.where(inside, rows, 0), np.where(inside, columns, 0)]
+        probes = np.where(np.isfinite(crossings), crossings, 0)
+        touch, hit = TOUCH / self.cell, np.zeros(probes.shape, bool)
+        # Each crossing has a cell on both sides, and four cells at a corner.
+        for down, along in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+            rows = np.floor(x0 + probes * cos + down * touch).astype(int)
+            columns = np.floor(y0 + probes * sin + along * touch).astype(int)
+            inside = (rows >= 0) & (rows < self.walls.shape[0])
+            inside &= (columns >= 0) & (columns < self.walls.shape[1])
+            hit |= ~inside | self.walls[np.where(inside, rows, 0), np.where(inside, columns, 0)]
         return np.where(hit, crossings, np.inf).min(axis=1) * self.cell
 
     def is_free(self, x, y, radius):
