@@ -21,7 +21,7 @@ from minerva_agents.robot.patience import (
 )
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.searching import Goal
-from minerva_agents.robot.vocabulary import eDecide
+from minerva_agents.robot.vocabulary import eCamera, eDecide
 from minerva_agents.robot.world import scene
 from minerva_bus import Context, Frame, World, evolve, run
 from minerva_bus.grammar.scene import agents
@@ -50,6 +50,29 @@ def test_it_gives_up_a_marker_that_it_sees_and_cannot_get_to():
     grid[20, 35] = 16
     (said,) = decision(robot(grid, **STANDING, failures=MAX_FAILURES))
     assert 'why="no way to it after 12 attempts"' in said
+
+
+def test_it_gives_up_a_marker_that_it_has_seen_and_does_not_reach():
+    """Each plan succeeds and is abandoned, so that no failure counts."""
+    seeker, frame = searching(markers=("kitchen",), stale=9.0), 0
+    seeker.writable("grid")[20, 35] = MARKER
+    while not gives_up(seeker, Context(Frame(frame, 1.0), "#r")):
+        frame += 1
+        assert frame <= patience(seeker)
+    assert (seeker.objective, frame) == ("", int(patience(seeker) - 9.0))
+
+
+def test_the_time_of_a_search_does_not_count_for_the_approach():
+    string = robot(**STANDING, stale=200.0)
+    for dist, stale in ((3.0, 0.1), (0.3, 0.0)):  # on the way, and at the marker
+        string = after(string, eCamera("kitchen", dist, 0.0), eDecide()).string
+        assert next(iter(agents(string))).state["stale"] == pytest.approx(stale)
+
+
+def test_a_robot_off_its_map_gives_up():
+    state = {**STANDING, "row": -3.0, "most_known": 0}
+    assert decision(robot(**state, stale=500.0)) != []
+    assert decision(robot(**state, stale=100.0)) == []
 
 
 def test_it_gives_up_an_errand_and_goes_on_with_what_it_did_before():

@@ -47,6 +47,8 @@ def decide(robot: ARobot, moment: Context) -> Move:
     """
     if not holds(robot.grid, cell_of(robot.position)):
         robot.forget_plan()  # off its own map: no plan can be valid
+        if robot.objective and robot.speed > 0:
+            gives_up(robot, moment)
         return STAY
     pass_corners(robot)
     if not robot.objective:
@@ -55,7 +57,7 @@ def decide(robot: ARobot, moment: Context) -> Move:
     if place is not None and has_arrived(robot, place):
         if not errand.attend(robot, place, moment):
             moment.emit(eReached(robot.objective))
-            robot.objective = ""
+            robot.objective, robot.stale = "", 0.0
         # On an errand, the robot has the next stop as its objective and leaves anyway.
         if not robot.objective:
             make_way(robot, place)

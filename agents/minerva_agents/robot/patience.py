@@ -11,6 +11,10 @@ it becomes known, once when the camera inspects it. On a grid of A m², a search
 drives at s m/s ends after at most
 
   patience + 2 A METRES_PER_NEWS / s
+
+Once the marker has been seen, the robot has its full patience again, and news pay for nothing: it
+arrives, or gives up after `MAX_FAILURES` failed plans in a row or after `patience`. Plans that are
+made and abandoned by turns, as where an obstacle comes and goes on its map, count as no failures.
 """
 
 from __future__ import annotations
@@ -76,7 +80,9 @@ def restart_search(robot: ARobot) -> None:
 
 
 def patience(robot: ARobot) -> float:
-    """Seconds without news before giving up: ten crossings of the grid, first five minutes more.
+    """Seconds without news, or without arriving at a marker that is known, before giving up.
+
+    They are ten crossings of the grid, in the first search five minutes more.
 
     A repeated search inspects single cells. Where a wall lies between two rows of cells, the laser
     shows them as obstacles and as free by turns, so there is always one to inspect.
@@ -88,13 +94,12 @@ def patience(robot: ARobot) -> float:
 
 def _why(robot: ARobot, moment: Context) -> str:
     if robot.objective_cell() is not None:
-        # The marker has been seen; from here on, only failed attempts to reach it count.
-        robot.stale = 0.0
-        return (
-            f"no way to it after {robot.failures} attempts"
-            if robot.failures >= MAX_FAILURES
-            else ""
-        )
+        if robot.failures >= MAX_FAILURES:
+            return f"no way to it after {robot.failures} attempts"
+        robot.stale += moment.dt
+        if robot.stale > patience(robot):
+            return f"seen, but not reached for {robot.stale:.0f} s"
+        return ""
     if robot.searches > MAX_SEARCHES:
         return (
             "not found, though the robot has looked everywhere it could reach"

@@ -72,7 +72,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         dull: cells where a turn revealed nothing new, likewise.
         searches: how often the search for this objective was exhausted.
         most_known: maximum number of known or inspected cells in this search.
-        stale: time that news have not paid for, see `patience`.
+        stale: time of a search that news have not paid for, or of an approach, see `patience`.
 
     Attributes of an errand, see `errand`:
         target: destination of the load; empty without an errand.
@@ -135,6 +135,8 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         """g': a marker at (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
         if camera.marker not in self.markers:
             self.markers = (*self.markers, camera.marker)
+        if camera.marker == self.objective and self.objective_cell() is None:
+            self.stale = 0.0  # The approach begins, with full patience.
         marker, dist = self.markers.index(camera.marker), camera.dist / self.cell
         row, column = at_distance(self.row, self.column, self.angle + camera.angle, dist)
         mark_marker(self.writable("grid"), row, column, marker)
