@@ -216,7 +216,7 @@ def test_a_run_says_what_came_out():
     done = run(pond(), frames=6)
     assert (done.frames, done.ended, done.reached) == (6, "the frames are over", False)
     assert done.digest == done.scene.digest.hex()
-    assert done.events == {"eCroak": 3, "eTick": 6}
+    assert done.events == {"eCroak": 6, "eTick": 6}
     with pytest.raises(MisuseError, match="nothing was collected"):
         done.table()
 
