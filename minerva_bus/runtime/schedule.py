@@ -13,9 +13,16 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.overruns import Overruns, real_period
 from minerva_bus.frame.pace import Pace, ViewClock
+from minerva_bus.frame.phases import Phase
 from minerva_bus.runtime.runner import Sink
 
 _BEGIN: Final = s.Begin()
+
+_PARTS: Final = {
+    m.TickReply: ("events", Phase.TICK),
+    m.EvolveReply: ("evolution", Phase.EVOLVE),
+}
+"""The part of a frame that a reply ends, and the phase that waits for it."""
 
 LAST_VIEW_SECONDS: Final = 5.0
 """Time for the frame that shows the last string before a person's stop."""
@@ -126,10 +133,13 @@ class FrameSchedule(Sink):
 
     def received(self, stimulus: s.Stimulus) -> None:
         """Note which member answers last, for the report of an overrun."""
-        if isinstance(stimulus, m.TickReply):
-            self.overruns.answered("events", stimulus.member, self._clock())
-        elif isinstance(stimulus, m.EvolveReply):
-            self.overruns.answered("evolution", stimulus.member, self._clock())
+        if not isinstance(stimulus, m.TickReply | m.EvolveReply):
+            return
+        # The frame has not waited for a reply that comes late or twice, and after a part that is
+        # over its time would make the duration of the next one negative.
+        part, awaited = _PARTS[type(stimulus)]
+        if stimulus.frame == self._algorithm.frame and self._algorithm.phase is awaited:
+            self.overruns.answered(part, stimulus.member, self._clock())
 
     def ready(self, notice: s.Ready) -> None:
         """Time the beginning of the next frame."""

@@ -1,10 +1,14 @@
 """Frames that take longer than real time are counted, and logged with back-off."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 
+from minerva_bus.frame.messages import EvolveReply, TickReply
 from minerva_bus.frame.overruns import Overruns
+from minerva_bus.frame.phases import Phase
+from minerva_bus.runtime.schedule import FrameSchedule
 
 
 def run(overruns, took, period=0.1, frames=1, first=1):
@@ -73,3 +77,19 @@ def test_it_names_the_member_that_took_the_longest_if_they_take_turns():
             overruns.took(member, seconds)
         text = overruns.done(frame, 100.19)
     assert "(events 0.010 s, clock the last; film took the longest, 0.160 s)" in text
+
+
+def test_replies_that_the_frame_does_not_wait_for_have_no_time():
+    """A generator that answers late, or twice: its time would be after that of the hosts."""
+    clock = iter([100.1, 100.2, 100.3])
+    algorithm = SimpleNamespace(frame=7, phase=Phase.TICK)
+    schedule = FrameSchedule(algorithm, 10.0, lambda: next(clock), print)
+    schedule.overruns.began(0.1, 100.0)
+    schedule.received(TickReply("clock", 6))
+    schedule.received(TickReply("clock", 7))
+    algorithm.phase = Phase.EVOLVE
+    schedule.received(EvolveReply("robots", 7))
+    schedule.received(TickReply("clock", 7))
+    for _ in range(5):
+        text = schedule.overruns.done(7, 100.3)
+    assert "(events 0.100 s, clock the last; evolution 0.100 s, robots the last)" in text
