@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("ruamel.yaml")
@@ -36,10 +36,11 @@ def floor_of(folder, walls):
     return Floor(path)
 
 
+@example(seed=1541818, part=0.0, heading=0.0, rounding=0.0)
 @settings(max_examples=40)
 @given(
-    st.integers(0, 2**32 - 1), st.sampled_from((0.0, 0.5)),
-    st.sampled_from((0.0, 45.0, 90.0, 4.0, 30.0)), st.floats(-1e-13, 1e-13),
+    seed=st.integers(0, 2**32 - 1), part=st.sampled_from((0.0, 0.5)),
+    heading=st.sampled_from((0.0, 45.0, 90.0, 4.0, 30.0)), rounding=st.floats(-1e-13, 1e-13),
 )  # fmt: skip
 def test_two_lasers_agree_at_poses_along_edges(folder, seed, part, heading, rounding):
     random = np.random.default_rng(seed)

@@ -21,8 +21,9 @@ Ray = Callable[[Point, Point], float]
 _PLAIN_WALL: Final = 1
 _OUTLINE: Final = 2
 _DISC: Final = 4
+_FEELER: Final = 8
 _NEARBY: Final = 1e-6
-"""Radius of walls in metres, so that a query finds those that a line touches, despite rounding."""
+"""Radius in metres of feelers: walls for rays, of which a query finds those that a ray touches."""
 
 _WALLS: Final = pymunk.ShapeFilter(mask=_PLAIN_WALL | _OUTLINE)
 _OUTLINES: Final = pymunk.ShapeFilter(mask=_OUTLINE)
@@ -34,6 +35,7 @@ class Obstacles:
     def __init__(self) -> None:
         self._space = pymunk.Space()
         self._walls: dict[pymunk.Shape, Segment] = {}
+        self._feelers: dict[pymunk.Shape, Segment] = {}
         self._discs: dict[str, pymunk.Circle] = {}
         self._names: dict[pymunk.Shape, str] = {}
         self._groups = 0
@@ -41,16 +43,19 @@ class Obstacles:
     def add_wall(self, wall: Segment, *, solid_behind: bool) -> None:
         """Add a segment of positive length; the area to the right of an outline a → b is solid."""
         ax, ay, bx, by = wall
-        shape = pymunk.Segment(self._space.static_body, (ax, ay), (bx, by), radius=_NEARBY)
+        shape = pymunk.Segment(self._space.static_body, (ax, ay), (bx, by), radius=0)
         category = _OUTLINE if solid_behind else _PLAIN_WALL
         shape.filter = pymunk.ShapeFilter(categories=category)
-        self._space.add(shape)
-        self._walls[shape] = wall
+        feeler = pymunk.Segment(self._space.static_body, (ax, ay), (bx, by), radius=_NEARBY)
+        feeler.filter = pymunk.ShapeFilter(categories=_FEELER)
+        self._space.add(shape, feeler)
+        self._walls[shape] = self._feelers[feeler] = wall
 
     def remove_walls(self) -> None:
         """Remove all walls."""
-        self._space.remove(*self._walls)
+        self._space.remove(*self._walls, *self._feelers)
         self._walls.clear()
+        self._feelers.clear()
 
     def put_disc(self, name: str, centre: Point, radius: float) -> None:
         """Add a disc under a new name."""
@@ -96,7 +101,8 @@ class Obstacles:
         many rays, because creating its filter costs as much as a ray.
         """
         query = self._space.segment_query_first
-        others = pymunk.ShapeFilter(group=self._discs[name].filter.group)
+        group = self._discs[name].filter.group
+        others = pymunk.ShapeFilter(group=group, mask=_FEELER | _DISC)
 
         def ray(start: Point, end: Point) -> float:
             hit = query(start, end, 0, others)
@@ -115,7 +121,7 @@ class Obstacles:
         return ray
 
     def _free(self, start: Point, end: Point, hit: pymunk.SegmentQueryInfo) -> float | None:
-        wall = self._walls.get(hit.shape) if hit.shape is not None else None
+        wall = self._feelers.get(hit.shape) if hit.shape is not None else None
         return hit.alpha if wall is None else meeting(start, end, wall)
 
     def depth_in_solid(self, point: Point) -> float:

@@ -30,7 +30,7 @@ class Floor:
         cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
         reach = most / self.cell
         steps = np.arange(int(reach) + 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             down = np.where(cos > 0, np.floor(x0) + 1 + steps - x0, np.ceil(x0) - 1 - steps - x0)
             along = np.where(sin > 0, np.floor(y0) + 1 + steps - y0, np.ceil(y0) - 1 - steps - y0)
             crossings = np.concatenate([down / cos, along / sin], axis=1)
