@@ -52,7 +52,7 @@ class ScanBuffer:
         scan follows the last one. Its beams stay where its own frame's picture had the robot.
         Without such a picture, nobody knows where they belong, and they are left out.
         """
-        found: list[Beams] = []
+        beams: list[Beams] = []
         for robot, spot in spots_of(picture, self._scans.keys()).items():
             scans = self._scans[robot]
             newest = next((each for each in reversed(scans) if each.frame <= frame), None)
@@ -63,8 +63,8 @@ class ScanBuffer:
             if newest.frame == frame:
                 newest.beams = beams_of(newest.scan, Pose(spot.x, spot.y, spot.angle))
             if newest.beams is not None:
-                found.append(newest.beams)
-        return found
+                beams.append(newest.beams)
+        return beams
 
 
 def beams_of(scan: Scan, robot: Pose) -> Beams:
