@@ -219,7 +219,7 @@ class AdmissionRules:
         return (
             _beyond("agents", kinds, own.kinds)
             or _beyond("events", hello.generates, own.events)
-            or _beyond("topics", hello.publishes, own.topics, some=True)
+            or _beyond("topics", hello.publishes, own.topics, explicit=True)
         )
 
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:
@@ -246,10 +246,10 @@ class AdmissionRules:
 
 
 def _beyond(
-    what: str, shown: tuple[str, ...] | list[str], confined: frozenset[str], some: bool = False
+    what: str, shown: tuple[str, ...] | list[str], confined: frozenset[str], explicit: bool = False
 ) -> str:
-    """Why a certificate does not allow what is shown; `some`: without restriction, none of it."""
-    beyond = sorted(set(shown) - confined) if confined or some else []
+    """Why a certificate does not allow what is shown; `explicit`: only what it lists."""
+    beyond = sorted(set(shown) - confined) if confined or explicit else []
     if not beyond:
         return ""
     if not confined:

@@ -36,7 +36,7 @@ class TokensChanged:
     """Tokens of members have changed: take one of the changes."""
 
 
-class Tokens:
+class TokenChanges:
     """Changes of the members' tokens until the main thread takes them: the latest of each name.
 
     A token comes and goes as fast as its link allows, tens of thousands of times a second. So what

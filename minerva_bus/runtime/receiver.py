@@ -21,7 +21,7 @@ from minerva_bus.runtime.large import (
 )
 from minerva_bus.runtime.metrics import MICRO
 from minerva_bus.runtime.postponed import Postponed, PostponedMessage
-from minerva_bus.runtime.presence import Tokens, TokensChanged
+from minerva_bus.runtime.presence import TokenChanges, TokensChanged
 from minerva_bus.wire.codec import Decoder, declaration
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.limits import Limits
@@ -58,7 +58,7 @@ class Receiver:
         # A decoder caches what it has read, so the thread for large messages has its own.
         self._large = LargeMessages(Decoder(vocabulary, limits), system, coordinator.inbox.put)
         self._again = coordinator.inbox.again
-        self.tokens = Tokens(self._members.takes_part, limits.members, coordinator.inbox.put)
+        self.tokens = TokenChanges(self._members.takes_part, limits.members, coordinator.inbox.put)
         self.postponed = Postponed(self._take_postponed, system.monotonic)
 
     def receive(self, message: tuple[str, bytes]) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from minerva_bus.frame.stimuli import Appeared, Vanished
 from minerva_bus.runtime.admission_rules import STRANGERS, AdmissionRules
-from minerva_bus.runtime.presence import GONE, HERE, Tokens, successor
+from minerva_bus.runtime.presence import GONE, HERE, TokenChanges, successor
 from minerva_bus.testing.simulation.sessions import Bytes, Sample
 from minerva_bus.wire.limits import Limits
 
@@ -21,7 +21,7 @@ class Door:
     def __init__(self, most=10, limits=None):
         self.now, self.requests = 0.0, []
         self.rules = AdmissionRules(limits or Limits(), clock=lambda: self.now)
-        self.tokens = Tokens(lambda name: name in ("a", "b"), most, self.requests.append)
+        self.tokens = TokenChanges(lambda name: name in ("a", "b"), most, self.requests.append)
 
     def note(self, name, signs):
         """A token comes (+) and goes (-)."""
