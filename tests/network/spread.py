@@ -18,12 +18,12 @@ service = "yard:Steps"
 service = "yard:Eye"
 """
 THERE = {
-    "east": ('agents = "yard:Walker"', ("agent",)),
-    "west": ('agents = "yard:Walker"', ("agent",)),
-    "water": ('service = "yard:Water"', ("generator", "view")),
-    "screen": ('service = "yard:Screen"', ("view",)),
+    "east": ('agents = "yard:Walker"', {"roles": ("agent",)}),
+    "west": ('agents = "yard:Walker"', {"roles": ("agent",)}),
+    "water": ('service = "yard:Water"', {"roles": ("generator", "view"), "topics": ("sight",)}),
+    "screen": ('service = "yard:Screen"', {"roles": ("view",)}),
 }
-"""Sections of the remote members, and the roles of their certificates."""
+"""Sections of the remote members, and what their certificates permit."""
 
 STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefgh"))
 PORT = 7447
@@ -47,7 +47,7 @@ class Spread:
         self.path = write_world(hub.folder, members, bus=SECURED, **settings)
         self.keys = KeyFolder(hub.folder / "keys")
         self.keys.init(("hub", hub.address))
-        wanted = {name: {"roles": THERE[name][1]} for name in hosts} | (more or {})
+        wanted = {name: THERE[name][1] for name in hosts} | (more or {})
         for name, what in wanted.items():
             self.keys.issue(name, Wanted(**what))
         for name, host in hosts.items():
