@@ -10,13 +10,13 @@ import pytest
 pytest.importorskip("numba")
 
 import numba
-from space.worlds import Sheep, meadow, moment
 
 from minerva_bus import Cells, portable
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.space import ORDERED, CellGrid, Draws, beside, integers, interpreted, rule, within
 from minerva_bus.space.compiling import compiler
 from minerva_bus.space.kernels import OPTIONS, rebound
+from tests.space.worlds import Sheep, meadow, moment
 
 TOP = 2**63
 INTS = (0, 1, -1, 3, -7, 63, 64, -64, 2**31, 2**53, 2**53 + 1, -(2**53) - 1, TOP - 1, -TOP)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from space.worlds import eStep, moment
 
 from minerva_bus import Cells, MinervaError, Reals, on
 from minerva_bus.space import (
@@ -24,6 +23,7 @@ from minerva_bus.space import (
     random_neighbour,
     rule,
 )
+from tests.space.worlds import eStep, moment
 
 
 class Walker(OnLattice):

@@ -4,7 +4,6 @@ import os
 import signal
 
 import pytest
-from space.worlds import Bird, eStep, flock, grow, meadow, moment
 
 from minerva_bus import Cells, Reals, on
 from minerva_bus.space import (
@@ -23,6 +22,7 @@ from minerva_bus.space import (
     random,
     rule,
 )
+from tests.space.worlds import Bird, eStep, flock, grow, meadow, moment
 
 
 @kernel

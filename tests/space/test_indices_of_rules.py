@@ -5,7 +5,6 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
-from space.worlds import Sheep, grow, meadow, moment
 
 from minerva_bus import Cells
 from minerva_bus.space import (
@@ -22,6 +21,7 @@ from minerva_bus.space import (
     rule,
     within,
 )
+from tests.space.worlds import Sheep, grow, meadow, moment
 
 COUNT, CELLS = 5, 16
 

@@ -4,13 +4,13 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from space.worlds import eStep
 
 from minerva_bus import Cells, MinervaError, Reals, evolve, on
 from minerva_bus.grammar.scene import agents
 from minerva_bus.space import ORDERED, SIMULTANEOUS, Space, interpreted, kernel, rule, rules
 from minerva_bus.space.rules import SpaceRule
 from minerva_bus.world.context import Frame
+from tests.space.worlds import eStep
 
 SIZE = 6
 

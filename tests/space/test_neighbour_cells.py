@@ -4,13 +4,13 @@ from itertools import product
 
 import numpy as np
 import pytest
-from space.worlds import eStep, moment
 
 from minerva_bus import Reals, evolve, on
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.grammar.scene import agents
 from minerva_bus.space import ORDERED, SHUFFLED, CellGrid, Space, beside, interpreted, kernel, rule
 from minerva_bus.world.context import Frame
+from tests.space.worlds import eStep, moment
 
 OFFSETS = list(product(range(-2, 3), repeat=2))
 

@@ -5,12 +5,12 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from space.worlds import Sheep, meadow, moment
 
 from minerva_bus import Cells
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.errors import MisuseError
 from minerva_bus.space import ORDERED, interpreted, rule
+from tests.space.worlds import Sheep, meadow, moment
 
 COLOURS = np.array([1, 2])
 LIMIT = 3

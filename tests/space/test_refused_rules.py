@@ -4,12 +4,12 @@ import ast
 import importlib.util
 
 import pytest
-from space.worlds import Sheep, meadow, moment
 
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.compiled.refused import EXPRESSIONS, STATEMENTS
 from minerva_bus.errors import MisuseError
 from minerva_bus.space import ORDERED, checking, interpreted, rule
+from tests.space.worlds import Sheep, meadow, moment
 
 HEAD = """
 import random as dice
@@ -20,7 +20,7 @@ import numpy as np
 
 from minerva_bus import Cells
 from minerva_bus.space import ORDERED, SIMULTANEOUS, Draws, kernel, normal, rule
-from space.worlds import Sheep
+from tests.space.worlds import Sheep
 
 
 def plain(x):

@@ -6,21 +6,6 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from space.worlds import (
-    Bird,
-    Meadow,
-    Resident,
-    Sheep,
-    count_near,
-    drift,
-    eStep,
-    flock,
-    grow,
-    look,
-    meadow,
-    moment,
-    town,
-)
 
 from minerva_bus import MinervaError, Reals, evolve, portable
 from minerva_bus.compiled.loading import generated
@@ -55,6 +40,21 @@ from minerva_bus.space.kernels import key
 from minerva_bus.space.opened import Opened, _sharing
 from minerva_bus.space.parts import new_progress
 from minerva_bus.world.context import Frame
+from tests.space.worlds import (
+    Bird,
+    Meadow,
+    Resident,
+    Sheep,
+    count_near,
+    drift,
+    eStep,
+    flock,
+    grow,
+    look,
+    meadow,
+    moment,
+    town,
+)
 
 
 @pytest.fixture

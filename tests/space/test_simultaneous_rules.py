@@ -1,7 +1,6 @@
 """Rules in the order SIMULTANEOUS whose result depends on the order of rows are refused."""
 
 import pytest
-from space.worlds import Bird, Sheep, meadow, moment
 
 from minerva_bus import Cells, Reals
 from minerva_bus.compiled.origin import NotCompilable
@@ -22,6 +21,7 @@ from minerva_bus.space import (
     rule,
     within,
 )
+from tests.space.worlds import Bird, Sheep, meadow, moment
 
 
 @kernel

@@ -1,14 +1,13 @@
 """Spaces in worlds: one string, wherever they run."""
 
-from space import worlds
-from space.worlds import Flock, Meadow, eStep, graze, grow, hunt, meadow
-
 from minerva_bus import Vocabulary, World, each, on, run
 from minerva_bus.launch.compiling import compile_classes
 from minerva_bus.space import Space, interpreted
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.named import rules_of
 from minerva_bus.space.rules import loops_of
+from tests.space import worlds
+from tests.space.worlds import Flock, Meadow, eStep, graze, grow, hunt, meadow
 
 
 def world(agents):
