@@ -68,8 +68,8 @@ class FrameAlgorithm:
         limit = world.placement.agents_per_host
         self.placement = Placement(world.vocabulary, self.composition, limit)
         self.views = Views(world)
-        self.inbox = FrameInbox(past, world.scene)
-        self.work = EventWork(self.composition, world.vocabulary)
+        work = EventWork(self.composition, world.vocabulary)
+        self.inbox = FrameInbox(past, world.scene, work)
         counts = past.saved.get(SOURCE, {})
         self.norms = Norms(world.norms, self.composition, world.vocabulary, counts)
         self.goal = WorldGoal(world, self.composition, self.members.saved)

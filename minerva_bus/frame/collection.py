@@ -158,7 +158,7 @@ class CollectionStep:
             return
         member.last_reply = algorithm.frame
         events = emitted.events
-        count = max(sum(map(len, events)), sum(map(algorithm.work.weight, events)))
+        count = max(sum(map(len, events)), sum(map(algorithm.inbox.work.weight, events)))
         if algorithm.inbox.add(emitted.member, events, count):
             return
         # Logged once, because a sensor that is faster than the frames would fill the log.
@@ -173,7 +173,9 @@ class CollectionStep:
     def order(self, order: s.Publish) -> None:
         """Accept an event from a person for the next frame."""
         algorithm = self._algorithm
-        algorithm.inbox.add_order(order.event, order.person, algorithm.work.weight(order.event))
+        algorithm.inbox.add_order(
+            order.event, order.person, algorithm.inbox.work.weight(order.event)
+        )
 
     def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
         declared = member.hello.generates if member.hello is not None else ()
@@ -188,7 +190,7 @@ class CollectionStep:
         reason = reason or self._speaking.objection(member.name, events)
         # A frame that is computed again has been within the limits of its own run.
         if not (reason or light) and self._algorithm.in_flight.logged is None:
-            work = self._algorithm.work
+            work = self._algorithm.inbox.work
             reason = work.objection(events, work.most_of_generator, "single_events")
         if not reason and member.hello is not None:
             # The process that makes these events may have joined after the guest.
@@ -206,7 +208,7 @@ class CollectionStep:
         due = due_views(algorithm.members.index, algorithm.frame, in_flight.clock_views)
         later: Mapping[str, Sequence[AnyEvent]]
         if in_flight.logged is None:
-            later = algorithm.inbox.hold_back(algorithm.work)
+            later = algorithm.inbox.hold_back()
         else:  # Logged events were few enough for one frame.
             later = in_flight.logged.waiting
             # The devices that requested these views may be absent now.

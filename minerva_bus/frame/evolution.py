@@ -149,7 +149,7 @@ class EvolutionStep:
         Returns False if there are none, or if norms have judged the first results: nothing happens.
         """
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
-        requests, allowed, work = in_flight.requests, in_flight.events.allowed, algorithm.work
+        requests, allowed, work = in_flight.requests, in_flight.events.allowed, algorithm.inbox.work
         if not allowed:
             return False
         worst = max(allowed, key=lambda name: max(map(work.steps, allowed[name]), default=0))
@@ -224,7 +224,7 @@ class EvolutionStep:
         if reply.emitted and not reason and in_flight.logged is None:
             sent = [event for events in reply.emitted.values() for event in events]
             if not are_light(sent):
-                reason = self._algorithm.work.objection_to_host(sent)
+                reason = self._algorithm.inbox.work.objection_to_host(sent)
         if not reason and reply.views:
             # Only the first request is about views: a second one of an agent would not fit.
             reduced, visual = in_flight.requests.reduced, in_flight.events.visual

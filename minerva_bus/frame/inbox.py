@@ -37,11 +37,12 @@ class FrameInbox:
 
     `emitted`: events that agents have sent. `sanctions`: events from norms. `sent`: both, by
     source, as the last complete frame left them. `unknown` finds events for agents that have never
-    been in the string.
+    been in the string; `work` weighs events when they arrive.
     """
 
-    def __init__(self, past: Checkpoint, scene: Scene) -> None:
+    def __init__(self, past: Checkpoint, scene: Scene, work: EventWork) -> None:
         """`past` and `scene` are the state with which the world begins."""
+        self.work = work
         self.events: dict[str, list[AnyEvent]] = {
             source: list(events) for source, events in past.inbox.items()
         }
@@ -125,10 +126,10 @@ class FrameInbox:
                 taken |= {source: in_time} if in_time else {}
         return taken
 
-    def hold_back(self, work: EventWork) -> dict[str, list[AnyEvent]]:
+    def hold_back(self) -> dict[str, list[AnyEvent]]:
         """Remove the events, by source, that exceed the limit of one frame."""
         later: dict[str, list[AnyEvent]] = {}
-        most = work.most_of_generator
+        work, most = self.work, self.work.most_of_generator
         for source, events in self.events.items():
             if is_people(source) or (len(events) <= most and are_light(events)):
                 continue

@@ -96,7 +96,7 @@ def without_effect(world: FrameAlgorithm, event: Event) -> str:
 
 def too_much_work(world: FrameAlgorithm, event: AnyEvent, person: str) -> str:
     """Reason for rejecting an order that gives hosts too much work, or an empty string."""
-    work = world.work
+    work = world.inbox.work
     weight, most = world.inbox.ordered_by(person) + work.weight(event), work.most_of_generator
     return work.over(weight, most, "single_events", (event,)) if weight > most else ""
 

@@ -70,7 +70,7 @@ class InProcessRun:
     ) -> None:
         self.algorithm = FrameAlgorithm(file.world)
         limits = file.access.limits
-        self.algorithm.work.allow(limits.single_events, limits.host_events)
+        self.algorithm.inbox.work.allow(limits.single_events, limits.host_events)
         self.collected: CollectSink | None = None
         self._file = file
         self._console = console

@@ -94,7 +94,7 @@ class Coordinator(Sink):
         system: System = REAL,
     ) -> None:
         algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
-        algorithm.work.allow(limits.single_events, limits.host_events)
+        algorithm.inbox.work.allow(limits.single_events, limits.host_events)
         keys, clock = Keys(world.name), system.monotonic
         self.system, self.watchers = system, watchers
         self.inbox = HubInbox(STATUS_EVERY, system)
