@@ -46,12 +46,12 @@ REMOTE = """
 service = "faulty:Extra"
 elsewhere = true
 """
-TESTS = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def world_in(folder, tables):
-    for module in ("minds/town.py", "runtime/faulty.py"):
-        shutil.copy(TESTS / module, folder)
+    for module in ("extensions/assistants/tests/town.py", "tests/runtime/faulty.py"):
+        shutil.copy(ROOT / module, folder)
     name = f"halts-{os.getpid()}-{folder.name}"
     path = folder / f"{name}.toml"
     path.write_text(WORLD.replace("NAME", name) + tables)

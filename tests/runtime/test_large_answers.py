@@ -28,7 +28,7 @@ def receiver_of(algorithm: FrameAlgorithm, put: Any) -> Receiver:
         algorithm=algorithm, system=REAL, runner=SimpleNamespace(handle=None), log=print,
         transport=SimpleNamespace(stamp=b"", empty_reply=b"", evolving_since=0.0),
         admission=SimpleNamespace(keeps_out=lambda member: False, rules=rules),
-        metrics=SimpleNamespace(on=False), inbox=SimpleNamespace(put=put),
+        metrics=SimpleNamespace(on=False), inbox=SimpleNamespace(put=put, again=None),
     )  # fmt: skip
     return Receiver(coordinator, DEFAULT, lambda member: None)
 

@@ -197,9 +197,8 @@ def test_a_flapping_token_writes_few_lines(world, rogue):
     for _ in range(400):
         token = rogue.liveliness().declare_token(Keys(world.name).alive("flutter"))
         token.undeclare()
-    world.says("more lines about members from elsewhere omitted")
     goes_on(world)
-    assert 1 <= len(about()) < 2 * AT_ONCE
+    assert len(about()) < 2 * AT_ONCE
 
 
 def test_the_string_keeps_no_trace_of_it(world, tmp_path):

@@ -7,6 +7,7 @@ from typing import Any, cast
 import msgpack
 import pytest
 from running import World, eventually, put, write_world
+from zenoh import ZBytes
 
 from minerva_bus import Agent, Context, Event, on
 from minerva_bus.frame import messages as m
@@ -43,7 +44,7 @@ VOCABULARY = Vocabulary.of(PStone, eDrop)
 
 def rain():
     world = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
-    world.work.most_of_generator = 3
+    world.inbox.work.most_of_generator = 3
     world.receive(s.Appeared("rain"))
     world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
     return world
@@ -127,7 +128,7 @@ def asked_host(agents, limits):
             rules=SimpleNamespace(has_room=lambda *_: True, objection=lambda hello: ""),
         ),
         metrics=SimpleNamespace(on=False, timed=lambda _, call, *args: call(*args)),
-        inbox=SimpleNamespace(put=None),
+        inbox=SimpleNamespace(put=None, again=None),
     )  # fmt: skip
     return Receiver(cast(Any, coordinator), limits, lambda member: None), handled
 
@@ -246,7 +247,7 @@ class Query:
     """A query as Zenoh delivers it, which keeps its replies."""
 
     key_expr = "minerva/w/control"
-    payload = SimpleNamespace(to_bytes=lambda: pack({"ask": "slow"}))
+    payload = ZBytes(pack({"ask": "slow"}))
 
     def __init__(self, replies):
         self.reply = lambda key, data: replies.append(unpack(data))
@@ -277,7 +278,7 @@ def test_excess_questions_are_rejected_at_once_and_answers_leave_time_for_frames
         query: Any = Query(replies)
         question = answers.admit(query)
         if question is not None:
-            answers.queue.append(question)
+            answers.add(question)
 
     for _ in range(5):
         ask()
