@@ -157,9 +157,7 @@ class CollectionStep:
         if not member.active or not self._may_generate(member, emitted.events):
             return
         member.last_reply = algorithm.frame
-        events = emitted.events
-        count = max(sum(map(len, events)), sum(map(algorithm.inbox.work.weight, events)))
-        if algorithm.inbox.add(emitted.member, events, count):
+        if algorithm.inbox.add(emitted.member, emitted.events):
             return
         # Logged once, because a sensor that is faster than the frames would fill the log.
         if not member.dropped:
@@ -168,14 +166,11 @@ class CollectionStep:
                 "event queue full: "
                 f"{algorithm.inbox.max_waiting} events wait for a frame; dropping further events",
             )
-        member.dropped += sum(map(len, events))
+        member.dropped += sum(map(len, emitted.events))
 
     def order(self, order: s.Publish) -> None:
         """Accept an event from a person for the next frame."""
-        algorithm = self._algorithm
-        algorithm.inbox.add_order(
-            order.event, order.person, algorithm.inbox.work.weight(order.event)
-        )
+        self._algorithm.inbox.add_order(order.event, order.person)
 
     def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
         declared = member.hello.generates if member.hello is not None else ()

@@ -76,8 +76,8 @@ class FrameInbox:
         """Replace all waiting events by these."""
         self.events = {source: list(waiting) for source, waiting in events.items()}
 
-    def add(self, source: str, events: Sequence[AnyEvent], count: int) -> bool:
-        """Add events of a generator that count as so many; False if its queue is full."""
+    def add(self, source: str, events: Sequence[AnyEvent]) -> bool:
+        """Add events of a generator, which count by their weight; False if its queue is full."""
         waiting = self.events.setdefault(source, [])
         # A running count, because adding up the queue for each message would take quadratic time.
         held = self._counts.get(source)
@@ -86,15 +86,16 @@ class FrameInbox:
         # Whole messages are accepted or dropped, so the limit may be exceeded by one message.
         if held >= self.max_waiting:
             return False
+        count = max(sum(map(len, events)), sum(map(self.work.weight, events)))
         self._counts[source] = held + count
         waiting.extend(events)
         return True
 
-    def add_order(self, event: AnyEvent, person: str, count: int) -> None:
-        """Add an event, or a batch, from a person that counts as so many."""
+    def add_order(self, event: AnyEvent, person: str) -> None:
+        """Add an event, or a batch, from a person, which counts by its weight."""
         source = source_of(person)
         self.events.setdefault(source, []).append(event)
-        self._counts[source] = self.ordered_by(person) + count
+        self._counts[source] = self.ordered_by(person) + self.work.weight(event)
 
     def ordered_by(self, person: str) -> int:
         """The count of the orders of a person since the last frame."""
