@@ -7,12 +7,9 @@ from typing import Annotated, Final
 
 import typer
 
-from minerva_bus.cli import completing
-from minerva_bus.cli.options import Force, Json, examples
+from minerva_bus.cli.options import Force, Json, Record, examples
 
 TOPIC: Final = "Records"
-
-Record = Annotated[Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)]
 
 
 @examples(

@@ -10,11 +10,18 @@ import typer
 
 from minerva_bus.cli import completing, startup
 from minerva_bus.cli.grouping import Takes, grouped
-from minerva_bus.cli.options import Collect, Force, Json, MovedWorld, QuietRun, examples, options_of
+from minerva_bus.cli.options import (
+    Collect,
+    Force,
+    Json,
+    MovedWorld,
+    QuietRun,
+    Record,
+    examples,
+    options_of,
+)
 from minerva_bus.cli.startup import uncollected
 from minerva_bus.settings.overrides import Overrides
-
-Record = Annotated[Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)]
 
 
 @examples(
