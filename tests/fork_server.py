@@ -78,7 +78,7 @@ def preload():
     for name in MAIN:
         del sys.modules[name]
     del sys.modules["minerva_bus.cli"].main, sys.modules["minerva_bus.api"].child
-    sys.modules["minerva_bus.launch.installed"]._all_entries()
+    sys.modules["minerva_bus.entry_points"]._all_entries()
     gc.collect()
     gc.freeze()  # Collecting these objects in a child would copy their pages.
     return {*sys.modules}, package_folders()
@@ -105,7 +105,7 @@ def renew(folders):
     sys.modules["minerva_bus.cli.startup"].BEGAN = time.monotonic() - time.process_time()
     beside = importlib.metadata.distributions(path=sys.path[:1])
     if folders != package_folders() or next(iter(beside), None):
-        sys.modules["minerva_bus.launch.installed"]._all_entries.cache_clear()
+        sys.modules["minerva_bus.entry_points"]._all_entries.cache_clear()
 
 
 def serve(requests):

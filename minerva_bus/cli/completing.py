@@ -116,7 +116,8 @@ def worlds_and_records(ctx: typer.Context, incomplete: str) -> Choices:
 @completer
 def members_to_attach(ctx: typer.Context, incomplete: str) -> Choices:
     """Services and agents, or world files with --process."""
-    from minerva_bus.launch.installed import AGENTS, SERVICES, entries
+    from minerva_bus.entry_points import entries
+    from minerva_bus.launch.installed import AGENTS, SERVICES
 
     if ctx.params.get("process"):
         return worlds(ctx, incomplete)
@@ -127,7 +128,8 @@ def members_to_attach(ctx: typer.Context, incomplete: str) -> Choices:
 @completer
 def bridges(ctx: typer.Context, incomplete: str) -> Choices:
     """Services that connect sensors: all that are not views, physics or input of this package."""
-    from minerva_bus.launch.installed import SERVICES, entries
+    from minerva_bus.entry_points import entries
+    from minerva_bus.launch.installed import SERVICES
 
     others = ("minerva_services.views.", "minerva_services.physics.", "minerva_services.input.")
     return [
@@ -140,7 +142,8 @@ def bridges(ctx: typer.Context, incomplete: str) -> Choices:
 @completer
 def views(ctx: typer.Context, incomplete: str) -> Choices:
     """Services that are views."""
-    from minerva_bus.launch.installed import SERVICES, entries, installed_views
+    from minerva_bus.entry_points import entries
+    from minerva_bus.launch.installed import SERVICES, installed_views
 
     return [(view, entries(SERVICES)[view].value) for view in installed_views()]
 

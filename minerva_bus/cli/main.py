@@ -74,7 +74,7 @@ def topics() -> dict[str, list[str]]:
 
 
 def _further() -> Mapping[str, EntryPoint]:
-    from minerva_bus.launch.installed import entries
+    from minerva_bus.entry_points import entries
 
     return entries(COMMANDS)
 

@@ -9,7 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from minerva_bus.launch.installed import SERVICES, entries
+from minerva_bus.entry_points import entries
+from minerva_bus.launch.installed import SERVICES
 
 
 class Signature(NamedTuple):

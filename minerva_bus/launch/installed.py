@@ -11,43 +11,18 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_bus.entry_points import OWN, entries
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.input_files import MAX_BYTES, read_text
 from minerva_bus.outputs import note_read
 from minerva_bus.settings.kinds import phrase_of
 
 SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
-OWN: Final = "minerva_"
-"""Begins the names of this project's packages, and of no others."""
-
-
-@cache
-def entries(group: str) -> Mapping[str, EntryPoint]:
-    """The installed entry points of a group, by name."""
-    # An extension whose folder is gone has its entry points until the project is installed again.
-    return {
-        entry.name: entry
-        for entry in _all_entries().select(group=group)
-        if _is_there(entry.module.partition(".")[0])
-    }
-
-
-@cache
-def _is_there(package: str) -> bool:
-    return not package.startswith(OWN) or importlib.util.find_spec(package) is not None
-
-
-@cache
-def _all_entries() -> Any:
-    # The metadata of all installed packages are read for any group.
-    return entry_points()
 
 
 def installed_views() -> list[str]:

@@ -18,8 +18,9 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
+from minerva_bus.entry_points import OWN, entries
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.launch.installed import AGENTS, OWN, SERVICES, WORLDS, entries, find_world
+from minerva_bus.launch.installed import AGENTS, SERVICES, WORLDS, find_world
 
 TEMPLATES: Final = Path(__file__).with_name("templates")
 MAX_NAME_LENGTH: Final = 40

@@ -22,9 +22,9 @@ from typing import Any, Final, cast
 import numpy as np
 
 import minerva_bus
+from minerva_bus.entry_points import OWN
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
-from minerva_bus.launch.installed import OWN
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.source import variables_of

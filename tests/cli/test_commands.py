@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from typer.main import get_command
 
 from minerva_bus.cli.main import app, main
-from minerva_bus.launch.installed import SERVICES, entries
+from minerva_bus.entry_points import entries
+from minerva_bus.launch.installed import SERVICES
 from minerva_bus.launch.specs import find_service
 
 ALPHABET = """

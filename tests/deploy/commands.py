@@ -7,7 +7,8 @@ from pathlib import Path
 import typer.main
 
 from minerva_bus.cli.main import app
-from minerva_bus.launch.installed import WORLDS, entries, find_world
+from minerva_bus.entry_points import entries
+from minerva_bus.launch.installed import WORLDS, find_world
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_service
 

@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from minerva_bus.launch.installed import WORLDS, entries, find_world
+from minerva_bus.entry_points import entries
+from minerva_bus.launch.installed import WORLDS, find_world
 from minerva_bus.launch.reading import read_world_file
 from tests.deploy.commands import in_markdown, wrong_with
 from tests.deploy.deployed import COMPOSE, CONTAINERS, FLEET, README, UNITS

@@ -249,7 +249,7 @@ def test_a_start_in_an_absent_folder_fails_as_usual(tmp_path, forked):
 
 def test_a_fork_knows_a_package_that_was_installed_after_the_start_of_the_server(tmp_path, forked):
     (tmp_path / "probe.py").write_text(
-        "from minerva_bus.launch import installed\nprint(*installed.entries(installed.WORLDS))\n"
+        "from minerva_bus.entry_points import entries\nprint(*entries('minerva.worlds'))\n"
     )
     before = subprocess.check_output(WORDS, cwd=tmp_path, text=True).split()
     (tmp_path / "later-1.dist-info").mkdir()
