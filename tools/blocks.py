@@ -8,11 +8,6 @@ from collections.abc import Callable
 _MARKER = re.compile(r"^<!-- (?:(\w+): ([\w ]+)|end of (\w+)) -->$", re.M)
 
 
-def names(text: str, kind: str) -> list[str]:
-    """The names of all blocks of a kind."""
-    return [match[2] for match in _MARKER.finditer(text) if match[1] == kind]
-
-
 def filled(text: str, kind: str, make: Callable[[str], str]) -> str:
     """The text with the content of each block of a kind replaced by `make(name)`.
 

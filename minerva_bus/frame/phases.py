@@ -23,7 +23,7 @@ class Phase(Enum):
 
 
 class Awaited(Enum):
-    """Condition that ends a phase; the value labels the transition in the diagram."""
+    """Condition that ends a phase; the value is its label in the drawing."""
 
     MEMBERS = "expected members present"
     BEGIN = "Begin"
@@ -56,14 +56,3 @@ TRANSITIONS: Final[Mapping[tuple[Phase, Awaited], Phase]] = {
     # A second interrupt does not wait for reports.
     (Phase.STOPPING, Awaited.END): Phase.ENDED,
 }
-
-
-def diagram() -> str:
-    """The table as the source of a Mermaid state diagram."""
-    lines = [
-        f"    {before.name} --> {after.name}: {why.value}"
-        for (before, why), after in TRANSITIONS.items()
-    ]
-    title = "    accTitle: Phases of a frame and the conditions that end them"
-    lines = ["    [*] --> WAITING", *lines, "    ENDED --> [*]"]
-    return "\n".join(["stateDiagram-v2", title, *lines])

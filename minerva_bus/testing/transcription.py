@@ -3,7 +3,7 @@
 Each function is its equation, case by case, recursive and slow. It documents the
 paper, and a differential test compares the engine with it. λ and θ are functions, as in
 the paper: `lam(agent, event)` and `theta(agent, event)`. `eta_sequential` is the default reading of
-equation 3 (see ARCHITECTURE.md).
+equation 3 (docs/decisions/paper.md).
 """
 
 from __future__ import annotations

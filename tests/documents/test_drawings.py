@@ -8,18 +8,10 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
-from tools import blocks
-from tools.diagrams import DIAGRAMS, DOCUMENT, written
 from tools.draw_concepts import DRAWINGS, FOLDER
 
 FRAME = Path(__file__).parents[2] / "minerva_bus" / "frame"
 MAX_ATTRIBUTES = 15
-
-
-def test_the_diagrams_are_those_of_the_code():
-    text = DOCUMENT.read_text(encoding="utf-8")
-    assert set(blocks.names(text, "diagram")) == set(DIAGRAMS)
-    assert text == written(text), "run python -m tools.diagrams --write"
 
 
 def test_every_phase_can_be_reached_and_every_phase_but_the_last_ends():
