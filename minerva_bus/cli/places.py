@@ -50,7 +50,9 @@ def client(target: WorldTarget) -> Client:
     try:
         return Client(entry.endpoint, entry.world)
     except BusError:
-        from minerva_bus.launch.machine import stopped_processes  # Most commands do not need it.
+        from minerva_bus.launch.os_interface import (
+            stopped_processes,  # Most commands do not need it.
+        )
 
         stopped = [str(pid) for pid in stopped_processes(entry.pid)]
         if not stopped:

@@ -14,7 +14,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
-from minerva_bus.launch.profiling import NOTHING, Profiling
+from minerva_bus.launch.member_process import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Collection, Generator
+from collections import defaultdict
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
-from minerva_bus.errors import Followed
+from minerva_bus.errors import Followed, WorldFileError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.fragments import PART, Fragment
+from minerva_bus.frame.member import Member
+from minerva_bus.frame.messages import Fragments
+from minerva_bus.frame.placement import kinds_of
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.access import security
+from minerva_bus.launch.child_processes import LineBuffer, ReportPipe
 from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
-from minerva_bus.launch.pipes import LineBuffer, ReportPipe
 from minerva_bus.launch.recording import RunRecord, recording
-from minerva_bus.launch.sizes import check_sizes
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.journaled import resume_from
 from minerva_bus.runtime.admission import ListenConfig
 from minerva_bus.runtime.coordinator import Coordinator
@@ -26,6 +31,12 @@ from minerva_bus.runtime.overhearing import overhear
 from minerva_bus.runtime.status import Status
 from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.watchers import Printed, Started, Watchers
+from minerva_bus.wire.codec import encode
+from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wording import counted
+
+MAX_BYTES: Final = DEFAULT.message_bytes
+"""Size of the largest message that a member reads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,3 +275,48 @@ def handle_command(line: str, coordinator: Coordinator) -> None:
         coordinator.inbox.put(s.End(rest))
     elif word == "stop":
         coordinator.inbox.put(s.End("interrupted", hurried=True))
+
+
+def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process]) -> None:
+    """Raise WorldFileError if a host would receive a message that it cannot read.
+
+    It would fail at each restart. Fragments of the same kinds are distributed among all processes
+    that offer them, so one of these gets at least an equal share. Hosts that may be attached later
+    do not count.
+    """
+    offers = [_offered(process) for process in processes if process.agents]
+    for kinds, group in _by_kinds(fragments).items():
+        hosts = sum(kinds <= offered for offered in offers)
+        size = _size(group)
+        if hosts and size > MAX_BYTES * hosts:
+            more = f"Use {-(-size // MAX_BYTES)} or more processes for them, or start"
+            agents = f"the agents of {', '.join(sorted(kinds))} are"
+            raise WorldFileError(_text(agents, size, f" for {counted(hosts, 'process')}", more))
+        for name in group if hosts and size > MAX_BYTES else ():
+            # A part of a population can be divided further, an agent with its scope cannot.
+            own = 0 if name.startswith(PART) else _size({name: group[name]})
+            if own > MAX_BYTES:
+                raise WorldFileError(_text(f"the agent {name} with its scope is", own, "", "Start"))
+
+
+def _offered(process: Process) -> frozenset[str]:
+    hello = Member(process.name, None, process.agents).hello()
+    return frozenset(kind.name for kind in hello.kinds)
+
+
+def _by_kinds(fragments: Mapping[str, Fragment]) -> Mapping[frozenset[str], dict[str, Fragment]]:
+    groups: defaultdict[frozenset[str], dict[str, Fragment]] = defaultdict(dict)
+    for name, node in fragments.items():
+        groups[kinds_of(node)][name] = node
+    return groups
+
+
+def _size(group: Mapping[str, Fragment]) -> int:
+    return len(encode(Fragments({name: Scene((node,)) for name, node in group.items()})))
+
+
+def _text(what: str, size: int, shared: str, more: str) -> str:
+    return (
+        f"{what} {size:,} bytes on the bus{shared}; a message is limited to {MAX_BYTES:,}."
+        f" {more} with a shorter string"
+    )

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.launch.child_processes import ENDS
 from minerva_bus.launch.halts import Halt, explain_halt
 from minerva_bus.launch.replaying import explained_in
-from minerva_bus.launch.traces import ENDS
 from minerva_bus.world.operator import LogLine, Operator, WorldStatus
 
 if TYPE_CHECKING:

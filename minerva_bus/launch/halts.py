@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from minerva_bus.launch import forking
-from minerva_bus.launch.traces import NOT_STARTED, STOPPED, blocked_at, own_frames
+from minerva_bus.launch import child_processes
+from minerva_bus.launch.child_processes import NOT_STARTED, STOPPED, blocked_at, own_frames
 from minerva_bus.source import SourceLine
 from minerva_bus.wording import counted
 from minerva_bus.world.norms import Then
@@ -145,7 +145,10 @@ class _CauseFinder:
 
     def _blocked(self, name: str, then: str, answer: Sequence[str]) -> HaltCause:
         """A member whose process runs, by the stack that it has written."""
-        frames, place = own_frames(answer, forking.__file__), blocked_at(answer, forking.__file__)
+        frames, place = (
+            own_frames(answer, child_processes.__file__),
+            blocked_at(answer, child_processes.__file__),
+        )
         source = " ".join(place.shown) if place is not None else ""
         restart = f"minerva restart {name} starts the process again"
         if any(part in frame.file for frame in frames for part in COMPILERS):

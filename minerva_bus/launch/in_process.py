@@ -1,51 +1,77 @@
-"""Runs a world in this process, without a bus: `minerva run --in-process`."""
+"""Runs a world in this process, without a bus: `minerva run --in-process`.
+
+Frames run in one thread. Other threads only fill queues: questions of operators, and the output of
+free-running generators. One of them looks at the frame: on the bus the coordinator notices a member
+that does not answer, here the thread of the frames is the one that is blocked.
+"""
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
-from collections.abc import Callable, Generator, Mapping
+import traceback
+from collections.abc import Callable, Generator, Iterable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NoAnswer
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import takewhile
+from queue import Empty, SimpleQueue
 from typing import Any, Final
 from weakref import WeakSet
 
-from minerva_bus.errors import WorldStopped
+from minerva_bus.blame import blamed, report, whole
+from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.norms import NORMS
 from minerva_bus.frame.phases import Phase
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.launch.captured_output import MEMBERS, inherited, printed
 from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.compiling import compile_agents
-from minerva_bus.launch.console import Console
+from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
-from minerva_bus.launch.failures import CodeFailure
-from minerva_bus.launch.free_running import FreeRunning, close_services
-from minerva_bus.launch.in_process_parts import WorldParts, members_of, recorded
-from minerva_bus.launch.in_process_progress import InProcessProgress
-from minerva_bus.launch.in_process_questions import InProcessQuestions
 from minerva_bus.launch.interrupts import interrupts_deferred
-from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import RunRecord, recording
-from minerva_bus.launch.slow_frames import slow_frames_reported
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.asking import AskingOperator
+from minerva_bus.runtime.control import answer
 from minerva_bus.runtime.direct import InProcessRunner, timed
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.operated import Operated
+from minerva_bus.runtime.own_threads import Outlet, Published
 from minerva_bus.runtime.runner import Notice, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
+from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.system import REAL
 from minerva_bus.runtime.world_log import WorldLog
-from minerva_bus.source import SourceLine
+from minerva_bus.source import SourceLine, function_name, handler_name, innermost
+from minerva_bus.uncaught import VARIABLE
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import PersonOperation
+from minerva_bus.world.services import Generator as EventGenerator
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""
+
+STATUS_EVERY: Final = 0.1
+
+ANSWER_SECONDS: Final = 1.0
+
+MAX_WAITING: Final = 256
+"""Most events and readings of a free-running generator that may wait for the main thread."""
+
+BLOCKED_POLL_SECONDS: Final = 0.2
+"""Interval in seconds at which a blocked generator checks whether the world has ended."""
+
+LOOK_SECONDS: Final = 10.0
+"""Time between two looks at the frame; a frame that is the same in both is slow."""
 
 
 def never() -> bool:
@@ -299,3 +325,333 @@ def _no_restart(_: str) -> str:
 
 def _no_stack(_: str) -> str:
     return "all members run in one process: none has a stack of its own"
+
+
+@dataclass(slots=True)
+class WorldParts:
+    """The parts of an open world."""
+
+    runner: InProcessRunner
+    members: list[Member]
+    record: RunRecord
+    services: FreeRunning
+    closed: bool = False
+
+
+def members_of(file: WorldFile) -> list[Member]:
+    """The members of all processes. Raises MinervaError for one that needs its own process."""
+    for process in file.processes:
+        if process.command:
+            raise MinervaError(f"{process.name} is a command of its own: run without --in-process")
+        if process.elsewhere:
+            raise MinervaError(f"{process.name} runs elsewhere: run without --in-process")
+    return [process.participant() for process in file.processes]
+
+
+def recorded(record: RunRecord) -> Callable[[Notice], None]:
+    """The sink that records each frame of a run."""
+
+    def observe(notice: Notice) -> None:
+        if isinstance(notice, s.FrameDone):
+            record.frame(notice)
+
+    return observe
+
+
+class InProcessProgress(Sink):
+    """Shows the state of the run, and makes its summary."""
+
+    def __init__(
+        self,
+        file: WorldFile,
+        console: Console,
+        began: float,
+        algorithm: FrameAlgorithm,
+        schedule: FrameSchedule,
+    ) -> None:
+        self.status = StatusMeter(algorithm, schedule.pace, began)
+        self._file = file
+        self._console = console
+        self._began = began
+        self._algorithm = algorithm
+        self._schedule = schedule
+        self._first_frame_at: float | None = None
+
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Show the frame rate every STATUS_EVERY seconds."""
+        now = self._schedule.last_frame_at
+        if self._first_frame_at is None:
+            self._first_frame_at = now
+        if now - self.status.at >= STATUS_EVERY:
+            rate = self.status.status(now, ()).rate
+            frame, frames = self._algorithm.frame, self._file.world.frames
+            status = {"frame": frame, "rate": rate, "members": 1, "waiting": (), "waited": 0.0}
+            self._console.live(live_line(self._file.world.name, status, frames, self._began))
+
+    def summary(self, ended: s.Ended | None, reason: str) -> RunSummary:
+        """The summary of the run; `reason` replaces that of the world."""
+        first, algorithm, file = self._first_frame_at, self._algorithm, self._file
+        figures = dict(ended.figures) if ended is not None else {}
+        return RunSummary(
+            world=file.world.name,
+            frames=algorithm.frame,
+            digest=algorithm.scene.digest.hex(),
+            reached=algorithm.reached,
+            ended=reason or (ended.reason if ended is not None else ""),
+            wall_seconds=0.0 if first is None else self._schedule.last_frame_at - first,
+            first_frame_seconds=None if first is None else max(0.0, first - self._began),
+            members=len(file.processes),
+            seed=file.world.seed,
+            startup={},
+            figures={**figures, **self._schedule.overruns.figures()},
+            before=file.world.past.frame,
+        )
+
+
+class InProcessQuestions:
+    """Questions of operators, from any thread.
+
+    While the world runs, the thread that runs it answers them between two frames.
+    """
+
+    world: Operated
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._running = threading.RLock()
+        self._queue: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
+
+    @contextmanager
+    def deferred(self) -> Generator[None]:
+        """Defer questions of other threads to `answer`."""
+        with self._running:
+            yield
+
+    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        """The answer to a question. Raises BusError if there is none within ANSWER_SECONDS."""
+        asked = {"ask": question, **details}
+        # The thread that runs the world must not wait for itself, as after a key in a window.
+        if self._running.acquire(blocking=False):
+            try:
+                reply = answer(asked, self.world)
+            finally:
+                self._running.release()
+        else:
+            later: Future[dict[str, Any]] = Future()
+            self._queue.put((asked, later))
+            try:
+                reply = later.result(ANSWER_SECONDS)
+            except NoAnswer:
+                raise BusError(f"{self._name} has not answered for a second") from None
+        if "error" in reply:
+            raise BusError(str(reply["error"]))
+        return reply
+
+    def answer(self) -> None:
+        """Answer all waiting questions."""
+        while True:
+            try:
+                asked, later = self._queue.get_nowait()
+            except Empty:
+                return
+            later.set_result(answer(asked, self.world))
+
+
+def close_services(members: Iterable[Member], log: Callable[[str, str], None]) -> None:
+    """Close all services; logs by name of the member which of them fail.
+
+    The world is over, so an error does not change its result: it is logged, as on the bus.
+    """
+    for member in members:
+        if member.service is not None:
+            try:
+                with blamed(member.service.close):
+                    member.service.close()
+            except UserCodeError as error:
+                log(member.name, report(error))
+
+
+class WaitingOutput:
+    """Output of a free-running generator that waits for the main thread."""
+
+    def __init__(self, put: Callable[[Any], None], stop: threading.Event) -> None:
+        self._put = put
+        self._stop = stop
+        self._room = threading.Semaphore(MAX_WAITING)
+
+    def add(self, output: AnyEvent | Published) -> None:
+        """Queue an event or a reading, from the generator's thread."""
+        # A generator that is faster than the frames blocks here; otherwise memory would fill up.
+        while not self._room.acquire(timeout=BLOCKED_POLL_SECONDS):
+            # Otherwise a generator's thread would block forever after the end.
+            if self._stop.is_set():
+                return
+        self._put(output)
+
+    def taken(self) -> None:
+        """The main thread has processed one item."""
+        self._room.release()
+
+
+class FreeRunning:
+    """Runs each free-running generator in a thread, and passes its output to the main thread.
+
+    Frames run in the main thread only, so output waits in a queue until `deliver` is called.
+    """
+
+    def __init__(self, runner: InProcessRunner, members: Iterable[Member]) -> None:
+        self._runner = runner
+        self._members = tuple(members)
+        self._queue: SimpleQueue[tuple[Member, Any]] = SimpleQueue()
+        self._waiting: dict[str, WaitingOutput] = {}
+        self._pulsed: dict[str, float] = {}
+        self._stop = threading.Event()
+
+    def start(self) -> None:
+        """Start the threads."""
+        for member in self._members:
+            if isinstance(member.service, EventGenerator) and not member.when.is_awaited:
+                arguments = member, member.service
+                generate = inherited(self._generate)
+                threading.Thread(target=generate, args=arguments, daemon=True).start()
+
+    def stop(self) -> None:
+        """Request the end of all generators, without a join: their threads are daemons."""
+        self._stop.set()
+
+    def deliver(self) -> None:
+        """Pass queued events and readings to the runner. Raises exceptions of generators."""
+        for _ in range(self._queue.qsize()):  # Later output waits for the next turn.
+            member, output = self._queue.get()
+            # The report of an error names this member.
+            self._runner.direct.running = member
+            if isinstance(output, Exception):
+                raise output
+            if isinstance(output, Published):
+                self._runner.publish(member.published(output.topic, output.reading))
+            else:
+                self._runner.handle(member.emitted(output))
+            self._waiting[member.name].taken()
+
+    def pulse(self) -> None:
+        """Call `pulse` of the services that are due; a service that leaves ends the world."""
+        now = time.monotonic()
+        for member in self._members:
+            service = member.service
+            if service is None or not service.pulse_every:
+                continue
+            if now < self._pulsed.get(member.name, 0.0) + service.pulse_every:
+                continue
+            self._pulsed[member.name] = now
+            if _call(service.pulse, service.leaves):
+                self._runner.handle(s.End(f"{member.name} was closed"))
+
+    def _generate(self, member: Member, service: EventGenerator) -> None:
+        try:
+            waiting = WaitingOutput(lambda output: self._queue.put((member, output)), self._stop)
+            self._waiting[member.name] = waiting
+            # The main thread raises an error in `deliver`; in this thread it would be lost.
+            service.run(Outlet(waiting.add), self._stop)
+        except BaseException as error:
+            failure = UserCodeError(handler_name(service.run), service.run)
+            failure.__cause__ = error
+            self._queue.put((member, failure))
+
+
+def _call(pulse: Callable[[], object], leaves: Callable[[], bool]) -> bool:
+    with blamed(pulse):
+        pulse()
+    with blamed(leaves):
+        return leaves()
+
+
+@contextmanager
+def slow_frames_reported(
+    frame: Callable[[], int],
+    report: Callable[[float, SourceLine], None],
+    began_in: str,
+    seconds: float = LOOK_SECONDS,
+) -> Generator[None]:
+    """Report frames of this thread that take long; each after one look, two, four, ...
+
+    Args:
+        frame: the number of the current frame.
+        report: called in another thread with the seconds for which the frame has been seen, and
+            the line that it executes.
+        began_in: the source file that runs the frames; older code belongs to the caller.
+        seconds: time between two looks.
+
+    """
+    ended, watched = threading.Event(), threading.get_ident()
+
+    def look() -> None:
+        seen, since, looks = frame(), time.monotonic(), 0
+        while not ended.wait(seconds):
+            if frame() != seen:
+                seen, since, looks = frame(), time.monotonic(), 0
+                continue
+            looks += 1
+            place = _executed(watched, began_in)
+            if place is not None and looks & (looks - 1) == 0:
+                report(time.monotonic() - since, place)
+
+    thread = threading.Thread(target=look, name="slow frames", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def _executed(thread: int, began_in: str) -> SourceLine | None:
+    """The line of user code that a thread executes, if it executes any."""
+    top = sys._current_frames().get(thread)  # pyright: ignore[reportPrivateUsage]
+    if top is None:
+        return None
+    # A frame has no line while an instruction is executed that belongs to none.
+    places = (
+        SourceLine(
+            frame.f_code.co_filename,
+            line or frame.f_code.co_firstlineno,
+            function_name(frame.f_code),
+        )
+        for frame, line in traceback.walk_stack(top)
+    )
+    return innermost(list(takewhile(lambda place: place.file != began_in, places)))
+
+
+@dataclass(frozen=True, slots=True)
+class CodeFailure:
+    """An error in the code of a member: its report, and all of its frames as `details`."""
+
+    member: str
+    frame: int
+    problem: str
+    details: str
+
+    @staticmethod
+    def of(error: Exception, member: str, frame: int) -> CodeFailure:
+        """The failure that an exception is."""
+        return CodeFailure(member, frame, report(error), whole(error))
+
+    @property
+    def reason(self) -> str:
+        """Why the world ends, for its summary: the same words as on the bus."""
+        what = self.problem.partition("\n")[0]
+        return f"{self._failed}: {what}"
+
+    def stops(self, console: Console) -> WorldStopped:
+        """Show the failure; returns the exception that stops the world."""
+        console.frame = self.frame
+        console.log(self.member, f"failed in frame {self.frame}: {self.problem}", "error")
+        console.details(self.member, self.details)
+        hint = "" if console.traceback else " (--traceback shows all frames)"
+        return WorldStopped(
+            f"{self.reason}; the world stops ({VARIABLE}=1 shows all frames)",
+            f"{self._failed}; the world stops{hint}",
+        )
+
+    @property
+    def _failed(self) -> str:
+        return f"{self.member} failed in frame {self.frame}"

@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 from minerva_bus.blame import WORLD_CODE
 from minerva_bus.errors import UserCodeError
-from minerva_bus.launch.pipes import Pipes
+from minerva_bus.launch.child_processes import Pipes
 
 Handler: TypeAlias = Callable[[int, FrameType | None], None]
 

@@ -1,20 +1,29 @@
-"""The local processes of a world: their states, restarts, output and failures."""
+"""The local processes of a world: their states, starts, restarts, output and failures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from minerva_bus.launch.forking import ChildProcess
-from minerva_bus.launch.machine import REAL, LaunchContext, Machine
+from minerva_bus.launch import child_processes
+from minerva_bus.launch.child_processes import (
+    CLOSED,
+    STACK_SIGNAL,
+    ChildProcess,
+    LineReader,
+    blocked_at,
+    is_stack,
+    parse_report,
+)
+from minerva_bus.launch.console import Console
 from minerva_bus.launch.member_process import MemberStart
-from minerva_bus.launch.pipes import CLOSED, LineReader, parse_report
-from minerva_bus.launch.process_log import ProcessLog
+from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
 from minerva_bus.launch.shared_processes import SERVICES, by_process
-from minerva_bus.launch.starting import STARTS_PER_CORE, StartQueue
-from minerva_bus.launch.traces import STACK_SIGNAL, is_stack
 from minerva_bus.launch.worldfile import Process
+from minerva_bus.runtime.member import RAISED_BY_CHANCE
+from minerva_bus.wording import duration
 
 HEALTHY_SECONDS: Final = 30.0
 HEALTHY_FRAMES: Final = 10
@@ -29,6 +38,23 @@ STACK_GAP_SECONDS: Final = 0.2
 
 MIN_RESTART_SECONDS: Final = 0.05
 MAX_RESTART_SECONDS: Final = 5.0
+
+STARTS_PER_CORE: Final = 4
+"""More than one, because a process that waits for an answer leaves its core to others."""
+
+SLOT_SECONDS: Final = 2.0
+"""Time after which a starting process no longer prevents others from starting."""
+
+IN_A_FRAME: Final = re.compile(r"failed in frame \d+: ")
+"""Beginning of the report about an error that the same frame would cause again."""
+
+FAILURE_REPORT: Final = re.compile(r"failed(?: in frame \d+)?: ")
+"""Beginning of a member's report about an error in its user code."""
+
+GONE: Final = re.compile(r"is gone\b")
+"""Beginning of the coordinator's line about a member whose process has ended."""
+
+MAX_LINE_LENGTH: Final = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,3 +316,147 @@ class ProcessTable:
                 break
             output.read()
         return process.stacks
+
+
+class StartQueue:
+    """A queue of process names with a number of slots; times are monotonic seconds.
+
+    A starting process needs a core for about 0.1 s. If hundreds start at once, each takes seconds
+    and all of them exceed their time-outs. So each waits in the queue for a slot. It frees the slot
+    when it has sent `hello`, when it has ended, or after SLOT_SECONDS: then it waits for something
+    other than a core.
+    """
+
+    def __init__(self, slots: int) -> None:
+        self._slots = slots
+        # A dict is an ordered set here: a process that is added twice starts once.
+        self._queue: dict[str, None] = {}
+        self._started: dict[str, float] = {}
+
+    @property
+    def queued(self) -> frozenset[str]:
+        """The names that wait for a slot."""
+        return frozenset(self._queue)
+
+    def add(self, name: str) -> None:
+        """Add a process to the queue."""
+        self._queue[name] = None
+
+    def next(self, now: float) -> str | None:
+        """Take the first process that has a slot; None if the queue is empty or all are busy."""
+        busy = sum(since + SLOT_SECONDS > now for since in self._started.values())
+        if not self._queue or busy >= self._slots:
+            return None
+        name = next(iter(self._queue))
+        del self._queue[name]
+        self._started[name] = now
+        return name
+
+    def free(self, name: str) -> None:
+        """Free the slot of a process that has started or ended."""
+        self._started.pop(name, None)
+
+    def clear(self) -> None:
+        """Remove all processes from the queue."""
+        self._queue.clear()
+
+    def next_at(self, now: float) -> float | None:
+        """Time of the next slot that becomes free by time-out; None if no process waits for one."""
+        if not self._queue:
+            return None
+        ends = [since + SLOT_SECONDS for since in self._started.values()]
+        return min((end for end in ends if end > now), default=now)
+
+
+class FailureLog:
+    """The failures of user code in a run: the reports shown, and the causes.
+
+    A process that is restarted several times would otherwise print the same report each time.
+    `explained`: processes that have not joined again since the log named the reason for their end.
+    """
+
+    def __init__(self) -> None:
+        self.explained: set[str] = set()
+        self._shown: set[str] = set()
+        self._before: set[tuple[str, str]] = set()
+
+    def abbreviate(self, text: str) -> str:
+        """A report without the lines that were shown before; empty if no line is new."""
+        # The first line has the frame, so that the same error in another frame differs in it only.
+        first, _, rest = text.partition("\n")
+        seen, self._shown = self._shown, self._shown | {first, rest}
+        if first in seen and rest in seen:
+            return ""
+        return f"{first} (as above)" if rest and rest in seen else text
+
+    def is_new(self, place: str) -> bool:
+        """Whether a line of code was not logged before; from now on it counts as logged."""
+        known = place in self._shown
+        self._shown.add(place)
+        return not known
+
+    def repeated(self, process: Process, code: int, cause: str) -> bool:
+        """Whether this process, or another host, has failed for the same cause before.
+
+        The cause names the frame and the event: the same input fails again.
+        """
+        # A member in another language may end with any code after its report.
+        if code <= 0 or code == RAISED_BY_CHANCE or not IN_A_FRAME.match(cause):
+            return False
+        key = ("" if process.agents else process.name, cause)
+        repeated = key in self._before
+        self._before.add(key)
+        return repeated
+
+
+class ProcessLog:
+    """Logs lines about the processes of a world; `command` sends a command to its coordinator."""
+
+    def __init__(self, world: str, console: Console, command: Callable[[str], None]) -> None:
+        self._world = world
+        self._console = console
+        self._command = command
+        self.failures = FailureLog()
+
+    def note(self, text: str) -> None:
+        """Show a line about the world, which is not kept."""
+        self._console.note(f"{self._world}: {text}")
+
+    def add(self, name: str, line: str, level: str = "warning") -> None:
+        """Log a line about a process on the console and in the coordinator's log."""
+        self._console.log(name, line, level)
+        self.keep(name, line, level)
+
+    def keep(self, name: str, text: str, level: str) -> None:
+        """Log lines about a process in the coordinator's log only."""
+        # A command to the coordinator is one line.
+        for line in text.split("\n"):
+            self._command(f"log {level} {name} {line[:MAX_LINE_LENGTH]}")
+
+    def reported(self, name: str, text: str, details: str) -> None:
+        """Show a line that the coordinator has logged about a member, unless it is known."""
+        if name in self.failures.explained and GONE.match(text):
+            return  # The reason and the line about its restart say more.
+        if FAILURE_REPORT.match(text):
+            text = self.failures.abbreviate(text)
+        if text:
+            self._console.log(name, text, "warning")
+        self._console.details(name, details)
+
+    def blocked(self, name: str, stacks: Sequence[str], waited: float) -> str:
+        """Log that a process does not respond, with the line of user code that it executes.
+
+        If this line was logged before, the line about the restart is enough; returns how it
+        begins, otherwise an empty text. `waited`: seconds.
+        """
+        place, how = blocked_at(stacks, child_processes.__file__), ""
+        if place is not None and not self.failures.is_new("\n".join(place.lines())):
+            how = f"did not answer for {duration(waited)} (blocked as above)"
+        else:
+            text = f"no answer for {duration(waited)}: killing it"
+            shown = [text] if place is None else [f"{text}; it is blocked in", *place.lines()]
+            self.add(name, "\n".join(shown))
+        if stacks:
+            self._console.details(name, "\n".join(stacks))
+            self.keep(name, "\n".join(stacks), "warning")
+        return how

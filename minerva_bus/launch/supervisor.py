@@ -1,40 +1,86 @@
 """The supervisor: starts the processes of a world, waits for what happens to them, and ends all.
 
-`coordinator_reports.py` handles what the coordinator reports, `process_exits.py` the ends of
-processes.
+`CoordinatorReports` handles what the coordinator and the members report, `ProcessExits` decides
+what follows the end of a process, and `Succession` replaces a coordinator that was killed.
 """
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from select import PIPE_BUF
+from typing import Any, Final
 
+from minerva_bus.frame.description import World
 from minerva_bus.launch.capacity import check_capacity
+from minerva_bus.launch.child_processes import (
+    CLOSED,
+    END_OF_STACKS,
+    FAILED,
+    NOT_STARTED,
+    STACK_SIGNAL,
+    STOPPED,
+    UNREADY,
+    ChildProcess,
+    LineReader,
+    how_ended,
+    parse_report,
+)
 from minerva_bus.launch.collecting import check_tables, complete_tables
 from minerva_bus.launch.compiling import compile_agents
-from minerva_bus.launch.console import Console
-from minerva_bus.launch.coordinator_reports import CoordinatorReports
-from minerva_bus.launch.ending import Ending
+from minerva_bus.launch.console import Console, live_line, starting_line
+from minerva_bus.launch.coordinator_process import CoordinatorStart
 from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.journaling import discard_journal, journal_path
-from minerva_bus.launch.machine import REAL, LaunchContext, Machine
+from minerva_bus.launch.member_process import NOTHING, Profiling
 from minerva_bus.launch.memory import prepare, remove_orphans
-from minerva_bus.launch.process_exits import ProcessExits
-from minerva_bus.launch.process_log import ProcessLog
-from minerva_bus.launch.process_table import ProcessTable
-from minerva_bus.launch.profiling import NOTHING, Profiling
+from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
+from minerva_bus.launch.process_table import (
+    FAILURE_REPORT,
+    REPORT_SECONDS,
+    FailureCause,
+    ProcessLog,
+    ProcessTable,
+    SupervisedProcess,
+)
 from minerva_bus.launch.recording import check_record
 from minerva_bus.launch.registry import WorldLock
-from minerva_bus.launch.stopped import STOPPED_SECONDS, StoppedCoordinator
-from minerva_bus.launch.succession import Succession
-from minerva_bus.launch.summary import RunSummary, Startup
-from minerva_bus.launch.supervised_run import SupervisedRun
+from minerva_bus.launch.summary import EndReport, RunSummary, Startup
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.runtime.monitor import MORE_TIME
 from minerva_bus.runtime.session import POOL_BYTES, expect_links
 from minerva_bus.wire.keys import COORDINATOR
-from minerva_bus.wording import duration
+from minerva_bus.wording import counted, duration
+
+STOP_SECONDS: Final = 1.0
+"""Time for a world to stop on request before its processes are killed.
+
+It is longer than HURRIED_REPORTS_WITHIN (runtime/monitor.py), so that the coordinator can still
+send its report with the digest.
+"""
+
+PROFILE_SECONDS: Final = 5.0
+"""Time for a member to write its profile after the end of a world."""
+
+CANNOT_TAKE_PART: Final = "cannot take part"
+"""What is logged about a process that this world does not suit; its report has the reason."""
+
+MAX_SUCCESSIONS: Final = 100
+MAX_FAILURES: Final = 3
+"""Coordinators that may fail in the same frame before the run is given up."""
+
+STOPPED_SECONDS: Final = 10.0
+"""Time after which a stopped coordinator is killed.
+
+Members without their coordinator end after their lease and BACK_WITHIN (8 s); some restarts later
+the world would be given up.
+"""
+
+LATE_SECONDS: Final = 5.0
+"""Interval between two looks of a launcher that was stopped as well, with all of its world."""
 
 
 class Supervisor:
@@ -225,3 +271,480 @@ class Supervisor:
         joined = [name not in each.awaited for each in run.processes for name in each.names]
         now, frame = run.machine.monotonic(), run.coordinator.frame
         return run.ending.summary(run.file.world, run.startup, frame, now, joined)
+
+
+@dataclass(frozen=True, slots=True)
+class SupervisedRun:
+    """The processes of one world, what is logged about them, and how the world begins and ends."""
+
+    context: LaunchContext
+    console: Console
+    startup: Startup
+    ending: Ending
+    coordinator: Succession
+    log: ProcessLog
+    processes: ProcessTable
+
+    @property
+    def file(self) -> WorldFile:
+        """The world file."""
+        return self.context.file
+
+    @property
+    def machine(self) -> Machine:
+        """The operating system."""
+        return self.context.machine
+
+    @property
+    def report_seconds(self) -> float:
+        """Time for a process to end after the end of the world."""
+        # A profile is written after the end of the world.
+        return PROFILE_SECONDS if self.context.profiling.member else REPORT_SECONDS
+
+    def stop(self, problem: str) -> None:
+        """Stop the world early; see `Ending.problem`."""
+        self.ending.fail(problem)
+        self.coordinator.command("stop")
+        self.ending.deadline = self.machine.monotonic() + STOP_SECONDS
+
+    def abandon(self, process: SupervisedProcess) -> None:
+        """Tell the coordinator that a process will not be started again."""
+        for name in process.names:
+            self.coordinator.command(f"abandoned {name}")
+
+
+class CoordinatorReports:
+    """Handles each kind of report of `_Reporter` (coordinator_process.py) in a method of its name.
+
+    A member reports why this world does not suit it. `publish` receives the endpoint of the
+    coordinator. `last_line`: the last line that it has printed and that has not been shown.
+    """
+
+    def __init__(self, run: SupervisedRun) -> None:
+        self._run = run
+        self.publish: Callable[[str], None] = lambda endpoint: None
+        self.last_line = ""
+
+    def receive(self, report: dict[str, Any]) -> None:
+        """Handle a report."""
+        getattr(self, f"_on_{report.pop('kind')}")(**report)
+
+    def _on_listening(self, endpoint: str, listens_at: str) -> None:
+        """Local processes connect to `endpoint`, others to the endpoint it `listens_at`."""
+        run = self._run
+        if self.last_line and not run.context.endpoint:
+            run.console.log(COORDINATOR, self.last_line)
+        run.context.endpoint, run.coordinator.listens_at = endpoint, listens_at
+        self.publish(endpoint)
+        # A successor: the members run already, and their endpoint is the same.
+        if run.coordinator.count:
+            self._inform_successor()
+            return
+        run.startup.end("bus")
+        run.log.note(f"{counted(len(run.processes), 'process')}, bus at {endpoint}")
+        remote = [process.name for process in run.file.processes if process.elsewhere]
+        if remote:
+            run.log.note(f"to be attached from other machines: {', '.join(remote)}")
+        for note in run.file.notes:
+            run.log.note(note)
+        if run.ending.deadline is None:
+            # Otherwise an interrupt has arrived before the first member was started.
+            for process in run.processes:
+                run.processes.enqueue(process)
+
+    def _inform_successor(self) -> None:
+        """Send a new coordinator the states of processes that its predecessor had."""
+        run = self._run
+        run.log.note(f"a new coordinator listens at {run.context.endpoint}")
+        if run.ending.reason is not None:  # Only the launcher has it, not the journal.
+            run.coordinator.command(f"end {run.ending.reason}")
+        # The journal contains neither processes that are not restarted nor those that are starting.
+        for process in run.processes:
+            if process.abandoned or (run.ending.reason is not None and process.child is None):
+                run.abandon(process)
+            elif process.child is not None and process.joined_at is None:
+                for name in process.names:
+                    run.coordinator.command(f"started {name}")
+
+    def _on_log(self, member: str, text: str, details: str = "") -> None:
+        process = self._run.processes.get(member)
+        if process is not None and FAILURE_REPORT.match(text):
+            # The cause explains the exit that follows, and `repeated` compares it with earlier
+            # ones.
+            self._run.log.failures.explained.update(process.names)
+            process.cause = FailureCause(member, text)
+        self._run.log.reported(member, text, details)
+
+    def _on_unready(self, member: str, reason: str) -> None:
+        """Note why a process cannot take part; it ends. Further ones for this reason are known."""
+        process = self._run.processes.get(member)
+        if process is not None:
+            process.cause = FailureCause(member, reason)
+        if self._run.log.failures.is_new(f"{member} {reason}"):
+            self._run.log.add(member, reason, "info")
+
+    def _on_note(self, text: str) -> None:
+        self._run.log.note(text)
+
+    def _on_status(self, **status: Any) -> None:
+        run = self._run
+        world, console = run.file.world, run.console
+        console.frame = run.coordinator.frame = int(status["frame"])
+        if run.startup.first_frame is not None or status["frame"] or not status["waiting"]:
+            console.live(live_line(world.name, status, world.frames, run.startup.began))
+            return
+        total = len(run.file.processes)
+        text = starting_line(status, total)
+        # The lines about the members that frame 0 waits for, and about restarts, say more.
+        is_reported = int(status["members"]) >= total or any(p.failures for p in run.processes)
+        if console.terminal:
+            console.progress(world.name, min(int(status["members"]), total), total, text)
+        elif not is_reported:
+            console.periodic(f"{world.name}: {text}", run.machine.monotonic())
+
+    def _on_first_frame(self, frame: int, at: float) -> None:
+        self._run.startup.completed(frame, at)
+
+    def _on_joined(self, member: str) -> None:
+        run = self._run
+        process = run.processes.get(member)
+        if process is not None:
+            process.joined(member, run.coordinator.frame)
+            run.log.failures.explained.discard(member)
+            if not process.awaited:
+                run.processes.queue.free(process.name)
+
+    def _on_timed_out(self, member: str, waited: float) -> None:
+        run = self._run
+        process, silence = run.processes.get(member), f"no answer for {duration(waited)}"
+        if process is None:
+            known = any(spec.name == member for spec in run.file.processes)
+            if known and run.ending.reason is None:
+                run.log.add(member, f"{silence}: restart it on its machine")
+        else:
+            run.processes.give_up(process, waited)
+
+    def _on_restart(self, member: str) -> None:
+        process = self._run.processes.get(member)
+        if process is not None and self._run.ending.reason is None:
+            self._run.log.add(member, "restarting on request")
+            process.restart()
+
+    def _on_stack(self, member: str) -> None:
+        """Keep the stacks of a process in its log, followed by a line that ends them."""
+        run = self._run
+        process = run.processes.get(member)
+        child = None if process is None else process.child
+        stacks = [] if process is None else run.processes.stacks(process)
+        is_stopped = child is not None and run.machine.is_stopped(child.pid)
+        end = NOT_STARTED if child is None else STOPPED if is_stopped else END_OF_STACKS
+        run.log.keep(member, "\n".join([*filter(None, stacks), end]), "info")
+
+    def _on_stopping(self, reason: str) -> None:
+        self._run.ending.reason = reason
+        self._run.ending.stopping_at = self._run.machine.monotonic()
+
+    def _on_followed(self) -> None:
+        self._run.ending.followed = True
+
+    def _on_ended(self, **report: Any) -> None:
+        run = self._run
+        ending = run.ending
+        ending.report = EndReport(**report)
+        # A view may still draw the last frame or write its file; only an interrupt or a failure is
+        # urgent.
+        now = run.machine.monotonic()
+        ending.deadline = now + run.report_seconds
+        if ending.regular:
+            processes = [process for process in run.processes if process.child is not None]
+            running = [name for process in processes for name in process.names]
+            stopping = now if ending.stopping_at is None else ending.stopping_at
+            ending.deadline = run.file.deadlines.end_of_output(running, stopping, now)
+
+    def receive_line(self, line: str) -> None:
+        """Handle a line that the coordinator has printed."""
+        # Until it listens, the last line is the error that ends the run, which the summary names.
+        listens = bool(self._run.context.endpoint)
+        if listens and line.startswith(" "):
+            # It continues the error before it, with a line of the world's code.
+            self._run.console.log(COORDINATOR, line)
+            return
+        shown, self.last_line = line if listens else self.last_line, line
+        if shown:
+            self._run.console.log(COORDINATOR, shown)
+
+
+class ProcessExits:
+    """Decides what follows the end of a process."""
+
+    def __init__(self, run: SupervisedRun, reports: CoordinatorReports) -> None:
+        self._run = run
+        self._reports = reports
+
+    def reap(self) -> None:
+        """Handle the ends of all processes that have ended."""
+        while (ended := self._run.machine.next_ended()) is not None:
+            self.ended(*ended)
+
+    def ended(self, pid: int, code: int) -> None:
+        """Handle the end of a process."""
+        run = self._run
+        if run.coordinator.child is not None and pid == run.coordinator.child.pid:
+            self._on_coordinator_exit(code)
+            return
+        process = run.processes.ended(pid)
+        if process is None:
+            return
+        if run.ending.begun:
+            if code == UNREADY:  # Its report says why.
+                run.ending.fail(f"{_member(process)} {process.cause.text or CANNOT_TAKE_PART}")
+            # A successor must not wait for it; the first coordinator was notified that it left.
+            if run.coordinator.count:
+                run.abandon(process)
+        elif process.restarting:
+            process.restarting, process.restart_at = False, run.machine.monotonic()
+        elif code == 0:
+            process.exited()
+        else:
+            self.failed(process, code)
+
+    def _on_coordinator_exit(self, code: int) -> None:
+        run = self._run
+        coordinator, ending = run.coordinator, run.ending
+        coordinator.ended()
+        if ending.report is not None:
+            return  # The deadline of its members is set.
+        if ending.deadline is None and coordinator.may_continue(code):
+            ended = f"failed ({self._reports.last_line})" if code == FAILED else how_ended(code)
+            text = f"{ended}; a successor continues from its journal"
+            number = f"({coordinator.count + 1} of {MAX_SUCCESSIONS})"
+            run.console.log(COORDINATOR, f"{text} {number}", "warning")
+            coordinator.start_successor(run.processes.queued)
+            return
+        # It printed its error last, if it had one.
+        ending.fail(self._reports.last_line or f"the coordinator {how_ended(code)}")
+        # The report that would set the deadline no longer arrives.
+        ending.end_by(run.machine.monotonic() + run.report_seconds)
+
+    def failed(self, process: SupervisedProcess, code: int) -> None:
+        """Restart a process that has failed, or end its part or the world."""
+        run = self._run
+        spec, name = process.spec, process.name
+        # These codes announce a report, which decides between a restart and the end; a program in
+        # another language may have sent one with any code.
+        if code in (RAISED, RAISED_BY_CHANCE) or (spec.command and code > 0):
+            self._await_cause(process)
+        # The report has been shown and is more specific than the exit code.
+        unready = code == UNREADY
+        how = "failed" if process.cause.text else process.cause.blocked or _how(process, code)
+        how = CANNOT_TAKE_PART if unready else how
+        delay = process.fail(run.coordinator.frame, killed=code < 0)
+        if delay is not None and run.log.failures.repeated(spec, code, process.cause.text):
+            # `fail` has set the time of a restart.
+            process.restart_at = None
+            again = "failed again with the same error in the same frame"
+            self._stop_for(process, f"{again}: a restart would not help")
+        elif delay is not None:
+            number = f"restart {process.failures} of {spec.restarts} in {delay:.2f} s"
+            run.log.add(name, f"{how}; {number}")
+        # A view that never starts is a wrong request, unlike one that fails later.
+        elif spec.on_failure == "ignore" and not unready:
+            run.log.add(name, f"{how}; continuing without it")
+            process.abandoned = True
+            run.abandon(process)
+        else:
+            times = f", {process.failures} times in a row" if process.failures > 1 else ""
+            # The summary names the cause.
+            if code > 0:
+                self._await_cause(process)
+            self._stop_for(process, f"{how}{times}")
+
+    def _stop_for(self, process: SupervisedProcess, why: str) -> None:
+        """Stop the world because of a process."""
+        self._run.stop(f"{_member(process)} {process.cause.text or why}")
+        raised = FAILURE_REPORT.match(process.cause.text) and not self._run.console.traceback
+        more = " (--traceback shows all frames)" if raised else ""
+        self._run.console.log(process.name, f"{why}; the world stops{more}", "error")
+
+    def _await_cause(self, process: SupervisedProcess) -> None:
+        """Wait for the report of a failure: the coordinator may pass it on after the exit."""
+        until = self._run.machine.monotonic() + REPORT_SECONDS
+        while not process.cause.text and (left := until - self._run.machine.monotonic()) > 0:
+            self._run.context.pipes.wait(left)
+
+
+def _how(process: SupervisedProcess, code: int) -> str:
+    """How a process has ended. The request for its stacks ends one that has only just begun."""
+    if process.waited and code == -STACK_SIGNAL:
+        return f"did not answer for {duration(process.waited)}"
+    return how_ended(code)
+
+
+def _member(process: SupervisedProcess) -> str:
+    """The name of the member that has ended a process, or that of the process."""
+    return process.cause.member or process.name
+
+
+class Succession:
+    """A sequence of coordinator processes; `count` is the number of successors so far.
+
+    `on_report` receives their reports, `on_line` the lines that they print. `listens_at` is the
+    endpoint of the first coordinator, which its successors reuse. `frame` is the last frame
+    reported.
+    """
+
+    def __init__(
+        self,
+        context: LaunchContext,
+        make: Callable[..., Coordinator],
+        on_report: Callable[[dict[str, Any]], None],
+        on_line: Callable[[str], None],
+    ) -> None:
+        self._context = context
+        self._make = make
+        self._on_report = on_report
+        self._on_line = on_line
+        self._commands = CLOSED
+        self._readers: list[LineReader] = []
+        self.child: ChildProcess | None = None
+        self.count = 0
+        self.listens_at = ""
+        self.frame = 0
+        self._failed_at, self._failures = -1, 0
+
+    def start(self, queued: frozenset[str]) -> None:
+        """Start the first coordinator, or a successor that reads the journal.
+
+        `queued`: members that have not been started yet.
+        """
+        context, again = self._context, self.count > 0
+        file, pipes = context.file, context.pipes
+        if again:
+            # Members reconnect to their previous endpoint.
+            file = replace(file, bus=replace(file.bus, listen=self.listens_at))
+        profile, shared = context.profiling.frames, context.shared
+        start = CoordinatorStart(file, self._make, profile, shared, again, queued)
+        started = context.machine.start_coordinator(start, context.lifeline[0])
+        self.child, self._commands, reports = started
+        self._readers = [
+            LineReader(pipes, reports, self._read_report),
+            LineReader(pipes, self.child.output, self._on_line),
+        ]
+
+    def command(self, line: str) -> None:
+        """Send the coordinator a line; a stuck coordinator must not block the launcher."""
+        # A longer line could be written in part, and the next command would be lost with it.
+        data = line.encode()[: PIPE_BUF - 1].decode(errors="ignore").encode()
+        try:
+            self._context.machine.write(self._commands, data + b"\n")
+        except OSError:
+            return  # The coordinator has died or is stuck; the launcher detects both.
+
+    def ended(self) -> None:
+        """Read the last reports and lines of a process that has ended."""
+        self.child = None
+        self._context.machine.close(self._commands)
+        self._commands = CLOSED
+        # The report about the end may be among these: it decides whether a successor is needed.
+        for reader in self._readers:
+            reader.finish()
+
+    def may_continue(self, code: int) -> bool:
+        """Whether to start a successor: the world runs, and the process was killed or failed.
+
+        A failure that repeats in the same frame is not transient.
+        """
+        if code == FAILED:
+            self._failures = self._failures + 1 if self.frame <= self._failed_at else 1
+            self._failed_at = max(self._failed_at, self.frame)
+        # Without an endpoint the first coordinator has never listened, so there is no run to
+        # continue.
+        unexpected = code < 0 or (code == FAILED and self._failures < MAX_FAILURES)
+        return unexpected and bool(self._context.endpoint) and self.count < MAX_SUCCESSIONS
+
+    def start_successor(self, queued: frozenset[str]) -> None:
+        """Start a successor."""
+        self.count += 1
+        self.start(queued)
+
+    def _read_report(self, line: str) -> None:
+        report = parse_report(line)
+        if report is not None:
+            self._on_report(report)
+
+
+@dataclass(slots=True)
+class Ending:
+    """The end of the world; at the `deadline` its remaining processes are killed.
+
+    `problem`: the reason for a premature end, followed by the lines of user code that caused it if
+    they are known. `reason`: that of the coordinator, None before it stops, which is at
+    `stopping_at`. `report`: its last report. `followed`: another
+    launcher's coordinator runs the world. Times are of the monotonic clock.
+    """
+
+    problem: str = ""
+    reason: str | None = None
+    report: EndReport | None = None
+    deadline: float | None = None
+    stopping_at: float | None = None
+    interrupts: int = 0
+    followed: bool = False
+
+    @property
+    def failure(self) -> str:
+        """The reason for a premature end in one line."""
+        return self.problem.partition("\n")[0]
+
+    @property
+    def begun(self) -> bool:
+        """Whether the world stops or has ended."""
+        return self.reason is not None or self.deadline is not None
+
+    @property
+    def regular(self) -> bool:
+        """Whether nothing has failed and nobody has interrupted the world."""
+        failed = self.report is not None and self.report.failed
+        return not (self.failure or self.interrupts or failed)
+
+    def fail(self, problem: str) -> None:
+        """Note a failure. The first one is the cause; later ones may be its consequences."""
+        self.problem = self.problem or problem
+
+    def end_by(self, deadline: float) -> None:
+        """Set a deadline, unless an earlier one is set."""
+        self.deadline = deadline if self.deadline is None else min(self.deadline, deadline)
+
+    def summary(
+        self, world: World, startup: Startup, frame: int, now: float, joined: Sequence[bool]
+    ) -> RunSummary:
+        """The summary of the run; digest and figures are lost if the coordinator died.
+
+        `joined`: whether each member has joined; with `frame` and `now`, it replaces the report
+        of a coordinator that died.
+        """
+        report = self.report
+        if report is None:
+            self.fail("the coordinator ended without a report")
+            report = EndReport(self.failure, frame, now, sum(joined))
+        elif report.failed:
+            self.fail(report.reason)
+        return RunSummary.of(world, report, startup, self.failure)
+
+
+class StoppedCoordinator:
+    """Measures for how long the coordinator has been stopped while the launcher was running."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._looked_at = 0.0
+        self._pid = 0
+        self._since = 0.0
+
+    def is_given_up(self, pid: int, now: float) -> bool:
+        """Whether to kill it; to be called at least once a second, with the monotonic time."""
+        late = now - self._looked_at > LATE_SECONDS
+        self._looked_at = now
+        if late or pid != self._pid or not self._machine.is_stopped(pid):
+            self._pid, self._since = pid, now
+        return now - self._since >= STOPPED_SECONDS

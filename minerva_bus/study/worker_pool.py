@@ -19,10 +19,19 @@ from typing import Any, Final, Protocol, Self
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.launch.capacity import cores
-from minerva_bus.launch.forking import ChildProcess, fork, how_ended, kill
+from minerva_bus.launch.child_processes import (
+    ChildProcess,
+    LineReader,
+    Pipes,
+    ReportPipe,
+    fork,
+    how_ended,
+    kill,
+    parse_report,
+    reap,
+)
 from minerva_bus.launch.in_process import never
 from minerva_bus.launch.interrupts import caught
-from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report, reap
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides

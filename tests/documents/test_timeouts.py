@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus.launch import process_table, starting, stopped, supervised_run
+from minerva_bus.launch import process_table, supervisor
 from minerva_bus.runtime import arrival as arrivals
 from minerva_bus.runtime import member, monitor, rejoin, session, waiting
 
@@ -34,7 +34,7 @@ def test_a_row_is_as_in_the_code(path, seconds):
 
 def test_numbers_in_words_are_as_in_the_code():
     text = PAGE.read_text()
-    assert (starting.STARTS_PER_CORE, "four at once on each core" in text) == (4, True)
+    assert (process_table.STARTS_PER_CORE, "four at once on each core" in text) == (4, True)
     assert (waiting.TIMES_SLOWEST, "ten times the slowest start" in text) == (10.0, True)
     assert (process_table.HEALTHY_FRAMES, "10 frames (`HEALTHY_FRAMES`)" in text) == (10, True)
 
@@ -42,10 +42,10 @@ def test_numbers_in_words_are_as_in_the_code():
 def test_timeouts_that_follow_one_another_are_in_order():
     patience, arrival = waiting.Patience(), arrivals.Arrival()
     assert patience.soft < patience.hard
-    assert starting.SLOT_SECONDS < waiting.START
+    assert process_table.SLOT_SECONDS < waiting.START
     assert monitor.GREETED_AGAIN < arrival.greeted < arrival.greeted_at_most
     assert session.LEASE < member.BACK_WITHIN < monitor.BACK_WITHIN
-    assert session.LEASE + member.BACK_WITHIN < stopped.STOPPED_SECONDS
+    assert session.LEASE + member.BACK_WITHIN < supervisor.STOPPED_SECONDS
     assert session.LEASE < rejoin.NAME_FREE_AGAIN < member.BACK_WITHIN
-    assert monitor.HURRIED_REPORTS_WITHIN < supervised_run.STOP_SECONDS
+    assert monitor.HURRIED_REPORTS_WITHIN < supervisor.STOP_SECONDS
     assert process_table.MAX_RESTART_SECONDS < process_table.HEALTHY_SECONDS

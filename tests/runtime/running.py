@@ -18,7 +18,7 @@ import zenoh
 
 from minerva_bus.cli.main import main
 from minerva_bus.errors import BusError
-from minerva_bus.launch import forking
+from minerva_bus.launch import child_processes as forking
 from minerva_bus.runtime.client import Client
 from tests.patience import DEFAULT, eventually, patience
 

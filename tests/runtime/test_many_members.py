@@ -14,7 +14,7 @@ import pytest
 from running import MINERVA, World, alive, environment, eventually
 
 from minerva_bus.launch.capacity import MIN_CHECKED, cores
-from minerva_bus.launch.starting import SLOT_SECONDS, STARTS_PER_CORE
+from minerva_bus.launch.process_table import SLOT_SECONDS, STARTS_PER_CORE
 
 CHECKED = 1
 """The launcher creates one of them itself to check it against the world."""

@@ -9,7 +9,7 @@ from running import MEMBERS, environment, write_world
 from minerva_bus.errors import WorldFileError
 from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch import sizes
+from minerva_bus.launch import coordinator_process as sizes
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.world.agent import Agent
 
@@ -57,7 +57,7 @@ def test_one_agent_that_is_too_long_is_refused_whatever_the_number_of_hosts():
 
 
 SMALL = """
-import minerva_bus.launch.sizes as sizes
+import minerva_bus.launch.coordinator_process as sizes
 sizes.MAX_BYTES = 50
 from minerva_bus.cli.main import main
 main()

@@ -5,9 +5,9 @@ import threading
 from functools import partial
 
 from minerva_bus import Agent, EventType, World, each, on, run
-from minerva_bus.launch import in_process, slow_frames
+from minerva_bus.launch import in_process
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.slow_frames import slow_frames_reported
+from minerva_bus.launch.in_process import slow_frames_reported
 from tests.patience import patience
 
 eTick = EventType("eTick")
@@ -35,8 +35,8 @@ def test_a_blocked_frame_is_reported_with_its_line():
 
 def test_a_frame_without_a_line_is_shown_by_its_first_line(monkeypatch):
     frame = sys._getframe()
-    monkeypatch.setattr(slow_frames.traceback, "walk_stack", lambda top: iter([(frame, None)]))
-    place = slow_frames._executed(threading.get_ident(), "no such file")
+    monkeypatch.setattr(in_process.traceback, "walk_stack", lambda top: iter([(frame, None)]))
+    place = in_process._executed(threading.get_ident(), "no such file")
     assert place.function == "test_a_frame_without_a_line_is_shown_by_its_first_line"
     assert place.shown[0].startswith(f"def {place.function}")
 

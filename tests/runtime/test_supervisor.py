@@ -9,10 +9,14 @@ from typing import Any
 import pytest
 from running import write_world
 
-from minerva_bus.launch.coordinator_reports import CoordinatorReports
-from minerva_bus.launch.forking import ChildProcess, how_ended, next_ended
-from minerva_bus.launch.machine import Machine
-from minerva_bus.launch.pipes import LineReader, Pipes
+from minerva_bus.launch.child_processes import (
+    ChildProcess,
+    LineReader,
+    Pipes,
+    how_ended,
+    next_ended,
+)
+from minerva_bus.launch.os_interface import Machine
 from minerva_bus.launch.process_table import (
     HEALTHY_FRAMES,
     HEALTHY_SECONDS,
@@ -20,6 +24,7 @@ from minerva_bus.launch.process_table import (
     MIN_RESTART_SECONDS,
     SupervisedProcess,
 )
+from minerva_bus.launch.supervisor import CoordinatorReports
 from minerva_bus.launch.worldfile import Process
 from tests.patience import patience
 

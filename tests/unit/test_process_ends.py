@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from minerva_bus.launch.pipes import Pipes
+from minerva_bus.launch.child_processes import Pipes
 from minerva_bus.runtime.session import close_aside, end_at_once
 from tests.patience import patience
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from minerva_bus.errors import UserCodeError
-from minerva_bus.launch.traces import blocked_at
+from minerva_bus.launch.child_processes import blocked_at
 from minerva_bus.source import SourceLine, innermost, place_of
 
 

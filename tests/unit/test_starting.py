@@ -23,8 +23,8 @@ from minerva_bus.launch.capacity import (
     shortage,
 )
 from minerva_bus.launch.distribution import AGENT_SECONDS, HOST_SECONDS, ROW_SECONDS, hosts_for
+from minerva_bus.launch.process_table import SLOT_SECONDS, StartQueue
 from minerva_bus.launch.reading import read_world_text
-from minerva_bus.launch.starting import SLOT_SECONDS, StartQueue
 from minerva_bus.settings.overrides import Overrides
 
 

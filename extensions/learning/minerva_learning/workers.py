@@ -19,8 +19,17 @@ from typing import Any, Final
 
 from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldStopped
-from minerva_bus.launch.forking import ChildProcess, fork, how_ended, kill
-from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report, reap
+from minerva_bus.launch.child_processes import (
+    ChildProcess,
+    LineReader,
+    Pipes,
+    ReportPipe,
+    fork,
+    how_ended,
+    kill,
+    parse_report,
+    reap,
+)
 from minerva_learning.block import MakeEnv, WorldBlock
 from minerva_learning.shared import SharedArrays
 

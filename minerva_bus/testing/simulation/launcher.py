@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.profiling import NOTHING
+from minerva_bus.launch.member_process import NOTHING
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile

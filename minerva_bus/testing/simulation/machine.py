@@ -8,11 +8,10 @@ from collections.abc import Callable, Generator
 from itertools import count
 from typing import Any, Final
 
+from minerva_bus.launch.child_processes import CLOSED, ChildProcess, LineBuffer, Pipes, ReportPipe
 from minerva_bus.launch.coordinator_process import CoordinatorRun, CoordinatorStart, handle_command
-from minerva_bus.launch.forking import ChildProcess
-from minerva_bus.launch.machine import Machine
 from minerva_bus.launch.member_process import MemberStart
-from minerva_bus.launch.pipes import CLOSED, LineBuffer, Pipes, ReportPipe
+from minerva_bus.launch.os_interface import Machine
 from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess

@@ -14,7 +14,7 @@ from weakref import WeakSet
 
 from viser import ViserServer
 
-from minerva_bus.launch.printed import printed
+from minerva_bus.launch.captured_output import printed
 from minerva_bus.launch.web_access import WebAccess, token_for
 from minerva_services.views.page_access import guarding
 from minerva_services.views.page_address import listen, page_url

@@ -12,12 +12,10 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.launch import capacity, forking
+from minerva_bus.launch import capacity, child_processes
+from minerva_bus.launch.child_processes import ChildProcess, Pipes, ReportPipe
 from minerva_bus.launch.coordinator_process import CoordinatorStart, run_coordinator
-from minerva_bus.launch.forking import ChildProcess
-from minerva_bus.launch.member_process import MemberStart, run_member
-from minerva_bus.launch.pipes import Pipes, ReportPipe
-from minerva_bus.launch.profiling import Profiling
+from minerva_bus.launch.member_process import MemberStart, Profiling, run_member
 from minerva_bus.launch.worldfile import WorldFile
 
 
@@ -58,7 +56,7 @@ class Machine:
         """Start a coordinator; returns its process and the pipes for commands and reports."""
         command_read, command_write = os.pipe()
         report_read, report_write = os.pipe()
-        child = forking.fork(
+        child = child_processes.fork(
             lambda: run_coordinator(start, ReportPipe(report_write), command_read),
             (command_read, report_write),
             lifeline,
@@ -79,9 +77,11 @@ class Machine:
                 "MINERVA_CONNECT": start.endpoint,
                 "MINERVA_NAME": process.name,
             }
-            return forking.command(process.command, environment, process.folder, lifeline)
+            return child_processes.command(process.command, environment, process.folder, lifeline)
         read, write = os.pipe()
-        child = forking.fork(partial(run_member, start, ReportPipe(write)), (write,), lifeline)
+        child = child_processes.fork(
+            partial(run_member, start, ReportPipe(write)), (write,), lifeline
+        )
         os.close(write)
         os.set_blocking(read, False)
         return replace(child, reports=read)
@@ -101,15 +101,15 @@ class Machine:
 
     def kill(self, pid: int) -> None:
         """Kill a child and its process group."""
-        forking.kill(pid)
+        child_processes.kill(pid)
 
     def kill_group(self, pid: int) -> None:
         """Kill the processes that a child has started."""
-        forking.kill_group(pid)
+        child_processes.kill_group(pid)
 
     def next_ended(self, *, wait: bool = False) -> tuple[int, int] | None:
         """Process id and exit code of a child that has ended, or with `wait` of the next one."""
-        return forking.next_ended(wait=wait)
+        return child_processes.next_ended(wait=wait)
 
 
 def stopped_processes(pid: int) -> list[int]:
