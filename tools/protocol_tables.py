@@ -1,9 +1,9 @@
-"""Tables of PROTOCOL.md that are generated from the declarations of messages and limits.
+"""Tables of the protocol that are generated from the declarations of messages and limits.
 
     python -m tools.protocol_tables            # compare; exit code 1 if they differ
     python -m tools.protocol_tables --write    # write them
 
-In the document each table is between `<!-- table: NAME -->` and `<!-- end of table -->`.
+In a page each table is between `<!-- table: NAME -->` and `<!-- end of table -->`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,14 @@ from minerva_bus.wire.limits import DEFAULT, configurable_limits, limit_notes
 from tools import blocks
 from tools.protocol_vectors import FILES
 
-DOCUMENT = Path(__file__).resolve().parents[1] / "PROTOCOL.md"
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = (ROOT / "PROTOCOL.md", *sorted((ROOT / "docs" / "reference" / "protocol").glob("*.md")))
+"""The core of the protocol, and the pages that are parts of it."""
+
+
+def protocol() -> str:
+    """The whole text of the protocol."""
+    return "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -117,7 +124,7 @@ def vectors() -> str:
         ["file", "requirements", "cases"],
         [
             [
-                f"[`{name}.json`](protocol/vectors/{name}.json)",
+                f"[`{name}.json`](../../../protocol/vectors/{name}.json)",
                 ", ".join(file.requirements),
                 file.description,
             ]
@@ -137,20 +144,24 @@ TABLES: Mapping[str, Callable[[], str]] = {
 
 
 def with_tables(document: str) -> str:
-    """The document with its tables up to date."""
+    """A page with its tables up to date."""
     return blocks.filled(document, "table", lambda name: TABLES[name]())
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="the tables of PROTOCOL.md")
+    parser = argparse.ArgumentParser(description="the tables of the protocol")
     parser.add_argument("--write", action="store_true", help="write them")
-    document = DOCUMENT.read_text(encoding="utf-8")
-    wanted = with_tables(document)
-    if parser.parse_args().write:
-        DOCUMENT.write_text(wanted, encoding="utf-8")
+    write, outdated = parser.parse_args().write, False
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        wanted = with_tables(text)
+        if write:
+            page.write_text(wanted, encoding="utf-8")
+        outdated |= text != wanted
+    if write:
         return 0
-    print("the tables are up to date" if document == wanted else "run with --write")
-    return int(document != wanted)
+    print("run with --write" if outdated else "the tables are up to date")
+    return int(outdated)
 
 
 if __name__ == "__main__":

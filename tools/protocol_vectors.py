@@ -3,8 +3,8 @@
     python -m tools.protocol_vectors            # compare; exit code 1 if they differ
     python -m tools.protocol_vectors --write    # write them
 
-Section 18 of PROTOCOL.md describes the notation. The cases of strings, columns and messages use
-the vocabulary of the golden messages, and `PTally`.
+docs/reference/protocol/test-vectors.md describes the notation. The cases of strings, columns and
+messages use the vocabulary of the golden messages, and `PTally`.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def answers(words: Sequence[str], questions: Sequence[str]) -> list[str]:
 
 
 def shown(noted: Any) -> str:
-    """A value in the notation of section 18 of PROTOCOL.md, as the programs print it."""
+    """A value in the notation of docs/reference/protocol/test-vectors.md, as the programs print it."""
     match noted:
         case None | bool():
             return {None: "n", True: "t", False: "f"}[noted]

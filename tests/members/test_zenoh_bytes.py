@@ -1,4 +1,4 @@
-"""The bytes in section 19 of PROTOCOL.md, sent to a Zenoh router as they stand there."""
+"""The bytes in docs/reference/protocol/zenoh-wire.md, sent to a Zenoh router as they stand there."""
 
 import json
 import queue
@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
-DOCUMENT = (Path(__file__).parents[2] / "PROTOCOL.md").read_text(encoding="utf-8")
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "protocol" / "zenoh-wire.md"
+DOCUMENT = PAGE.read_text(encoding="utf-8")
 INIT_ANSWER, OPEN_ANSWER, FRAME = 0x01, 0x02, 0x05
 
 

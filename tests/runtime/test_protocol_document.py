@@ -1,4 +1,4 @@
-"""PROTOCOL.md against the code: its tables and examples, and members written from it."""
+"""The protocol's pages against the code: tables and examples, and members written from them."""
 
 import itertools
 import json
@@ -31,9 +31,9 @@ from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.rng import Rng, answer_key, hash_of, stream
-from tools.protocol_tables import TABLES, with_tables
+from tools.protocol_tables import TABLES, protocol, with_tables
 
-DOCUMENT = (Path(__file__).parents[2] / "PROTOCOL.md").read_text(encoding="utf-8")
+DOCUMENT = protocol()
 BLOCK = re.compile(r"^```(\w+)(?: (\w+))?\n(.*?)^```$", re.M | re.S)
 HEX_LINE = re.compile(r"\s*((?:[0-9a-f]{2}\s{1,2})*[0-9a-f]{2})(?:\s{2,}|$)")
 

@@ -9,6 +9,7 @@ import pytest
 
 from minerva_bus import errors
 from tests.quick import EXTENSIONS, QUICK, TESTS
+from tools.protocol_tables import protocol
 
 PACKAGE = Path(__file__).parents[2] / "minerva_bus"
 LINE = re.compile(r"^    (?P<indent>[│├└─ ]*)(?P<name>[A-Z]\w+)(?P<rest>.*)$")
@@ -143,7 +144,7 @@ def unmarked(document: str) -> list[str]:
 
 
 def test_identifiers_are_unique() -> None:
-    identifiers = [match[1] for match in IDENTIFIER.finditer(DOCUMENT)]
+    identifiers = [match[1] for match in IDENTIFIER.finditer(protocol())]
     assert len(identifiers) > 100
     assert sorted(set(identifiers)) == sorted(identifiers)
 

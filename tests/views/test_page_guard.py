@@ -19,12 +19,13 @@ from minerva_services.views.page.site import PageSite
 from minerva_services.views.palette import person_colour
 
 ROOT = Path(__file__).parents[2]
-PROTOCOL = (ROOT / "PROTOCOL.md").read_text(encoding="utf-8")
+PAGE = ROOT / "docs" / "reference" / "protocol" / "zenoh-wire.md"
+PROTOCOL = PAGE.read_text(encoding="utf-8")
 WIRE = ROOT / "members" / "javascript" / "src" / "wire.js"
 
 
 def documented():
-    """The examples of Zenoh's messages in PROTOCOL.md, by title."""
+    """The examples of Zenoh's messages in docs/reference/protocol/zenoh-wire.md, by title."""
     blocks = re.findall(r"^```hex zenoh\n# (.*?)\n(.*?)^```$", PROTOCOL, re.S | re.M)
     return {
         title: bytes.fromhex("".join(re.split(r"\s{2,}", line.strip())[0] for line in body.splitlines()))

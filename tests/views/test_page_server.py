@@ -206,7 +206,7 @@ HELLO = {
 
 
 def answer_to_hello(socket, world, name):
-    """What the coordinator answers to a page's hello; bytes as in PROTOCOL.md, section 19."""
+    """What the coordinator answers to a page's hello; bytes as in zenoh-wire.md."""
 
     def text(key):
         return bytes([0, len(key)]) + key.encode()

@@ -23,10 +23,11 @@ from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.reader import Reader
 from minerva_bus.wire.values import plain_value
 from minerva_bus.wire.vocabulary import read_vocabulary
+from tools.protocol_tables import protocol
 from tools.protocol_vectors import FILES, FOLDER, contents
 
 ROOT = Path(__file__).parents[2]
-IDENTIFIERS = set(re.findall(r"\[(P\d+\.\d+)\]", (ROOT / "PROTOCOL.md").read_text("utf-8")))
+IDENTIFIERS = set(re.findall(r"\[(P\d+\.\d+)\]", protocol()))
 
 
 def load(name: str) -> Any:
@@ -35,7 +36,7 @@ def load(name: str) -> Any:
 
 
 def untagged(noted: Any) -> Any:
-    """Plain data from the notation that section 18 of PROTOCOL.md describes."""
+    """Plain data from the notation that docs/reference/protocol/test-vectors.md describes."""
     if isinstance(noted, list):
         return [untagged(item) for item in noted]
     if not isinstance(noted, dict):

@@ -1,4 +1,4 @@
-"""The notation of test vectors: see section 18 of PROTOCOL.md."""
+"""The notation of test vectors: see docs/reference/protocol/test-vectors.md."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def bits(number: float) -> str:
 
 
 def tagged(plain: Any) -> Json:
-    """Plain data as JSON that keeps types: see section 18 of PROTOCOL.md."""
+    """Plain data as JSON that keeps types: see docs/reference/protocol/test-vectors.md."""
     match plain:
         case None | bool() | str():
             return plain

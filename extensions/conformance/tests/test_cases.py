@@ -1,7 +1,6 @@
 """The cases of the conformance suite as data: names, requirements and coverage."""
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -11,9 +10,9 @@ from minerva_conformance.case import Tier
 from minerva_conformance.cases import CASES
 from minerva_conformance.suite import select
 from minerva_conformance.world import MemberRole
+from tools.protocol_tables import protocol
 
-DOCUMENT = (Path(__file__).parents[3] / "PROTOCOL.md").read_text(encoding="utf-8")
-REQUIREMENTS = set(re.findall(r"\[(P\d+\.\d+)\]", DOCUMENT))
+REQUIREMENTS = set(re.findall(r"\[(P\d+\.\d+)\]", protocol()))
 
 NO_CASE = {
     "the coordinator's": "P1.1 P2.8 P2.9 P6.9 P6.20 P7.2 P7.4 P9.11 P9.31 P12.1 P13.1 P13.2"

@@ -1,4 +1,4 @@
-/** Digests of strings: equal exactly if the strings have the same text (PROTOCOL.md, section 5). */
+/** Digests of strings: equal exactly if the strings have the same text (docs/reference/protocol/digests.md). */
 
 import { blake2b, hex } from "./blake2b.js";
 import { levelsOf, MANY, runs } from "./columns.js";

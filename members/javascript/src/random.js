@@ -1,4 +1,4 @@
-/** Random streams that depend on seed, name and frame alone (PROTOCOL.md, P9.24 to P9.30). */
+/** Random streams that depend on seed, name and frame alone (docs/reference/protocol/streams.md). */
 
 import { blake2b } from "./blake2b.js";
 

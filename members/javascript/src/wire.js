@@ -1,4 +1,4 @@
-/** Zenoh's messages as bytes, as far as a client in the members' role needs them (PROTOCOL.md, section 19). */
+/** Zenoh's messages as bytes, as far as a client in the members' role needs them (docs/reference/protocol/zenoh-wire.md). */
 
 const VERSION = 9;
 const CLIENT = 0x02;

@@ -20,7 +20,7 @@ const hex = (data) => Buffer.from(data).toString("hex");
 const bits = (number) => hex(encode(number)).slice(2);
 const real = (digits) => decode(bytes(`cb${digits}`));
 
-/** Plain data from the notation of section 18 of PROTOCOL.md. */
+/** Plain data from the notation of docs/reference/protocol/test-vectors.md. */
 function untagged(noted) {
   if (Array.isArray(noted)) return noted.map(untagged);
   if (typeof noted === "number") return BigInt(noted);

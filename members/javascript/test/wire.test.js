@@ -1,4 +1,4 @@
-/** Zenoh's messages as bytes: the examples of PROTOCOL.md, and what a reader must understand. */
+/** Zenoh's messages as bytes: the examples of zenoh-wire.md, and what a reader must understand. */
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -7,7 +7,7 @@ import test from "node:test";
 import { encode } from "../src/msgpack.js";
 import * as wire from "../src/wire.js";
 
-const DOCUMENT = readFileSync(new URL("../../../PROTOCOL.md", import.meta.url), "utf8");
+const DOCUMENT = readFileSync(new URL("../../../docs/reference/protocol/zenoh-wire.md", import.meta.url), "utf8");
 const SIZE = 0xffff;
 const hex = (data) => Buffer.from(data).toString("hex");
 const bytes = (digits) => Uint8Array.from(Buffer.from(digits.replaceAll(" ", ""), "hex"));
@@ -33,7 +33,7 @@ const EXAMPLES = {
 };
 
 for (const [title, written] of Object.entries(EXAMPLES)) {
-  test(`PROTOCOL.md: ${title}`, () => assert.equal(hex(written), documented(title)));
+  test(`zenoh-wire.md: ${title}`, () => assert.equal(hex(written), documented(title)));
 }
 
 test("numbers above 2^31 are written in LEB128", () => {

@@ -7,7 +7,7 @@ import java.util.ArrayList;
 import java.util.Arrays;
 import java.util.List;
 
-/** Zenoh's messages as bytes, as far as a client in the members' role needs them (PROTOCOL.md, section 19). */
+/** Zenoh's messages as bytes, as far as a client in the members' role needs them (docs/reference/protocol/zenoh-wire.md). */
 final class Wire {
     static final int LONGEST_BATCH = 0xffff;
     static final int ID_BYTES = 16;

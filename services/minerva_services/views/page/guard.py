@@ -2,7 +2,7 @@
 
 The relay connects pages with the rights of its own process, which may do everything. So each batch
 of Zenoh's protocol is read here, and whatever members/javascript would not send closes the link.
-PROTOCOL.md, section 19, describes the messages.
+docs/reference/protocol/zenoh-wire.md describes the messages.
 """
 
 from __future__ import annotations
