@@ -40,7 +40,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.packing import size
+from minerva_bus.grammar.columns import size
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.order import Order
 

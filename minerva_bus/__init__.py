@@ -31,12 +31,11 @@ if TYPE_CHECKING:
     from minerva_bus.api.studies import sweep
     from minerva_bus.api.world import World
     from minerva_bus.errors import MinervaError
-    from minerva_bus.grammar.batch import Events
-    from minerva_bus.grammar.events import Event
+    from minerva_bus.grammar.appearance import Disc, Label, Line, Motion, Raster
+    from minerva_bus.grammar.events import Event, Events
     from minerva_bus.grammar.fields import Default
-    from minerva_bus.grammar.forms import Disc, Label, Line, Motion, Raster
     from minerva_bus.grammar.ids import Ids
-    from minerva_bus.grammar.limits import Of, Range
+    from minerva_bus.grammar.measures import Of, Range
     from minerva_bus.grammar.parser import parse
     from minerva_bus.grammar.scene import EMPTY, Scene
     from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
@@ -80,12 +79,11 @@ _HOMES = {
     "api.studies": "sweep",
     "api.world": "World",
     "errors": "MinervaError",
-    "grammar.batch": "Events",
-    "grammar.events": "Event",
+    "grammar.events": "Event Events",
     "grammar.fields": "Default",
-    "grammar.forms": "Disc Label Line Motion Raster",
+    "grammar.appearance": "Disc Label Line Motion Raster",
     "grammar.ids": "Ids",
-    "grammar.limits": "Of Range",
+    "grammar.measures": "Of Range",
     "grammar.parser": "parse",
     "grammar.scene": "EMPTY Scene",
     "grammar.symbols": "AgentKind EventType Primitive Transformation",

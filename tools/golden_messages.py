@@ -38,8 +38,7 @@ from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Change, Delta
 from minerva_bus.grammar.fields import Field, Fields
-from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.ids import Ids, RowDelta
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.types import parse_type
 from minerva_bus.wire.codec import encode

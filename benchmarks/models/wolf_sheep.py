@@ -38,8 +38,8 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.population import Population
 from minerva_bus.world.services import Service

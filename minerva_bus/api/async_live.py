@@ -15,7 +15,7 @@ from minerva_bus.api.pictures import Still
 from minerva_bus.api.world_views import PICTURE, WIDTH, Visual
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 
 _T = TypeVar("_T")

@@ -22,7 +22,7 @@ from minerva_bus.api.world_views import (
 )
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, whole
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.explaining import explain_running_value

@@ -22,7 +22,7 @@ from minerva_bus.collect.table import DataTable
 from minerva_bus.collect.writers import path_of, read_columns
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.frame import stimuli as s
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun

@@ -12,7 +12,7 @@ from minerva_bus.cli.output import print_json, print_message, print_result, prin
 from minerva_bus.cli.places import client, identity, place
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.frame.messages import FrameRecord
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.printer import json_value
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from minerva_bus.collect.plans import TablePlan, fields_of
 from minerva_bus.collect.rows import Data, Rows, agent_rows, event_rows
 from minerva_bus.collect.writers import Writer
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary

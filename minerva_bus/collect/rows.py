@@ -8,9 +8,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode

@@ -34,8 +34,8 @@ from minerva_bus.frame.shutdown import Shutdown
 from minerva_bus.frame.unknown_receivers import EVENTS
 from minerva_bus.frame.views import Views, due_views
 from minerva_bus.frame.work import EventWork
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.order import collect

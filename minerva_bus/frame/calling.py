@@ -16,8 +16,7 @@ import numpy as np
 
 from minerva_bus.blame import blamed
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events, check_number
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events, check_number
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.services import Service
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from minerva_bus.frame.event_sources import AGENTS
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.world.norms import SOURCE
 
 HALTED: Final = "~halted"

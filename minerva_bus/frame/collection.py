@@ -28,8 +28,7 @@ from minerva_bus.frame.orders import refusal_of_guest
 from minerva_bus.frame.senders import SenderRights
 from minerva_bus.frame.views import due_views
 from minerva_bus.frame.work import FEW
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.order import collect
 

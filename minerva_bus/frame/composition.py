@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.fragments import PART, Fragment, Layout, fragment_in, ids_of
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.ids import LONGEST, Ids
-from minerva_bus.grammar.packing import one_by_one, packed
+from minerva_bus.grammar.columns import Columns, one_by_one, packed
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.ids import LONGEST, Ids, repeated_id, same_id
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
-from minerva_bus.grammar.slots import fill, fill_slots
-from minerva_bus.grammar.unique_ids import repeated_id, same_id
+from minerva_bus.grammar.traversal import fill, fill_slots
 
 FIRST: Final = 64
 

@@ -16,8 +16,8 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replies import checked, foreign_fragment, foreign_sender
 from minerva_bus.frame.work import are_light
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.world.lineage import copy_id
 

@@ -11,9 +11,9 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.calling import made_events, restore, saved_by
 from minerva_bus.frame.readings import ReadingBuffer
-from minerva_bus.grammar.batch import AnyEvent, in_columns
+from minerva_bus.grammar.events import AnyEvent, in_columns
+from minerva_bus.grammar.ids import no_id
 from minerva_bus.grammar.scene import AGENT_ID
-from minerva_bus.grammar.unique_ids import no_id
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.context import Frame
 from minerva_bus.world.readings import Reading

@@ -8,7 +8,7 @@ from typing import Any, Final
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 from minerva_bus.frame.instructions import Instructions
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.wording import counted
 
 GIVEN_UP: Final = "~given up"

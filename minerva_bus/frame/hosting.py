@@ -10,11 +10,10 @@ from typing import Final
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.fragments import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import has_columns, size
 from minerva_bus.grammar.delta import Delta, difference
-from minerva_bus.grammar.id_changes import row_delta_of_ids
-from minerva_bus.grammar.packing import has_columns, size
-from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.addressing import Addressed

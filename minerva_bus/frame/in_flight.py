@@ -11,8 +11,8 @@ from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.inbox import Orders
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.trial import Trial
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.delta import Delta
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType

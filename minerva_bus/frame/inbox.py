@@ -9,8 +9,7 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.event_sources import AGENTS, is_people, person_of, source_of
 from minerva_bus.frame.unknown_receivers import UnknownReceivers
 from minerva_bus.frame.work import EventWork, are_light
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.norms import SOURCE
 

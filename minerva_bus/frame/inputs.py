@@ -9,7 +9,7 @@ from typing import Any
 from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.messages import EvolveReply, TickReply
 from minerva_bus.frame.passed import passed
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 
 
 @passed

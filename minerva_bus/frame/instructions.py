@@ -7,8 +7,8 @@ from dataclasses import replace
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.members import Members
-from minerva_bus.grammar.batch import AnyEvent, single
-from minerva_bus.grammar.packing import unfolded
+from minerva_bus.grammar.columns import unfolded
+from minerva_bus.grammar.events import AnyEvent, single
 
 
 class Instructions:

@@ -23,7 +23,7 @@ from minerva_bus.frame.generating import (
     ordered_types,
 )
 from minerva_bus.frame.hosting import Host
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Frame

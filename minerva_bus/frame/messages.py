@@ -13,8 +13,8 @@ from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
 from minerva_bus.frame.passed import passed
 from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Wire, Within
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.delta import Delta
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary

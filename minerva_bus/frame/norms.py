@@ -15,8 +15,7 @@ from minerva_bus.frame.event_sources import PEOPLE, is_people, person_of, source
 from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.trial import NormVerdict, Trial
-from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Norm, Then, ViolationCounts, sanction_of

@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.digest import same_values
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import OrderStatus
 from minerva_bus.world.order import Order

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, cast
 from minerva_bus.errors import nearest
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.phases import Phase
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.known import values_of
-from minerva_bus.grammar.limits import Of
+from minerva_bus.grammar.columns import values_of
+from minerva_bus.grammar.events import AnyEvent, Event
+from minerva_bus.grammar.measures import Of
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm

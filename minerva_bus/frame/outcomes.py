@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias, cast
 
 from minerva_bus.frame.fragments import Fragment
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import AgentNode, Node, Scene, agents
 from minerva_bus.world.norms import WAS, Norm
 

@@ -13,7 +13,7 @@ from minerva_bus.frame.fragments import Fragment, fragment_in
 from minerva_bus.frame.load import Load
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.unassigned import UnassignedLog
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts

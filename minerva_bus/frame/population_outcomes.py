@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from minerva_bus.frame.fragments import Fragment, ids_of
 from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent
-from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column, Rows
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents
 from minerva_bus.world.assembling import emissions
 from minerva_bus.world.lineage import parents_of

@@ -23,7 +23,7 @@ from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.frame.live import FrameSource
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.views import due_views
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.context import Frame
 from minerva_bus.world.kinds import Kinds

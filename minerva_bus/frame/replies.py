@@ -12,15 +12,11 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition, first_in
 from minerva_bus.frame.fragments import ids_of
 from minerva_bus.frame.views import Views, patch_all
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.id_changes import row_delta_of_ids
-from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import packed
+from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.events import AnyEvent, Event
+from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
-from minerva_bus.grammar.unique_ids import MAX_SHOWN
 
 if TYPE_CHECKING:
     from minerva_bus.frame.in_flight import FrameResult

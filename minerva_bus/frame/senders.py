@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.ids import Ids
 
 ID: Final = "#"

@@ -10,8 +10,7 @@ from typing import Final, TypeAlias
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
 from minerva_bus.frame.passed import passed
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event
 
 # No member's name begins with ~, so these cannot be names of members.
 EVERYONE: Final = "~all"

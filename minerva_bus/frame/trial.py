@@ -16,12 +16,12 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.fragments import Fragment
 from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent, state_of
 from minerva_bus.frame.population_outcomes import nothing_of, outcome_of
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.rest import rested
+from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.ids import repeated_in
+from minerva_bus.grammar.neutral_values import rested
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
-from minerva_bus.grammar.unique_ids import repeated_in
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import Norm
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from minerva_bus.errors import nearest
 from minerva_bus.frame.composition import Composition
-from minerva_bus.grammar.batch import AnyEvent, Events, first_of
+from minerva_bus.grammar.events import AnyEvent, Events, first_of
 from minerva_bus.grammar.scene import Scene
 
 EVENTS: Final = "events"

@@ -16,8 +16,7 @@ import numpy as np
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.fragments import ids_of
-from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.vocabulary import Vocabulary

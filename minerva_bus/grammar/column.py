@@ -1,22 +1,25 @@
-"""One column of a table: n values of one name, digested by chunks."""
+"""One column of a table: n values of one name, digested by chunks; arrays as columns.
+
+Texts of few different values are numbers of these, so that few texts are compared and checked.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Final, TypeAlias, cast
+from dataclasses import dataclass
+from typing import Any, Final, cast
 from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.coded import Coded
-from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.joining import Joinable
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.ids import Ids, Joinable, Rows
 from minerva_bus.grammar.scene import Value
+from minerva_bus.grammar.types import Type
 
 CHUNK: Final = 4096
 
-Rows: TypeAlias = NDArray[np.intp]
 _TEXTS: Final = np.dtype(object)
 _DTYPES: Final[dict[type, Any]] = {float: np.float64, int: np.int64, bool: np.bool_}
 
@@ -196,3 +199,168 @@ def are_texts(values: Iterable[object]) -> bool:
 def bits(array: NDArray[Any]) -> NDArray[Any]:
     """Values that are equal exactly if those of an array print the same."""
     return array.view(np.int64) if array.dtype == np.float64 else array
+
+
+_PART: Final = 4
+"""A selection of rows keeps the table of words if it has this many times as many rows."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coded:
+    """n texts: text k is `words[codes[k]]`. The words differ; some may have no row.
+
+    Both arrays have one dimension, of objects and of int64, and nobody writes to them.
+    """
+
+    words: NDArray[Any]
+    codes: NDArray[np.int64]
+
+    @staticmethod
+    def of(texts: NDArray[Any]) -> Coded:
+        """The codes of an array of texts."""
+        listed = texts.tolist()
+        numbers = {text: number for number, text in enumerate(dict.fromkeys(listed))}
+        return Coded(_array(list(numbers)), _looked_up(numbers, listed))
+
+    def __len__(self) -> int:
+        return len(self.codes)
+
+    def texts(self) -> NDArray[Any]:
+        """The texts, as an array of objects."""
+        return self.words[self.codes]
+
+    def used(self) -> Coded:
+        """The same texts without words that have no row."""
+        used = np.bincount(self.codes, minlength=len(self.words)) > 0
+        if used.all():
+            return self
+        return Coded(self.words[used], (np.cumsum(used) - 1)[self.codes])
+
+    def take(self, rows: NDArray[np.intp] | slice) -> Coded | None:
+        """The texts of some rows; None if these are few beside the words."""
+        codes = self.codes[rows]
+        return Coded(self.words, codes) if _PART * len(self.words) <= len(codes) else None
+
+    def put(self, rows: NDArray[np.intp], others: Coded) -> Coded:
+        """The texts with others in some rows."""
+        whole = Coded.joined([self, others])
+        codes = whole.codes[: len(self)].copy()
+        codes[rows] = whole.codes[len(self) :]
+        return Coded(whole.words, codes)
+
+    def differs(self, other: Coded) -> NDArray[np.intp]:
+        """The rows in which as many other texts differ."""
+        if self.words is other.words:
+            return np.flatnonzero(self.codes != other.codes)
+        numbers = {word: number for number, word in enumerate(self.words.tolist())}
+        own = np.array([numbers.get(word, -1) for word in other.words.tolist()], np.int64)
+        return np.flatnonzero(self.codes != own[other.codes])
+
+    @staticmethod
+    def joined(parts: Sequence[Coded]) -> Coded:
+        """The texts of all parts, one after another."""
+        numbers: dict[str, int] = {}
+        made: list[NDArray[np.int64]] = []
+        for part in parts:
+            words = part.words.tolist()
+            for word in words:
+                numbers.setdefault(word, len(numbers))
+            made.append(_looked_up(numbers, words)[part.codes])
+        return Coded(_array(list(numbers)), np.concatenate(made))
+
+
+def _array(texts: Sequence[str]) -> NDArray[Any]:
+    array = np.empty(len(texts), object)
+    array[:] = texts
+    return array
+
+
+def _looked_up(numbers: dict[str, int], texts: Sequence[str]) -> NDArray[np.int64]:
+    # Without a step of Python for each text.
+    return np.fromiter(map(numbers.__getitem__, texts), np.int64, len(texts))
+
+
+SCALARS: Final = frozenset(("real", "int", "bool", "text"))
+_KINDS = {"real": "fiub", "int": "iu", "bool": "b", "text": "OUT"}
+_NUMPY_TYPES = {"real": np.float64, "int": np.int64, "bool": np.bool_, "text": object}
+
+
+def is_array(value: object) -> bool:
+    """Whether a value has one element for each of many nodes."""
+    return (isinstance(value, np.ndarray) and value.ndim == 1) or isinstance(value, Ids)
+
+
+def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
+    """A column of this type with the values of an array of shape (n,), or the texts of ids.
+
+    With `finite=False`, the caller checks later that they are finite. Raises Unfit.
+    """
+    if kind.kind not in SCALARS:
+        raise Unfit(f"a {kind}, which cannot be a column")
+    if isinstance(value, Ids):
+        if kind.kind != "text":
+            raise Unfit(f"an array of {kind}, not of ids")
+        return _among(kind, Column.of_ids(value))
+    array = cast("NDArray[Any]", value)
+    letter = array.dtype.kind
+    if letter not in _KINDS[kind.kind] or (kind.kind == "real" and letter == "b"):
+        raise Unfit(f"an array of {kind}, not of {array.dtype}")
+    if kind.kind == "text":
+        return _among(kind, _texts(array))
+    # A writable array is copied, because its owner could change the string later.
+    fitted = array.astype(_NUMPY_TYPES[kind.kind], copy=array.flags.writeable)
+    # Unsigned integers of 2^63 and more have become negative.
+    if letter == "u" and kind.kind == "int" and (fitted < 0).any():
+        raise Unfit("an array of whole numbers of at most 64 bits")
+    if finite and kind.kind == "real" and not np.isfinite(fitted).all():
+        raise Unfit(f"an array of {kind} with finite numbers")
+    if kind.range is not None and fitted.size:
+        # If the extremes are in the range, all values are.
+        kind.check_range(fitted.min().item())
+        kind.check_range(fitted.max().item())
+    return Column(fitted)
+
+
+def _among(kind: Type, column: Column) -> Column:
+    """The column, if its texts are words of this type. Raises Unfit."""
+    for word in sorted({*column.list()}) if kind.words else ():
+        kind.fit(word)
+    return column
+
+
+def _texts(array: NDArray[Any]) -> Column:
+    texts = array.tolist()
+    if not are_texts(texts):
+        raise Unfit("an array of texts")
+    plain = np.empty(len(texts), object)
+    plain[:] = texts
+    return Column(plain)
+
+
+def repeated(kind: Type, value: Any, count: int) -> Column:
+    """A column of one value. Raises Unfit."""
+    if kind.kind not in SCALARS:
+        raise Unfit(f"a {kind}, which cannot be a column")
+    array = np.empty(count, _NUMPY_TYPES[kind.kind])
+    array[:] = kind.fit(value)
+    return Column(array)
+
+
+def fits(kind: Type, column: Column) -> bool:
+    """Whether the values of a column are of this type, without conversion."""
+    if kind.kind == "text" and column.ids is not None and not kind.words:
+        return True
+    if kind.kind == "text":
+        values = column.array if column.words is None else column.words
+        texts = values.tolist() if values.dtype == object else [None]
+        return are_texts(texts) and (not kind.words or {*texts} <= {*kind.words})
+    array = column.array
+    if kind.kind not in SCALARS or array.dtype != _NUMPY_TYPES[kind.kind]:
+        return False
+    if kind.range is not None and array.size:
+        # If the extremes are in the range, all values are; nan is an extreme that is in none.
+        extremes = array.min().item(), array.max().item()
+        if not all(map(kind.range.holds, extremes)):
+            return False
+    # Without the Python code of `all`, which takes longer for short arrays.
+    return kind.kind != "real" or bool(np.logical_and.reduce(np.isfinite(array)))

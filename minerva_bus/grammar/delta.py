@@ -10,12 +10,9 @@ import numpy as np
 
 from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.id_changes import row_delta_of_ids, updated_ids
-from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.ids import Ids, RowDelta, row_delta_of_ids, same_id, updated_ids
 from minerva_bus.grammar.scene import Piece
-from minerva_bus.grammar.unique_ids import same_id
 
 MAX_PART: Final = 0.25
 """Maximum part of a column that is sent as rows; beyond it the complete column is shorter than

@@ -1,7 +1,7 @@
 """Digests of strings: equal exactly if the strings print the same.
 
 The digest of a string is BLAKE2b-128 over the digests of its parts in order. A part is a node, or
-a maximal run of 32 or more neighbours of one shape (grammar/packing.py).
+a maximal run of 32 or more neighbours of one shape (grammar/columns.py).
 
 The digest of a node is BLAKE2b-128 over the text of its head (UTF-8), a zero byte and, if it has a
 scope, the digest of the scope. In this text a matrix is `RxC[#hex]`, where hex is the BLAKE2b-128
@@ -33,9 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.grammar.column import CHUNK, Column
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import MANY, Columns, merged, runs, size
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import MANY, merged, runs, size
 from minerva_bus.grammar.printer import bits, number_text, shape_text, value_text
 from minerva_bus.grammar.scene import (
     AgentNode,

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import GrammarError
+from minerva_bus.grammar.measures import Quantity
 from minerva_bus.grammar.scene import Array, Scene, Value
-from minerva_bus.grammar.units import Quantity
 
 DEPTH = 32
 MATRIX_CELLS = 32_000_000

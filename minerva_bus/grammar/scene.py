@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.units import Quantity
+from minerva_bus.grammar.measures import Quantity
 
 if TYPE_CHECKING:
     from minerva_bus.grammar.columns import Columns

@@ -10,18 +10,14 @@ import numpy as np
 
 from minerva_bus.arguments import text
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.arrays import is_array
-from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.condition import parse_condition
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.appearance import Form, Motion, Shape, parameters_of
+from minerva_bus.grammar.column import is_array
+from minerva_bus.grammar.columns import Columns, around_each
+from minerva_bus.grammar.condition import NUMBER, parse_condition, sort_of_kind
+from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.fields import NAME, Fields
-from minerva_bus.grammar.forms import Form, Motion, Shape, parameters_of
-from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import around_each
+from minerva_bus.grammar.ids import Ids, invalid_id, no_id
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode, Value
-from minerva_bus.grammar.terms import NUMBER, sort_of_kind
-from minerva_bus.grammar.unique_ids import invalid_id, no_id
 
 
 def _check_form(owner: str, form: Form | None, fields: Fields) -> None:

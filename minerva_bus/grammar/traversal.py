@@ -1,12 +1,13 @@
-"""Functions that walk a string from left to right, rewrite it from the leaves up, and count in it.
+"""Walks over a string from left to right, rewriting it from the leaves up, and filling slots.
 
+A slot is an agent by name only, which is replaced by another string.
 None of them recurses: only memory limits the depth of a string.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Container, Iterator, Mapping
 from operator import is_
 
 from minerva_bus.grammar.scene import (
@@ -105,3 +106,43 @@ def kind_counts(*pieces: Piece) -> Counter[str]:
 def identities(scene: Scene) -> frozenset[int]:
     """The `id()` of each node of a string, to recognize the nodes in another string."""
     return frozenset(map(id, scene.nodes))
+
+
+def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
+    """The skeleton with each slot replaced by its fragment, or by ε if there is none."""
+    made: list[Piece] = []
+    for piece in skeleton.pieces:
+        if isinstance(piece, AgentNode):
+            made += parts.get(piece.id, EMPTY).pieces
+        # Columns of agents cannot be slots, which are single nodes.
+        elif piece.still or piece.ids is not None:
+            made.append(piece)
+        else:
+            made += fill_slots(Scene((piece,)), lambda slot: parts.get(slot.id, EMPTY)).pieces
+    return of_pieces(skeleton, made)
+
+
+def fill_slots(scene: Scene, part: Callable[[AgentNode], Scene]) -> Scene:
+    """Replace the outermost agents; unchanged parts are shared."""
+    # One list of new nodes for each transformation that is open.
+    results: list[list[Node]] = [[]]
+    inside = 0
+    for opens, node in walk(scene):
+        if isinstance(node, AgentNode):
+            inside += 1 if opens else -1
+            if opens and inside == 1:
+                results[-1].extend(part(node).nodes)
+        # Within an outermost agent, which is replaced as a whole.
+        elif inside:
+            continue
+        elif isinstance(node, FigureNode):
+            results[-1].append(node)
+        elif opens:
+            results.append([])
+        else:
+            scope = shared(node.scope, results.pop())
+            same = scope is node.scope
+            results[-1].append(
+                node if same else TransformationNode(node.symbol, node.names, node.values, scope)
+            )
+    return shared(scene, results[0])

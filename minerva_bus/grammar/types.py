@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.fitting import (
+from minerva_bus.grammar.appearance import Form
+from minerva_bus.grammar.conversion import (
     Unfit,
     converted,
     shallow,
@@ -42,11 +43,9 @@ from minerva_bus.grammar.fitting import (
     to_string,
     to_text,
 )
-from minerva_bus.grammar.forms import Form
-from minerva_bus.grammar.limits import Of, Range, parse_of, parse_range
 from minerva_bus.grammar.literals import DEPTH
+from minerva_bus.grammar.measures import Of, Quantity, Range, Unit, parse_of, parse_range
 from minerva_bus.grammar.scene import Scene, Value
-from minerva_bus.grammar.units import Quantity, Unit
 
 Metres = Annotated[float, Unit("m")]
 Degrees = Annotated[float, Unit("deg")]

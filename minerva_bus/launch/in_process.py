@@ -29,7 +29,7 @@ from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.norms import NORMS
 from minerva_bus.frame.phases import Phase
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.launch.captured_output import MEMBERS, inherited, printed
 from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.compiling import compile_agents

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.grammar.packing import columns_in
+from minerva_bus.grammar.columns import columns_in
 from minerva_bus.grammar.scene import Scene
 
 FOLDER: Final = Path("/dev/shm")  # noqa: S108

@@ -18,7 +18,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.event_sources import AGENTS
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.log.comparison import Difference, apart, same_events
 from minerva_bus.log.cursor import Cursor
 from minerva_bus.log.errors import RecordError

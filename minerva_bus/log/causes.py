@@ -15,9 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_bus.frame.description import World
-from minerva_bus.grammar.batch import AnyEvent, first_of
 from minerva_bus.grammar.digest import same_values
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, first_of
 from minerva_bus.grammar.printer import shape_text, value_text
 from minerva_bus.grammar.scene import AgentNode, Value, agents
 from minerva_bus.log.explanation import MAX_VALUE, Cause, EventSource, Explanation, short

@@ -10,9 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.digest import same_values
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.printer import bits, shape_text, value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.grammar.vocabulary import Vocabulary

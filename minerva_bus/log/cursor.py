@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
 from minerva_bus.log.checkpoints import Step

@@ -21,8 +21,8 @@ from itertools import islice
 from typing import Any, Final, cast
 
 from minerva_bus.errors import ProtocolError
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import difference, patched
-from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Scoped, with_scope
 from minerva_bus.wire.columns import is_patch, plain_patch
 from minerva_bus.wire.plain import as_list

@@ -23,7 +23,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint, entry_items

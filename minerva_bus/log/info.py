@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.log.errors import RecordError

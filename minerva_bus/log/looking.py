@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.cursor import Cursor
 from minerva_bus.log.errors import RecordError

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from minerva_bus.grammar.batch import first_of
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import Event, first_of
 from minerva_bus.log.causes import RECENT, Causes, event_text, shown_value
 from minerva_bus.log.explanation import EventSource, rejected_lines, short
 from minerva_bus.log.past_frames import agent_at, end_of, past_frames

@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.grammar.appearance import Motion
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.forms import Motion
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Piece, Scene, TransformationNode
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -9,7 +9,7 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 from minerva_bus.frame.event_sources import is_people
 from minerva_bus.frame.norms import Norms
-from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.explanation import short
 from minerva_bus.log.past_frames import PastFrame, agent_in

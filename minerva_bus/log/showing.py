@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.grammar.forms import Raster, Shape
+from minerva_bus.grammar.appearance import Raster, Shape
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Piece, Scene
-from minerva_bus.grammar.slots import fill_slots
+from minerva_bus.grammar.traversal import fill_slots
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.channels import NANO
 from minerva_bus.log.places import Positions

@@ -13,9 +13,8 @@ from minerva_bus.frame.event_sources import (
     name_of,
     person_of,
 )
-from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.digest import same_values
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events, single
 from minerva_bus.log.explanation import EventSource
 from minerva_bus.log.past_frames import PastFrame
 from minerva_bus.world.norms import REFUSED, Norm

@@ -10,8 +10,7 @@ from typing import Any
 import zenoh
 
 from minerva_bus.errors import BusError, MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import ANY_WORLD, asking_key, control_key
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, pack, unpack

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.system import System, Timer
 from minerva_bus.source import handler_name
 from minerva_bus.world.readings import Reading

@@ -14,7 +14,7 @@ from minerva_bus.blame import blamed
 from minerva_bus.errors import BusError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.arrival import Arrival, GreetingTimer, Ungreeted
 from minerva_bus.runtime.asking import AskingOperator, ask, question_key
 from minerva_bus.runtime.own_threads import Leave, OwnThreads, Published, Pulse, ReportFigures

@@ -16,10 +16,9 @@ from minerva_bus.frame.orders import (
 )
 from minerva_bus.frame.unknown_receivers import MAX_NAMES, unknown_agent
 from minerva_bus.frame.work import MAX_SINGLE_EVENTS
-from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.limits import Of
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.events import Event, Events
+from minerva_bus.grammar.measures import Of
 from minerva_bus.grammar.parser import parse
 from minerva_bus.runtime.operated import Operated, person_of
 from minerva_bus.wire.limits import DEFAULT, check

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number
 
 BOUNDS: Final = (

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain, groupby
 from typing import Any, Generic, TypeVar
 
-from minerva_bus.grammar.packing import walk_pieces
+from minerva_bus.grammar.columns import walk_pieces
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Piece, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret

@@ -6,8 +6,7 @@ from contextlib import AbstractContextManager
 from typing import Any, Self, cast
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.packing import walk_pieces
+from minerva_bus.grammar.columns import Columns, walk_pieces
 from minerva_bus.grammar.scene import (
     AgentNode,
     FigureNode,

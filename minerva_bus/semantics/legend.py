@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from minerva_bus.grammar.forms import Disc, Line, Raster, Shape
+from minerva_bus.grammar.appearance import Disc, Line, Raster, Shape
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.colors import is_pale
 

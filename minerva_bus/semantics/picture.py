@@ -13,8 +13,8 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus import portable
+from minerva_bus.grammar.appearance import Disc, Line, Measure, Motion, Raster, Shape
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.forms import Disc, Line, Measure, Motion, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import Geometry

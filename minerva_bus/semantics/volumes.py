@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.by_parts import ByParts, ItemGeometry, batched

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.grammar.forms import Label, Shape
+from minerva_bus.grammar.appearance import Label, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.info import kinds_in

@@ -18,7 +18,7 @@ from minerva_bus.blame import report
 from minerva_bus.errors import WorldFileError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun, never

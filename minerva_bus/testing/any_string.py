@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 from numpy.typing import NDArray
 
+from minerva_bus.grammar.measures import Quantity
 from minerva_bus.grammar.scene import (
     AgentNode,
     Array,
@@ -24,7 +25,6 @@ from minerva_bus.grammar.scene import (
     rescoped,
 )
 from minerva_bus.grammar.traversal import rebuild
-from minerva_bus.grammar.units import Quantity
 
 # Hypothesis validates each strategy once, with its parts. A strategy that depends on what has been
 # drawn costs less if its parts are the same objects each time, which `cache` gives.

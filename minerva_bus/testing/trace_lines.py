@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.events import AnyEvent, single
 
 
 def trace_line(what: object) -> str:  # noqa: C901

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import ProtocolError
+from minerva_bus.grammar.columns import MANY
 from minerva_bus.grammar.ids import LONGEST, Ids
-from minerva_bus.grammar.packing import MANY
 from minerva_bus.wire.plain import as_int, as_list, extension
 
 ARRAY: Final = 3

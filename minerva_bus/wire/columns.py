@@ -18,17 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import ProtocolError, VocabularyError
-from minerva_bus.grammar.arrays import fits
-from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.column import Column
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.column import Column, fits
+from minerva_bus.grammar.columns import CHAIN, Columns
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import Change, Delta
+from minerva_bus.grammar.events import Events
 from minerva_bus.grammar.fields import Fields
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import CHAIN
-from minerva_bus.grammar.row_delta import RowDelta
-from minerva_bus.grammar.unique_ids import same_id
+from minerva_bus.grammar.ids import Ids, RowDelta, same_id
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.arrays import (
     are_ids,

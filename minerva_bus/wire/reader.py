@@ -9,9 +9,8 @@ import msgpack
 import numpy as np
 
 from minerva_bus.errors import ProtocolError, VocabularyError, nearest
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.events import AnyEvent, Event
+from minerva_bus.grammar.ids import Ids, repeated_id, same_id
 from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.scene import (
     AGENT_ID,
@@ -25,7 +24,6 @@ from minerva_bus.grammar.scene import (
     agents,
 )
 from minerva_bus.grammar.types import Unfit
-from minerva_bus.grammar.unique_ids import repeated_id, same_id
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.columns import ColumnsReader
 from minerva_bus.wire.limits import DEFAULT, Limits

@@ -26,8 +26,8 @@ from typing import Any
 import msgpack
 import numpy as np
 
-from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import (
     FigureNode,
     Node,

@@ -29,8 +29,8 @@ from dataclasses import replace
 from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, ProtocolError, SceneError
+from minerva_bus.grammar.appearance import Disc, Form, Label, Line, Motion, Raster, Shape
 from minerva_bus.grammar.fields import Field, Fields
-from minerva_bus.grammar.forms import Disc, Form, Label, Line, Motion, Raster, Shape
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation

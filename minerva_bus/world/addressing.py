@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import MANY, AnyEvent, Events
 from minerva_bus.grammar.columns import Rows
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import MANY, AnyEvent, Event, Events
 from minerva_bus.grammar.ids import Ids
 
 _TYPE: Final = attrgetter("type")

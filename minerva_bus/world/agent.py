@@ -31,15 +31,14 @@ import numpy as np
 from minerva_bus.arguments import text, text_list, whole_number
 from minerva_bus.compiled.activity import CompiledMethods, CompiledViews
 from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest
-from minerva_bus.grammar.arrays import SCALARS
+from minerva_bus.grammar.column import SCALARS
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.ids import Ids, no_id
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
-from minerva_bus.grammar.unique_ids import no_id
 from minerva_bus.world.class_attributes import expose_attributes
 from minerva_bus.world.compiling import marked_compiled, marked_views
 from minerva_bus.world.context import Context

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from minerva_bus.errors import MinervaError, MisuseError, StateError
-from minerva_bus.grammar.batch import AnyEvent, Events, as_batch
 from minerva_bus.grammar.condition import holds
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch
 from minerva_bus.grammar.scene import AgentNode, Node, Scene, agents, rescoped, scene_of
 from minerva_bus.grammar.traversal import identities, rebuild
 from minerva_bus.source import assignments

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import StateError
-from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column, Rows, bits
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.packing import packed, shape_of
-from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.columns import Columns, packed, shape_of
+from minerva_bus.grammar.events import AnyEvent, Event, Events
+from minerva_bus.grammar.ids import RowDelta
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.population import Birth, Emitted, PopulationState
 

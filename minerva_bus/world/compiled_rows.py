@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from minerva_bus.compiled.activity import CompiledMethods, Kernel
 from minerva_bus.compiled.form import Emission, Newborn, Output, Program, Shown, ValueKind
 from minerva_bus.compiled.writing import FAULT, GONE, cells
-from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import Columns, Rows
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events, check_number
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events, check_number
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.rng import (
     Rng,

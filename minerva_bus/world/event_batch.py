@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from minerva_bus.grammar.batch import AnyEvent, Events, as_batch
 from minerva_bus.grammar.columns import Rows
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch
 from minerva_bus.grammar.ids import Ids
 
 

@@ -7,10 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.packing import rewritten
+from minerva_bus.grammar.columns import Columns, rewritten
+from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,

@@ -22,10 +22,9 @@ from typing import Any, Final, NoReturn
 
 from minerva_bus.arguments import text, whole_number
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
-from minerva_bus.grammar.condition import Condition, Scope, parse_condition
+from minerva_bus.grammar.condition import Condition, Scope, parse_condition, sort_of_kind
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.terms import sort_of_kind
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 FUNCTIONS: Final = ("count", "sum", "mean", "min", "max", "quantiles", "histogram")

@@ -17,11 +17,10 @@ from enum import Enum
 from typing import Any, Final, cast
 
 from minerva_bus.errors import VocabularyError
-from minerva_bus.grammar.condition import Condition, Scope, parse_condition
+from minerva_bus.grammar.condition import Condition, Scope, parse_condition, sort_of_kind
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.symbols import AgentKind, EventType
-from minerva_bus.grammar.terms import sort_of_kind
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 SOURCE: Final = "~norms"

@@ -10,8 +10,7 @@ from typing import Final, TypeAlias, cast
 
 import numpy as np
 
-from minerva_bus.grammar.batch import AnyEvent, Events, single
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events, single
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
 
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.world.addressing import Addressed
 
 Division: TypeAlias = Callable[[Addressed], Sequence[Addressed]]

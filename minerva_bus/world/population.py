@@ -20,14 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.arrays import fit_array, is_array, repeated
-from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.coded import Coded
-from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.column import Coded, Column, fit_array, is_array, repeated
 from minerva_bus.grammar.columns import Columns, Rows
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Fields
-from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.lineage import check_births, child_ids
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
 from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import TOGETHER

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events, as_batch, first_of
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.condition import holds_of_many
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch, first_of
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.world.addressing import Addressed, Round, narrowed, rounds
 from minerva_bus.world.agent import Agent

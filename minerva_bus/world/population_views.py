@@ -7,11 +7,9 @@ from typing import cast
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.columns import Columns, Rows
+from minerva_bus.grammar.columns import Columns, Rows, has_columns
 from minerva_bus.grammar.condition import holds_of_many
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.packing import has_columns
+from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol, cast
 
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.slots import fill
+from minerva_bus.grammar.traversal import fill
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.context import Context
 from minerva_bus.world.operator import NoOperator, Operator

@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar, Final, cast
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_inputs import Emit, Tick, View, WorldInfo
 from minerva_bus.world.signatures import check_overridden

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.coded import Coded
+from minerva_bus.grammar.column import Coded
 
 
 class TextCodes:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent, single
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import Columns, has_columns, packed, rewritten
 from minerva_bus.grammar.condition import holds
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.packing import has_columns, packed, rewritten
+from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,

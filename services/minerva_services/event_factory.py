@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Column
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.symbols import EventType

@@ -11,7 +11,7 @@ from recorded import flaser, messages, write, write_bag
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file

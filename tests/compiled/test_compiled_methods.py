@@ -343,7 +343,7 @@ import sys
 from importlib import import_module
 from typing import Annotated
 from minerva_bus import Agent, EventType, on
-from minerva_bus.grammar.limits import Range
+from minerva_bus.grammar.measures import Range
 WEIGHTS = (1, 0.5, 2)
 eDay = EventType("eDay", grass=float, name=str, wet=bool, count=int)
 

@@ -23,8 +23,8 @@ from minerva_bus import (
     visualize,
 )
 from minerva_bus.compiled.origin import NotCompilable
+from minerva_bus.grammar.columns import has_columns
 from minerva_bus.grammar.digest import scene_digest
-from minerva_bus.grammar.packing import has_columns
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.kinds import ActivityError
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from minerva_bus import Agent, EventType, Generator, World, on, service
 from minerva_bus import run as run_world
-from minerva_bus.grammar.batch import Events, single
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import Event, Events, single
 from minerva_bus.world.order import Order, collect
 
 eFirst = EventType("eFirst", n=int)

@@ -29,12 +29,11 @@ from minerva_bus import evolve as eta
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.fragments import shares
-from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.column import CHUNK
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.delta import difference, patched
+from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import packed
 from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Evolved
 from minerva_bus.world.order import Order, collect

@@ -11,10 +11,15 @@ from hypothesis import strategies as st
 
 from minerva_bus import Ids
 from minerva_bus.grammar import ids as module
-from minerva_bus.grammar.id_changes import row_delta_of_ids, updated_ids
-from minerva_bus.grammar.id_pool import SPARE, IdPool
-from minerva_bus.grammar.places import Places, hashes_of
-from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.ids import (
+    SPARE,
+    IdPool,
+    Places,
+    RowDelta,
+    hashes_of,
+    row_delta_of_ids,
+    updated_ids,
+)
 from minerva_bus.world.rng import hash_of
 
 # Few different texts, so that the dead are born again and newborns have the ids of others.

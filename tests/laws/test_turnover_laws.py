@@ -30,10 +30,9 @@ from minerva_bus.frame.in_flight import FrameResult
 from minerva_bus.frame.replies import claim
 from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import Delta, difference, patched
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.id_changes import row_delta_of_ids
-from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
 from minerva_bus.log.deltas import apply_delta, delta_between
 from minerva_bus.wire.columns import plain_columns, plain_patch
 from minerva_bus.wire.limits import Limits

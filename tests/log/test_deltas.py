@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from minerva_bus import Agent, Metres, Primitive, Transformation, Vocabulary
 from minerva_bus.errors import ProtocolError, SceneError
-from minerva_bus.grammar.packing import packed
+from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene, with_scope
 from minerva_bus.log.deltas import DEEPEST, apply_delta, delta_between
 from minerva_bus.testing.family import FAMILY_VOCABULARY

@@ -9,7 +9,7 @@ import pytest
 import typer
 
 from minerva_bus.cli.recording import show_difference, show_info
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.log.entries import encode_frame
 from minerva_bus.log.writer import RecordWriter

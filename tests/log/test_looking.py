@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from tests.log.recorded_runs import bytes_of, happened, strings_of
 from tests.runtime.running import here
 

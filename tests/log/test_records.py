@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.log import channels as c
 from minerva_bus.log import chunks, display
 from minerva_bus.log.description import encode_description

@@ -11,7 +11,7 @@ from mistakes import HARMLESS, MISTAKES, Mistake
 
 from minerva_bus import Agent, Degrees, EventType, Generator, Metres, World, on, run, service
 from minerva_bus.errors import MinervaError
-from minerva_bus.grammar import batch
+from minerva_bus.grammar import events as batch
 from minerva_bus.world.readings import Scan
 from minerva_services.sensors.laser import Laser
 

@@ -38,7 +38,7 @@ from minerva_bus import (
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import FrameDone
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.semantics.volumes import volumes
 from minerva_bus.world.order import Order

@@ -28,7 +28,7 @@ from minerva_bus import (
     Vocabulary,
     WorldInfo,
 )
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.symbols import AgentKind

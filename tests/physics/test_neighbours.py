@@ -27,7 +27,7 @@ from minerva_bus import (
     WorldInfo,
 )
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.ids import Ids
 from minerva_services.physics.neighbours import Neighbours, search

@@ -11,7 +11,7 @@ from minerva_agents.robot.vocabulary import eErrand, eInterrupt
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.order_fates import OrderFates
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner

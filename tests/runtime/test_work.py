@@ -15,7 +15,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World as Described
-from minerva_bus.grammar.batch import Events, single
+from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime import postponed as postponing

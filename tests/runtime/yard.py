@@ -17,7 +17,7 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.events import Events
 from minerva_bus.world.readings import Battery, Sighting, Sightings
 
 PDot = Primitive("PDot", x=Metres)

@@ -12,8 +12,8 @@ from minerva_bus import Generator
 from minerva_bus.frame.messages import Emitted
 from minerva_bus.frame.norms import PEOPLE
 from minerva_bus.frame.stimuli import Abandoned, Publish
-from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import SOURCE, Norm, Then

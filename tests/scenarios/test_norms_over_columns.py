@@ -17,8 +17,8 @@ from street import Light, Steps, eBoo, eFine, eShout, eStep
 from minerva_bus import Agent, Vocabulary, on
 from minerva_bus.frame.description import World
 from minerva_bus.frame.population_outcomes import outcome_of
-from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order

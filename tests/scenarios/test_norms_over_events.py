@@ -13,8 +13,8 @@ from test_norms_over_columns import LIGHT, conditions
 
 from minerva_bus import Agent, EventType, Generator, Vocabulary, on
 from minerva_bus.frame.description import World
-from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.norms import Norm, Then
 from tests.one_process import run_world

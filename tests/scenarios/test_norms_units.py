@@ -5,7 +5,7 @@ from test_norms import happened, live, states
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import Notify
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.world.norms import Norm, Then, ViolationCounts
 
 FAST = Norm("fast", when="speed > 20", then=Then.SANCTION, sanction=eFine(2, "fast"))

@@ -26,7 +26,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.ids import LONGEST
-from minerva_bus.grammar.rest import rested
+from minerva_bus.grammar.neutral_values import rested
 from minerva_bus.grammar.scene import FigureNode, agents
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.world.norms import Norm

@@ -15,7 +15,7 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.batch import Events, single
+from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.log.description import Description, decode_description, encode_description

@@ -25,7 +25,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.orders import too_much_work
 from minerva_bus.frame.work import EventWork
-from minerva_bus.grammar.batch import Events, single
+from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import Norm, Then

@@ -30,7 +30,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.runtime.direct import InProcessRunner, deliver
 from minerva_bus.world.order import Order

@@ -8,7 +8,7 @@ import pytest
 from driving_world import INFO, joined, tick, world_with
 
 from minerva_bus import Degrees, EventType, Metres, MinervaError
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.fields import Default
 from minerva_bus.world.readings import Scan, Sighting, Sightings
 from minerva_services.sensors.camera import Camera

@@ -8,14 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus import Agent, Vocabulary
-from minerva_bus.grammar.arrays import fits
-from minerva_bus.grammar.coded import Coded
-from minerva_bus.grammar.column import Column
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.column import Coded, Column, fits
+from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.digest import scene_digest
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import parse_type
 

@@ -25,10 +25,10 @@ from minerva_bus import (
     parse,
 )
 from minerva_bus.errors import VocabularyError
-from minerva_bus.grammar.batch import Events, as_batch, first_of, in_columns, single
 from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.columns import one_by_one
+from minerva_bus.grammar.events import Events, as_batch, first_of, in_columns, single
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import one_by_one
 from minerva_bus.world.addressing import Addressed
 
 eNear = EventType("eNear", distance=float)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus import Disc, Label, Line, Metres, Motion, Primitive, Raster, Transformation
-from minerva_bus.grammar.packing import packed
+from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
 from minerva_bus.grammar.types import Cells, Degrees
 from minerva_bus.grammar.vocabulary import Vocabulary

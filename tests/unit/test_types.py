@@ -23,14 +23,12 @@ from minerva_bus import (
     parse,
 )
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.arrays import fits
-from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.column import Column, fits
+from minerva_bus.grammar.columns import values_of
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.fields import Field, Fields
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.known import values_of
-from minerva_bus.grammar.limits import Range
+from minerva_bus.grammar.measures import Quantity, Range
 from minerva_bus.grammar.types import Type, parse_type, type_of
-from minerva_bus.grammar.units import Quantity
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 
 
@@ -291,7 +289,7 @@ def test_texts_that_name_no_type(annotation):
 def test_only_reals_have_units():
     from typing import Annotated
 
-    from minerva_bus.grammar.units import Unit
+    from minerva_bus.grammar.measures import Unit
 
     with pytest.raises(MisuseError, match="m is for real, not for int"):
         type_of(Annotated[int, Unit("m")])

@@ -19,7 +19,7 @@ from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import visualize
 from minerva_bus.frame.phases import Phase
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import single
 from minerva_bus.runtime.client import Client
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.picture import Lists, Picture

@@ -21,7 +21,7 @@ from web_world import (
 
 pytest.importorskip("viser")
 
-from minerva_bus.grammar.packing import packed
+from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.semantics.picture import Lists
 from minerva_services.views.web.labels import Eye

@@ -24,9 +24,9 @@ from minerva_bus import (
 )
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.grammar.events import Events
 from minerva_bus.wire.arrays import plain_ids
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.columns import plain_columns, plain_events, plain_patch

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from minerva_bus import Agent, EventType, Vocabulary
 from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.batch import Events, in_columns, single
+from minerva_bus.grammar.events import Events, in_columns, single
 from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.wire.codec import Decoder, encode

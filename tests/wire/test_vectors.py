@@ -11,10 +11,9 @@ import pytest
 
 from minerva_bus import Scene
 from minerva_bus.errors import ProtocolError, SceneError
-from minerva_bus.grammar.batch import single
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import Columns, has_columns, unfolded
 from minerva_bus.grammar.delta import patched
-from minerva_bus.grammar.packing import has_columns, unfolded
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.wire.arrays import read_ids
 from minerva_bus.wire.codec import Decoder

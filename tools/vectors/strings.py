@@ -9,12 +9,11 @@ import numpy as np
 
 from minerva_bus import Primitive, Scene, Vocabulary
 from minerva_bus.errors import SceneError
-from minerva_bus.grammar.batch import single
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import Columns, merged, packed, unfolded
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.delta import difference
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import merged, packed, unfolded
 from minerva_bus.grammar.printer import text
 from minerva_bus.wire.arrays import plain_ids
 from minerva_bus.wire.columns import plain_columns, plain_patch

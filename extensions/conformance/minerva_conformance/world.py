@@ -12,8 +12,7 @@ from typing import Any, Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.traversal import walk

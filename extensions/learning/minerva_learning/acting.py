@@ -23,8 +23,7 @@ import numpy as np
 from gymnasium import spaces
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import AgentKind, EventType

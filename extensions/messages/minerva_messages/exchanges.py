@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from minerva_bus.errors import nearest
-from minerva_bus.grammar.batch import single
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import Event, single
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
 from minerva_messages.message import NEVER, eMessage

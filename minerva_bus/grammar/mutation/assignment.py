@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.columns import has_columns, packed
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.fields import Field
-from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.mutation.domains import Interval, OneOf, parse_domain, parse_value
 from minerva_bus.grammar.mutation.nodes import with_value
 from minerva_bus.grammar.mutation.places import NodePath, extent, places
 from minerva_bus.grammar.mutation.targets import Target, parse_targets
-from minerva_bus.grammar.packing import has_columns, packed
 from minerva_bus.grammar.scene import Node, Scene, Value, agents, rescoped
 from minerva_bus.grammar.traversal import rebuild, walk
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from minerva_bus.errors import GrammarError, MisuseError, SceneError
-from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.types import Type

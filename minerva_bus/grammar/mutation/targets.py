@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.fields import Field
-from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.mutation.domains import Domain, parse_domain
 from minerva_bus.grammar.mutation.places import NodePath
 from minerva_bus.grammar.scene import AGENT_ID, AgentNode, Node

@@ -10,7 +10,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.system import System

@@ -34,7 +34,7 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.frame.description import World
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.settings.tables import BusSettings

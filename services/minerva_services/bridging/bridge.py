@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_inputs import Emit
 from minerva_bus.world.services import Generator

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from types import TracebackType
 
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_inputs import WorldInfo
 from minerva_services.bridging.bridge import Bridge

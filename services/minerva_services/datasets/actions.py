@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from minerva_bus.collect.rows import agent_rows, event_rows
 from minerva_bus.collect.table import texts
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.traversal import walk

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Readings
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.display import SHOWN
 from minerva_bus.log.exporting import ExportChoice, ExportProgress, only_record

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from minerva_bus.frame.messages import Readings
-from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.channels import time_of

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 from typing import Any, Final
 
-from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.types import Metres
 from minerva_bus.world.service_inputs import WorldInfo

@@ -20,8 +20,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.packing import MANY
+from minerva_bus.grammar.columns import MANY
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.types import Degrees, Metres, Seconds
 from minerva_bus.world.beams import Reals, hits, no_returns
 from minerva_bus.world.readings import Scan

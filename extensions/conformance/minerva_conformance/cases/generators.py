@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.events import Events
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.plain import pack
 from minerva_conformance.case import (

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.batch import AnyEvent, single
-from minerva_bus.grammar.packing import packed
+from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_conformance.case import (

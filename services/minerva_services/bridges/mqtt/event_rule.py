@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
-from minerva_bus.grammar.condition import Scope
+from minerva_bus.grammar.condition import ANYTHING, Scope, sort_of_kind, value_sort
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.measures import Quantity
 from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.terms import ANYTHING, sort_of_kind, value_sort
 from minerva_bus.grammar.types import Type, Unfit
-from minerva_bus.grammar.units import Quantity
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_services.bridges.mqtt.rule import Datum, TopicRule, filled
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from minerva_bus import portable
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.grammar.forms import Label, Shape
+from minerva_bus.grammar.appearance import Label, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret

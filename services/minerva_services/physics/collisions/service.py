@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.semantics.volumes import Bodies, Texts, Volumes
 from minerva_bus.world.service_inputs import Tick, View, WorldInfo

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.columns import Column, Columns, Shape
+from minerva_bus.grammar.columns import Column, Columns, Shape, merged, runs
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.packing import merged, runs
 from minerva_bus.grammar.scene import Piece, Scene
 from minerva_bus.grammar.traversal import walk
 

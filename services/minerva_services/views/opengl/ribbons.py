@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.forms import Line
+from minerva_bus.grammar.appearance import Line
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.picture import Discs, Picture, Polyline
 from minerva_services.views.opengl import shaders

@@ -11,7 +11,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.forms import Disc
+from minerva_bus.grammar.appearance import Disc
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.bounds import BoundingGeometry

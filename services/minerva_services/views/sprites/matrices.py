@@ -11,7 +11,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.forms import Raster
+from minerva_bus.grammar.appearance import Raster
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.picture import Tiles
 from minerva_services.views.sprites.camera import MapCamera

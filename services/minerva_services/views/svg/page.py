@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from minerva_bus.grammar.forms import Disc, Raster, Shape
+from minerva_bus.grammar.appearance import Disc, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.bounds import BoundingGeometry, Bounds

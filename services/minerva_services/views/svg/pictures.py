@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from minerva_bus.grammar.forms import Shape
+from minerva_bus.grammar.appearance import Shape
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.bounds import Bounds

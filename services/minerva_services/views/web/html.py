@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from minerva_bus.grammar.forms import Disc, Label, Line
+from minerva_bus.grammar.appearance import Disc, Label, Line
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary

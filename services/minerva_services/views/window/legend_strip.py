@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import pygame
 
-from minerva_bus.grammar.forms import Disc, Label, Line
+from minerva_bus.grammar.appearance import Disc, Label, Line
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.legend import Legend, LegendEntry
 from minerva_services.views.layout import flow

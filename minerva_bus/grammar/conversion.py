@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.literals import DEPTH, MATRIX_CELLS
+from minerva_bus.grammar.measures import Quantity
 from minerva_bus.grammar.scene import Array, Scene, Value
 from minerva_bus.grammar.traversal import walk
-from minerva_bus.grammar.units import Quantity
 
 INT_END: Final = 1 << 63
 """The first whole number above those of 64 bits."""
