@@ -18,15 +18,13 @@ from numpy.typing import NDArray
 from minerva_agents.robot import deciding
 from minerva_agents.robot.distances import clearance
 from minerva_agents.robot.knowledge import (
-    at_distance,
-    at_distances,
     clear_open_beam,
     clearing_part,
     mark_marker,
     mark_obstacle,
 )
 from minerva_agents.robot.maps import Marker, OccupancyMap
-from minerva_agents.robot.motion import STAY, Move
+from minerva_agents.robot.motion import STAY, Move, at_distance, at_distances
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.scans import mark_scan
 from minerva_bus import Frame

@@ -7,9 +7,18 @@ import pytest
 from robot_steps import PAPER, after, changed, emitted, robot
 
 from minerva_agents.robot.arriving import MAKE_WAY
-from minerva_agents.robot.ground import blocked, cell_of, is_clear, room_of, sees, straightened
+from minerva_agents.robot.ground import blocked, is_clear, room_of, sees, straightened
 from minerva_agents.robot.knowledge import FREE, MARKER, obstacles
-from minerva_agents.robot.motion import STAY, TURNING, GridPose, Move, action_of, move_of, towards
+from minerva_agents.robot.motion import (
+    STAY,
+    TURNING,
+    GridPose,
+    Move,
+    action_of,
+    cell_of,
+    move_of,
+    towards,
+)
 from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.vocabulary import eDecide, eObjective, eReached
 from minerva_bus import EMPTY

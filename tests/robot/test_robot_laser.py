@@ -17,10 +17,10 @@ from minerva_agents.robot.knowledge import (
     SURE,
     UNKNOWN,
     after_passing,
-    at_distance,
     doubt,
     mark_obstacle,
 )
+from minerva_agents.robot.motion import at_distance
 from minerva_agents.robot.scans import mark_scan
 from minerva_agents.robot.vocabulary import eClear, eLaser
 from minerva_agents.robot.world import vocabulary

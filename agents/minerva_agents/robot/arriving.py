@@ -17,15 +17,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from minerva_agents.robot.ground import (
-    all_that_see,
-    blocked,
-    cell_of,
-    centre_of,
-    sees,
-    straightened,
-)
-from minerva_agents.robot.knowledge import MARKER, Cell, Mask, free, obstacles
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.ground import all_that_see, blocked, sees, straightened
+from minerva_agents.robot.knowledge import MARKER, free, obstacles
+from minerva_agents.robot.motion import Cell, cell_of, centre_of
 from minerva_agents.robot.wave import STEP, Wave
 from minerva_bus import portable
 

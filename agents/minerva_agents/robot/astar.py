@@ -20,16 +20,20 @@ import numpy as np
 
 from minerva_agents.robot.arriving import APPROACH, NEAR, RELAX_FAILURES, good_places, is_near
 from minerva_agents.robot.following import is_open, pass_corners, step
-from minerva_agents.robot.ground import (
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.ground import blocked, straightened
+from minerva_agents.robot.knowledge import UNKNOWN, doubt, reopen
+from minerva_agents.robot.looking import forget_looks
+from minerva_agents.robot.motion import (
+    STAY,
+    Cell,
+    Move,
     Position,
-    blocked,
     cell_of,
     centre_of,
-    straightened,
+    turn_to,
+    wrapped,
 )
-from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask, doubt, reopen
-from minerva_agents.robot.looking import forget_looks
-from minerva_agents.robot.motion import STAY, Move, turn_to, wrapped
 from minerva_agents.robot.narrows import Narrows
 from minerva_agents.robot.patience import restart_search
 from minerva_agents.robot.planning import GridPath, nearest, shortest_path

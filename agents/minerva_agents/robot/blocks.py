@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.knowledge import Mask
+from minerva_agents.robot.grids import Mask
 
 
 def block_sums(mask: Mask, side: int) -> NDArray[np.int64]:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.blocks import block_sums, box_sums
-from minerva_agents.robot.knowledge import UNKNOWN, Cell
+from minerva_agents.robot.knowledge import UNKNOWN
+from minerva_agents.robot.motion import Cell
 from minerva_agents.robot.prospects import DARK, LEFT_OVER, NEWS, REST, WALL, Kinds
 from minerva_bus import Cells
 

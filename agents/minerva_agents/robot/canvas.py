@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from minerva_agents.robot.knowledge import at_distance, at_distances, clearing_part
+from minerva_agents.robot.knowledge import clearing_part
+from minerva_agents.robot.motion import at_distance, at_distances
 from minerva_agents.robot.posing import Posed, Unposed
 from minerva_agents.robot.scans import mark_scan
 from minerva_bus import Cells

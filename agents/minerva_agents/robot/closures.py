@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import scipy.fft
 import scipy.spatial
-from numpy.typing import NDArray
 
 from minerva_agents.robot.keyframes import (
     MIN_LOOP,
@@ -24,9 +23,9 @@ from minerva_agents.robot.keyframes import (
     moved,
     seen_through,
 )
+from minerva_agents.robot.motion import Reals
 from minerva_agents.robot.pose_graph import Edge
 
-Reals: TypeAlias = NDArray[np.float64]
 _fft: Any = scipy.fft
 _spatial: Any = scipy.spatial
 

@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, Final
 from minerva_agents.robot import astar, errand, wandering
 from minerva_agents.robot.arriving import MAKE_WAY, has_arrived, make_way, make_way_again
 from minerva_agents.robot.following import is_open, pass_corners, step
-from minerva_agents.robot.ground import cell_of
 from minerva_agents.robot.knowledge import holds
 from minerva_agents.robot.looking import look
-from minerva_agents.robot.motion import STAY, Move
+from minerva_agents.robot.motion import STAY, Move, cell_of
 from minerva_agents.robot.patience import gives_up
 from minerva_agents.robot.vocabulary import eReached
 from minerva_bus import Context

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.grids import Grid, MapError, check_grid
+from minerva_agents.robot.grids import MapError, Mask, check_grid
 
 _Whole: TypeAlias = NDArray[np.int32 | np.int64]
 
@@ -20,7 +20,7 @@ _LINES_AT_ONCE = 2048
 """Grid rows transformed together: enough to use numpy well, few enough to bound memory."""
 
 
-def inflate(obstacles: Grid, radius_cells: float) -> Grid:
+def inflate(obstacles: Mask, radius_cells: float) -> Mask:
     """Obstacles dilated by a disc: all cells with an obstacle's centre within the radius.
 
     `obstacles` is a bool grid; the radius is in cells and may be fractional. Run time grows with
@@ -37,7 +37,7 @@ def inflate(obstacles: Grid, radius_cells: float) -> Grid:
     return grown
 
 
-def clearance(obstacles: Grid) -> NDArray[np.float64]:
+def clearance(obstacles: Mask) -> NDArray[np.float64]:
     """Euclidean distance in cells from each cell's centre to the nearest obstacle's centre.
 
     Exact; 0 on obstacles, infinite if the grid has none. Cells outside the grid are not obstacles.
@@ -58,7 +58,7 @@ def clearance(obstacles: Grid) -> NDArray[np.float64]:
     return distances
 
 
-def _around_all(obstacles: Grid, margin: int) -> tuple[slice, slice] | None:
+def _around_all(obstacles: Mask, margin: int) -> tuple[slice, slice] | None:
     """Rows and columns of the obstacles' bounding box plus a margin; None without obstacles.
 
     A robot knows a small part of a large grid, so cropping saves most of the work.
@@ -72,7 +72,7 @@ def _around_all(obstacles: Grid, margin: int) -> tuple[slice, slice] | None:
     return spans[0], spans[1]
 
 
-def _inflate(obstacles: Grid, radius: float) -> Grid:
+def _inflate(obstacles: Mask, radius: float) -> Mask:
     """Dilate from the rim of the disc inwards: columns get taller towards its centre."""
     grown, high = np.zeros(obstacles.shape, np.bool_), obstacles.copy()
     rows, columns = obstacles.shape
@@ -85,7 +85,7 @@ def _inflate(obstacles: Grid, radius: float) -> Grid:
     return grown
 
 
-def _spread(target: Grid, source: Grid, shift: int) -> None:
+def _spread(target: Mask, source: Mask, shift: int) -> None:
     """OR `source`, shifted by `shift` rows both ways, into `target`."""
     if not shift:
         target |= source
@@ -94,7 +94,7 @@ def _spread(target: Grid, source: Grid, shift: int) -> None:
         target[:-shift] |= source[shift:]
 
 
-def _distances_down(obstacles: Grid) -> _Whole:
+def _distances_down(obstacles: Mask) -> _Whole:
     """Distance from each cell to the nearest obstacle in its column.
 
     The sum of both sides stands for infinity, in columns without obstacles.

@@ -14,18 +14,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from minerva_agents.robot.motion import Reals
 from minerva_bus.errors import MisuseError
 from minerva_bus.plotting import write_figure
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import install
 from minerva_bus.world.clock_steps import seconds_of
-
-Reals: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from minerva_agents.robot.ground import Position, centre_of
-from minerva_agents.robot.knowledge import Cell
+from minerva_agents.robot.motion import Cell, Position, centre_of
 from minerva_agents.robot.vocabulary import eCarry, eDelivered, eGivenUp, ePut, eTake
 from minerva_bus import Context
 

@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.arriving import NEAR, cells_with_view
-from minerva_agents.robot.ground import Position, blocked, cell_of, room_of
-from minerva_agents.robot.knowledge import FREE, SURE, Cell, Mask, Reals, obstacles
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.ground import blocked, room_of
+from minerva_agents.robot.knowledge import FREE, SURE, obstacles
 from minerva_agents.robot.looking import grown
+from minerva_agents.robot.motion import Cell, Position, Reals, cell_of
 from minerva_agents.robot.narrows import Narrows
 from minerva_agents.robot.occupancy import OccupancyMap
 from minerva_agents.robot.placing import regions

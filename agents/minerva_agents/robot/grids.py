@@ -7,15 +7,14 @@ from numpy.typing import NDArray
 
 from minerva_bus import MinervaError
 
-Cell: TypeAlias = tuple[int, int]
-Grid: TypeAlias = NDArray[np.bool_]
+Mask: TypeAlias = NDArray[np.bool_]
 
 
 class MapError(MinervaError, ValueError):
     """A map is invalid, or a request cannot be satisfied on it."""
 
 
-def check_grid(grid: Grid, who: str, name: str) -> None:
+def check_grid(grid: Mask, who: str, name: str) -> None:
     """Raise MapError, naming the caller `who`, unless `grid` is a 2-D array of bool."""
     if grid.ndim != 2 or grid.dtype != np.bool_:
         kind = f"{grid.ndim}-D of {grid.dtype}"

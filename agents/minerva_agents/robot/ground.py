@@ -19,10 +19,11 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from minerva_agents.robot.distances import inflate
-from minerva_agents.robot.knowledge import Cell, Mask, Reals, obstacles
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.knowledge import obstacles
+from minerva_agents.robot.motion import Cell, Position, Reals, cell_of, centre_of
 from minerva_bus import Cells, portable
 
-Position: TypeAlias = tuple[float, float]
 Way: TypeAlias = Sequence[Position]
 
 # Rounded up, so that no corner of an obstacle cell comes closer than the radius.
@@ -33,16 +34,6 @@ _TOLERANCE: Final = 1e-6
 def room_of(radius: float, cell: float) -> float:
     """Clearance to an obstacle cell's centre, in cells."""
     return radius / cell + _HALF_DIAGONAL
-
-
-def cell_of(position: Position) -> Cell:
-    """The cell that contains a position."""
-    return math.floor(position[0]), math.floor(position[1])
-
-
-def centre_of(cell: Cell) -> Position:
-    """The centre of a cell."""
-    return cell[0] + 0.5, cell[1] + 0.5
 
 
 def blocked(grid: Cells, at: Position, room: float) -> Mask:

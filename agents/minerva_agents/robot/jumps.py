@@ -14,7 +14,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.grids import Grid
+from minerva_agents.robot.grids import Mask
 
 # A direction is an index into this ring, counter-clockwise; odd indices are diagonals.
 _RING: Final = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
@@ -78,7 +78,7 @@ class Jumps:
         return row - 1, column - 1
 
 
-def jumps_of(blocked: Grid, targets: Grid) -> Jumps:
+def jumps_of(blocked: Mask, targets: Mask) -> Jumps:
     """Jump tables of a grid for paths that end in `targets`; both bool, of one shape.
 
     Needs about 12 bytes per cell, and 20 during construction.
@@ -106,7 +106,7 @@ def jumps_of(blocked: Grid, targets: Grid) -> Jumps:
     return Jumps(width, ends.tobytes(), corners.tobytes(), directions, _ways(directions))
 
 
-def _ahead(flat: Grid, step: int) -> Grid:
+def _ahead(flat: Mask, step: int) -> Mask:
     """Value of the cell one step ahead, for each cell.
 
     Values that wrap around land on border cells, which are blocked anyway.
@@ -114,7 +114,7 @@ def _ahead(flat: Grid, step: int) -> Grid:
     return np.roll(flat, -step)
 
 
-def _open(free: Grid, steps: Sequence[int], number: int) -> Grid:
+def _open(free: Mask, steps: Sequence[int], number: int) -> Mask:
     """Cells that permit a move in a direction; a diagonal needs both adjacent cells free."""
     is_open = free & _ahead(free, steps[number])
     if number & 1:
@@ -122,7 +122,7 @@ def _open(free: Grid, steps: Sequence[int], number: int) -> Grid:
     return is_open
 
 
-def _corners(free: Grid, steps: Sequence[int]) -> Bytes:
+def _corners(free: Mask, steps: Sequence[int]) -> Bytes:
     """Corners that a straight move has just passed: free beside, blocked beside and behind.
 
     Bit d stands for direction d (0, 2, 4, 6) with the corner on its left, bit d + 1 for the corner
@@ -166,7 +166,7 @@ def _ways_on(number: int, corners: int) -> list[int]:
     return ways
 
 
-def _table(is_open: Grid, turns: Grid, step: int, width: int) -> Bytes:
+def _table(is_open: Mask, turns: Mask, step: int, width: int) -> Bytes:
     """Per flat cell, the number of cells to the next turn, 0 if a move before it is blocked."""
     opens, ends = _lines(is_open, step, width), _lines(turns, step, width)
     table = np.empty(opens.shape, np.uint8)
@@ -177,7 +177,7 @@ def _table(is_open: Grid, turns: Grid, step: int, width: int) -> Bytes:
     return flat[: is_open.size]
 
 
-def _lines(flat: Grid, step: int, width: int) -> Grid:
+def _lines(flat: Mask, step: int, width: int) -> Mask:
     """The flat grid as (places, lines), with cells one step apart in consecutive places.
 
     For a step of 1 these are the grid's rows; otherwise the grid is folded into rows as long as the
@@ -191,7 +191,7 @@ def _lines(flat: Grid, step: int, width: int) -> Grid:
     return padded.reshape(-1, fold)
 
 
-def _along(is_open: Grid, turns: Grid, forward: bool) -> Bytes:
+def _along(is_open: Mask, turns: Mask, forward: bool) -> Bytes:
     """Jump distances along lines, (places, lines), in one direction.
 
     A stop is encoded as twice its place, plus one if it is not a turn.

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from minerva_agents.robot.motion import Reals
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.beams import hits
 from minerva_bus.world.readings import Scan
-
-Reals: TypeAlias = NDArray[np.float64]
 
 KEY_METRES, KEY_DEGREES = 0.8, 40.0
 """Maximum travel and rotation between keyframes, if scans are that dense."""

@@ -20,7 +20,9 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus import Cells, portable
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.motion import Cell
+from minerva_bus import Cells
 
 UNKNOWN: Final = 0
 FREE: Final = 1
@@ -30,9 +32,6 @@ SEEN: Final = 10
 CLOSED: Final = 11
 MARKER: Final = 16
 
-Cell: TypeAlias = tuple[int, int]
-Mask: TypeAlias = NDArray[np.bool_]
-Reals: TypeAlias = NDArray[np.float64]
 Codes: TypeAlias = NDArray[np.int16]
 
 _HIT: Final = 3
@@ -72,18 +71,6 @@ LONGEST: Final = 100_000
 
 _STEPS: Final = np.arange(LONGEST, dtype=np.float64)
 _NONE: Final = np.empty(0, np.intp)
-
-
-def at_distance(row: float, column: float, angle: float, dist: float) -> tuple[float, float]:
-    """(r + dist cos angle, c + dist sin angle), section 4.2.3; cells and degrees."""
-    cos, sin = portable.cos_sin(math.radians(angle))
-    return row + dist * cos, column + dist * sin
-
-
-def at_distances(row: float, column: float, angles: Reals, dist: Reals) -> tuple[Reals, Reals]:
-    """`at_distance` of n angles and distances, (n,) each; the same values to the last bit."""
-    cos, sin = portable.cos_sin(np.radians(angles))
-    return row + dist * cos, column + dist * sin
 
 
 def holds(grid: Cells, cell: Cell) -> bool:

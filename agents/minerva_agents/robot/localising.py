@@ -14,24 +14,17 @@ pose within the uncertainty of the last move.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.knowledge import (
-    at_distance,
-    at_distances,
-    clear_open_beam,
-    clearing_part,
-)
+from minerva_agents.robot.knowledge import clear_open_beam, clearing_part
 from minerva_agents.robot.matching import Uncertainty, match
-from minerva_agents.robot.motion import wrapped
+from minerva_agents.robot.motion import Reals, at_distance, at_distances, wrapped
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.scans import mark_scan
 from minerva_bus import Context, Degrees, Event, EventBatch, Metres, on, portable
-
-Reals: TypeAlias = NDArray[np.float64]
 
 
 def filled(dist: Reals, angle: Reals, max_gap: float) -> tuple[Reals, Reals]:

@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, Mask, free
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, free
 from minerva_agents.robot.motion import GridPose
 from minerva_bus import Cells, portable
 

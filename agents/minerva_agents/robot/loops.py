@@ -10,19 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from minerva_agents.robot.closures import candidates, closure
 from minerva_agents.robot.keyframes import ScanKeyframe, between, keyframes_of, poses_of
+from minerva_agents.robot.motion import Reals
 from minerva_agents.robot.pose_graph import Edge, optimised
 from minerva_bus.semantics.poses import Pose, moved
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Progress
-
-Reals: TypeAlias = NDArray[np.float64]
 
 _MIN_WEIGHT: Final = 0.25
 """Minimum weight for a closure to be kept."""

@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.knowledge import obstacles
-from minerva_agents.robot.motion import GridPose
+from minerva_agents.robot.motion import GridPose, Reals
 from minerva_bus import Cells, portable
 
-Reals: TypeAlias = NDArray[np.float64]
 Worths: TypeAlias = NDArray[np.int16]
 
 _SPREAD: Final = 0.1

@@ -1,25 +1,56 @@
-"""Robot motion: a turn on the spot and a move forward, as a string.
+"""Positions, poses and moves on a grid.
 
-An action is `TRotate<angle>(TMove<dist>(PRobot))`: in one frame the robot first turns, then moves
-along its new heading. A robot that stays is `PRobot` alone.
+A position is (row, column) in cells, with fractions; the centre of cell (2, 3) is (2.5, 3.5). An
+angle is a heading in degrees, counter-clockwise from the direction of growing rows.
+
+A move turns the robot on the spot and then drives it along its new heading, in one frame. As a
+string, an action, it is `TRotate<angle>(TMove<dist>(PRobot))`; a robot that stays is `PRobot` alone.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, cast
+from typing import Final, TypeAlias, cast
 
-from minerva_agents.robot.knowledge import at_distance
+import numpy as np
+from numpy.typing import NDArray
+
 from minerva_agents.robot.vocabulary import PRobot, TMove, TRotate
 from minerva_bus import Scene, portable
 from minerva_bus.grammar.scene import TransformationNode
 from minerva_bus.grammar.traversal import walk
 
+Cell: TypeAlias = tuple[int, int]
+Position: TypeAlias = tuple[float, float]
+Reals: TypeAlias = NDArray[np.float64]
+
 TURNING: Final = 180.0
 """Maximum turn rate in degrees per second."""
 
 _TOLERANCE: Final = 1e-6
+
+
+def cell_of(position: Position) -> Cell:
+    """The cell that contains a position."""
+    return math.floor(position[0]), math.floor(position[1])
+
+
+def centre_of(cell: Cell) -> Position:
+    """The centre of a cell."""
+    return cell[0] + 0.5, cell[1] + 0.5
+
+
+def at_distance(row: float, column: float, angle: float, dist: float) -> tuple[float, float]:
+    """(r + dist cos angle, c + dist sin angle), section 4.2.3; cells and degrees."""
+    cos, sin = portable.cos_sin(math.radians(angle))
+    return row + dist * cos, column + dist * sin
+
+
+def at_distances(row: float, column: float, angles: Reals, dist: Reals) -> tuple[Reals, Reals]:
+    """`at_distance` of n angles and distances, (n,) each; the same values to the last bit."""
+    cos, sin = portable.cos_sin(np.radians(angles))
+    return row + dist * cos, column + dist * sin
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +73,7 @@ class GridPose:
     angle: float
 
     @property
-    def position(self) -> tuple[float, float]:
+    def position(self) -> Position:
         """Row and column, in cells."""
         return self.row, self.column
 

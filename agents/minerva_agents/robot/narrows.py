@@ -21,9 +21,11 @@ from typing import Final
 
 import numpy as np
 
-from minerva_agents.robot.ground import Position, blocked, cell_of, is_clear, straightened
-from minerva_agents.robot.knowledge import FREE, SURE, Cell, Mask, obstacles
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.ground import blocked, is_clear, straightened
+from minerva_agents.robot.knowledge import FREE, SURE, obstacles
 from minerva_agents.robot.looking import grown
+from minerva_agents.robot.motion import Cell, Position, cell_of
 from minerva_agents.robot.planning import nearest
 from minerva_bus import Cells, portable
 

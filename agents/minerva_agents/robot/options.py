@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from minerva_agents.robot.deciding import PLANNERS
-from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.grids import MapError, Mask
 from minerva_agents.robot.ground import room_of
-from minerva_agents.robot.knowledge import Mask
 from minerva_agents.robot.maps import load_map
 from minerva_agents.robot.occupancy import MapPose, Marker, OccupancyMap
 from minerva_agents.robot.placing import free_component, roomiest, spread

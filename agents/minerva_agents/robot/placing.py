@@ -13,7 +13,8 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.grids import Cell, MapError
+from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.motion import Cell
 from minerva_agents.robot.occupancy import MapPose, Marker, OccupancyMap, Point
 
 _MIN_BLOCK_M = 0.1

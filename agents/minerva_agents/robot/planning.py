@@ -18,8 +18,9 @@ from typing import Final
 
 import numpy as np
 
-from minerva_agents.robot.grids import Cell, Grid, MapError, check_grid
+from minerva_agents.robot.grids import MapError, Mask, check_grid
 from minerva_agents.robot.jumps import DIAGONAL, LEAP, STRAIGHT, Jumps, jumps_of
+from minerva_agents.robot.motion import Cell
 
 _MARGIN: Final = 48
 """Cells around the ends of a path in the first window."""
@@ -107,7 +108,7 @@ class GridPath:
     length: float
 
 
-def shortest_path(blocked: Grid, start: Cell, goal: Cell) -> GridPath | None:
+def shortest_path(blocked: Mask, start: Cell, goal: Cell) -> GridPath | None:
     """A shortest path between two cells of a bool grid, or None.
 
     The heuristic is the octile distance, the path length on an empty grid. The paper (4.2.5) uses
@@ -128,7 +129,7 @@ def shortest_path(blocked: Grid, start: Cell, goal: Cell) -> GridPath | None:
     return _search(blocked, start, targets, goal)
 
 
-def nearest(blocked: Grid, start: Cell, targets: Grid) -> GridPath | None:
+def nearest(blocked: Mask, start: Cell, targets: Mask) -> GridPath | None:
     """A shortest path to the target cell nearest by path, or None if none is reachable.
 
     Dijkstra's algorithm (1959), which ends at the first settled target: the step to the nearest
@@ -146,7 +147,7 @@ def nearest(blocked: Grid, start: Cell, targets: Grid) -> GridPath | None:
     return _search(blocked, start, reachable, None) if reachable.any() else None
 
 
-def _cell_of(grid: Grid, cell: Cell, who: str, name: str) -> Cell:
+def _cell_of(grid: Mask, cell: Cell, who: str, name: str) -> Cell:
     """The cell as Python integers (numpy's would overflow in costs). Raises MapError if outside."""
     rows, columns = grid.shape
     row, column = int(cell[0]), int(cell[1])
@@ -158,7 +159,7 @@ def _cell_of(grid: Grid, cell: Cell, who: str, name: str) -> Cell:
     return row, column
 
 
-def _search(blocked: Grid, start: Cell, targets: Grid, goal: Cell | None) -> GridPath | None:
+def _search(blocked: Mask, start: Cell, targets: Mask, goal: Cell | None) -> GridPath | None:
     """A* to the goal, or Dijkstra's algorithm to the nearest target without a goal.
 
     A window's result is final if no path that leaves the window can be shorter.
@@ -177,7 +178,7 @@ def _search(blocked: Grid, start: Cell, targets: Grid, goal: Cell | None) -> Gri
 
 
 def _search_window(
-    window: Window, blocked: Grid, targets: Grid, start: Cell, goal: Cell | None
+    window: Window, blocked: Mask, targets: Mask, start: Cell, goal: Cell | None
 ) -> GridPath | None:
     if not targets.any():
         return None

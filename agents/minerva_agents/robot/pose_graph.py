@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg
 
-Reals: TypeAlias = NDArray[np.float64]
+from minerva_agents.robot.motion import Reals
+
 _linalg: Any = linalg
 
 _SWITCH: Final = 10.0

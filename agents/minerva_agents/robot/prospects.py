@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.blocks import block_sums, box_sums
-from minerva_agents.robot.knowledge import FREE, UNKNOWN, Mask, obstacles
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.knowledge import FREE, UNKNOWN, obstacles
 from minerva_agents.robot.looking import expanses, grown, grown_to_sides
 from minerva_bus import Cells, portable
 

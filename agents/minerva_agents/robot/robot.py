@@ -9,11 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from minerva_agents.robot import deciding, errand
-from minerva_agents.robot.ground import Position, room_of
+from minerva_agents.robot.ground import room_of
 from minerva_agents.robot.knowledge import (
-    Reals,
-    at_distance,
-    at_distances,
     clear_open_beam,
     clearing_part,
     close,
@@ -21,7 +18,17 @@ from minerva_agents.robot.knowledge import (
     mark_obstacle,
     place_of,
 )
-from minerva_agents.robot.motion import STAY, GridPose, Move, action_of, move_of
+from minerva_agents.robot.motion import (
+    STAY,
+    GridPose,
+    Move,
+    Position,
+    Reals,
+    action_of,
+    at_distance,
+    at_distances,
+    move_of,
+)
 from minerva_agents.robot.patience import begin_search
 from minerva_agents.robot.scans import mark_scan
 from minerva_agents.robot.showing import goal_shown, way_shown

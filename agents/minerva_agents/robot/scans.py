@@ -14,18 +14,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.grids import MapError, Mask
 from minerva_agents.robot.knowledge import (
     FREE,
     LONGEST,
     MARKER,
     SURE,
     Codes,
-    Mask,
-    Reals,
     after_hit,
     after_passing,
 )
+from minerva_agents.robot.motion import Reals
 from minerva_bus import Cells
 
 _AT_ONCE: Final = 1 << 20

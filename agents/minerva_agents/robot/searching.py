@@ -26,9 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.candidates import known_window, news_bounds
-from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.knowledge import UNKNOWN
 from minerva_agents.robot.looking import expanses
-from minerva_agents.robot.motion import GridPose, wrapped
+from minerva_agents.robot.motion import Cell, GridPose, wrapped
 from minerva_agents.robot.prospects import RAYS, Prospects, kinds_of, side_of
 from minerva_agents.robot.wave import STEP, Wave
 from minerva_bus import Cells, portable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from minerva_agents.robot.ground import centre_of
+from minerva_agents.robot.motion import centre_of
 from minerva_agents.robot.vocabulary import PGoal, PObjective, PPath, TPlace
 from minerva_bus import EMPTY, Scene
 

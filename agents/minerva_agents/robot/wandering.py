@@ -10,14 +10,9 @@ from typing import TYPE_CHECKING, Final
 
 from minerva_agents.robot.arriving import APPROACH, STOP
 from minerva_agents.robot.following import is_open, step
-from minerva_agents.robot.ground import (
-    Position,
-    cell_of,
-    centre_of,
-    is_clear,
-)
-from minerva_agents.robot.knowledge import at_distance, holds
-from minerva_agents.robot.motion import Move
+from minerva_agents.robot.ground import is_clear
+from minerva_agents.robot.knowledge import holds
+from minerva_agents.robot.motion import Move, Position, at_distance, cell_of, centre_of
 from minerva_bus import Context, portable
 
 if TYPE_CHECKING:

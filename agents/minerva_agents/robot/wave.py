@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.knowledge import Cell, Mask
+from minerva_agents.robot.grids import Mask
+from minerva_agents.robot.motion import Cell
 
 STEP: Final = 1.06
 """Mean length of a step in cells."""

@@ -34,9 +34,9 @@ import numpy as np
 from minerva_agents.robot import vocabulary as words
 from minerva_agents.robot.foreseen import is_within_reach, known_grid, reachable_cells
 from minerva_agents.robot.grids import MapError
-from minerva_agents.robot.ground import Position, cell_of
 from minerva_agents.robot.knowledge import holds
 from minerva_agents.robot.localising import ALocalisingRobot
+from minerva_agents.robot.motion import Position, cell_of
 from minerva_agents.robot.narrows import passable_width
 from minerva_agents.robot.occupancy import OCCUPIED, MapPose, Marker, OccupancyMap
 from minerva_agents.robot.options import RobotOptions
