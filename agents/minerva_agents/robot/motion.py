@@ -4,7 +4,7 @@ A position is (row, column) in cells, with fractions; the centre of cell (2, 3) 
 angle is a heading in degrees, counter-clockwise from the direction of growing rows.
 
 A move turns the robot on the spot and then drives it along its new heading, in one frame. As a
-string, an action, it is `TRotate<angle>(TMove<dist>(PRobot))`; a robot that stays is `PRobot` alone.
+string, it is `TRotate<angle>(TMove<dist>(PRobot))`; a robot that stays is `PRobot` alone.
 """
 
 from __future__ import annotations
