@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot import deciding
+from minerva_agents.robot.deciding import next_move, notice
 from minerva_agents.robot.distances import clearance
 from minerva_agents.robot.knowledge import (
     clear_open_beam,
@@ -124,9 +124,9 @@ class Drive:
         self._sense()
         moment = Context(Frame(self.run.frames, DT, self._seed), f"#{robot.id}")
         begin = time.perf_counter()
-        deciding.notice(robot)
+        notice(robot)
         robot.row, robot.column, robot.angle = self._believed
-        self._move = deciding.decide(robot, moment)
+        self._move = next_move(robot, moment)
         self.run.slowest = max(self.run.slowest, time.perf_counter() - begin)
         for event in moment.emitted:
             self.run.reached |= event.type == "eReached"

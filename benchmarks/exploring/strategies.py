@@ -8,7 +8,8 @@ from typing import cast
 
 import numpy as np
 
-from minerva_agents.robot import astar, deciding
+from minerva_agents.robot.astar import search_and_approach
+from minerva_agents.robot.deciding import PLANNERS
 from minerva_agents.robot.knowledge import UNKNOWN, free
 from minerva_agents.robot.looking import expanses, frontier, out_of_view
 from minerva_agents.robot.searching import Goal, SearchState
@@ -34,9 +35,9 @@ def nearest(known: SearchState) -> Goal | None:
 
 def use(strategy: str) -> None:
     """Register a strategy as one of the robot's planners."""
-    planners = cast("dict[str, object]", deciding.PLANNERS)
+    planners = cast("dict[str, object]", PLANNERS)
     if strategy == "nearest":
-        planners["nearest"] = partial(astar.decide, choose=nearest)
+        planners["nearest"] = partial(search_and_approach, choose=nearest)
 
 
 __all__ = ["nearest", "use"]

@@ -6,7 +6,7 @@ from floor_plans import FloorPlan
 from floor_simulator import Simulator
 from robot_steps import after, robot
 
-from minerva_agents.robot import astar
+from minerva_agents.robot.astar import search_and_approach
 from minerva_agents.robot.knowledge import CLOSED, FREE, MARKER, SEEN
 from minerva_agents.robot.motion import STAY, action_of, move_of
 from minerva_agents.robot.occupancy import OccupancyMap
@@ -155,7 +155,7 @@ def test_only_a_search_without_viewpoints_is_restarted(goal, state, been, search
     if "markers" in state:
         grid[20, 35] = MARKER
     seeker = searching(grid=grid, been=(7,), dull=(8,), **state)
-    astar.decide(seeker, Context(Frame(1, 0.1), "#r"), lambda state: goal)
+    search_and_approach(seeker, Context(Frame(1, 0.1), "#r"), lambda state: goal)
     assert (seeker.been, seeker.searches) == (been, searches)
     # A restarted search inspects everything again, also where a turn revealed nothing.
     assert (seeker.dull == (), SEEN not in seeker.grid) == (searches > 0, searches > 0)

@@ -54,7 +54,7 @@ _FACING: Final = 0.01
 """Heading tolerance for a look, in degrees."""
 
 
-def decide(
+def search_and_approach(
     robot: ARobot, moment: Context, choose: Callable[[SearchState], Goal | None] = next_goal
 ) -> Move:
     """Next move towards the objective or in search of it; `choose` selects the next viewpoint."""

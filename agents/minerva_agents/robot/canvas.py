@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from minerva_agents.robot.knowledge import clearing_part
-from minerva_agents.robot.motion import at_distance, at_distances
+from minerva_agents.robot.motion import at_distances
 from minerva_agents.robot.posing import Posed, Unposed
 from minerva_agents.robot.scans import mark_scan
 from minerva_bus import Cells
 from minerva_bus.errors import MisuseError
-from minerva_bus.world import beams
-from minerva_bus.world.readings import Scan
+from minerva_bus.world.beams import hits
 from minerva_bus.world.recordings import RecordingError
 
 # 200 MB of 16-bit cells.
 _MAX_CELLS: Final = 100_000_000
 _MARGIN: Final = 2
-
-
-def hits(scan: Scan) -> Iterator[tuple[float, float]]:
-    """Distance (m, from the robot's centre) and bearing (degrees, from its heading) of each hit."""
-    dist, angle = beams.hits(scan)
-    return zip(dist.tolist(), angle.tolist(), strict=True)
 
 
 @dataclass(slots=True)
@@ -44,18 +36,17 @@ class MapExtent:
         if isinstance(posed, Unposed):
             self.unposed += 1
             return
-        self._reach(posed.x, posed.y)
-        for dist, angle in hits(posed.scan):
-            self._reach(*at_distance(posed.x, posed.y, posed.angle + angle, dist))
+        dist, angle = hits(posed.scan)
+        xs, ys = at_distances(posed.x, posed.y, posed.angle + angle, dist)
+        self.low_x = min(self.low_x, posed.x, *xs.tolist())
+        self.high_x = max(self.high_x, posed.x, *xs.tolist())
+        self.low_y = min(self.low_y, posed.y, *ys.tolist())
+        self.high_y = max(self.high_y, posed.y, *ys.tolist())
 
     def wider(self, metres: float) -> MapExtent:
         """A copy, enlarged by `metres` on each side."""
         low = self.low_x - metres, self.low_y - metres
         return MapExtent(*low, self.high_x + metres, self.high_y + metres)
-
-    def _reach(self, x: float, y: float) -> None:
-        self.low_x, self.high_x = min(self.low_x, x), max(self.high_x, x)
-        self.low_y, self.high_y = min(self.low_y, y), max(self.high_y, y)
 
 
 def canvas_of(extent: MapExtent, cell: float) -> Canvas:
@@ -115,6 +106,6 @@ class Canvas:
             self.first_angle = posed.angle
         self.way.append((posed.x, posed.y))
         row, column = (posed.x - self.x) / cell, (posed.y - self.y) / cell
-        beams = np.array(list(hits(posed.scan)), np.float64).reshape(-1, 2)
-        ends = at_distances(row, column, posed.angle + beams[:, 1], beams[:, 0] / cell)
+        dist, angle = hits(posed.scan)
+        ends = at_distances(row, column, posed.angle + angle, dist / cell)
         mark_scan(grid, row, column, *ends, part)

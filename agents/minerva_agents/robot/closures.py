@@ -20,8 +20,8 @@ from minerva_agents.robot.keyframes import (
     MIN_LOOP,
     ScanKeyframe,
     between,
-    moved,
     seen_through,
+    transformed,
 )
 from minerva_agents.robot.motion import Reals
 from minerva_agents.robot.pose_graph import Edge
@@ -58,7 +58,7 @@ class LocalMap:
     def __init__(self, keys: Sequence[ScanKeyframe], poses: Reals, number: int) -> None:
         around = range(max(0, number - _AROUND), min(len(keys), number + _AROUND + 1))
         self.points = np.concatenate(
-            [moved(keys[k].points, between(poses[number], poses[k])) for k in around]
+            [transformed(keys[k].points, between(poses[number], poses[k])) for k in around]
         )
         # The limit bounds the grid, and with it the time of each FFT.
         self.half = math.ceil((min(25.0, np.abs(self.points).max()) + 1.0) / _CELL)
@@ -104,7 +104,7 @@ def correlated(
     turns = np.arange(-_DEGREES, _DEGREES + 0.1, _STEP_DEGREES)
     for turn in turns.tolist():
         pose = np.array([guess[0], guess[1], guess[2] + math.radians(turn)])
-        cells = np.floor(moved(points, pose) / _CELL).astype(np.intp) + walls.half
+        cells = np.floor(transformed(points, pose) / _CELL).astype(np.intp) + walls.half
         cells = cells[np.all((cells >= 0) & (cells < size), axis=1)]
         image = np.zeros(shape)
         # Unlike image[cells] += 1, this counts several points per cell.
@@ -142,7 +142,7 @@ def polished(walls: LocalMap, points: Reals, pose: Reals) -> Reals:
     """A pose refined by trimmed ICP: points against the nearest walls."""
     # The distances at which points still count shrink, so that outliers lose their influence.
     for limit in (0.4, 0.25, 0.2, 0.15, 0.15):
-        here = moved(points, pose)
+        here = transformed(points, pose)
         dist, index = walls.tree.query(here, distance_upper_bound=limit)
         near = np.isfinite(dist)
         if np.count_nonzero(near) < 30:
@@ -204,11 +204,11 @@ def _fits(
     pose: Reals,
 ) -> bool:
     back = between(pose, np.zeros(3))
-    fits = walls.fit(moved(points, pose))
-    again = others.fit(moved(first.points, back))
+    fits = walls.fit(transformed(points, pose))
+    again = others.fit(transformed(first.points, back))
     # Either scan may look through the walls of the other.
     through = max(
-        seen_through(moved(second.points, pose), first.reach),
-        seen_through(moved(first.points, back), second.reach),
+        seen_through(transformed(second.points, pose), first.reach),
+        seen_through(transformed(first.points, back), second.reach),
     )
     return min(fits, again) >= _MIN_FIT and through <= _MAX_SEEN_THROUGH

@@ -13,22 +13,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
-from minerva_agents.robot import astar, errand, wandering
+from minerva_agents.robot import errand
 from minerva_agents.robot.arriving import MAKE_WAY, has_arrived, make_way, make_way_again
+from minerva_agents.robot.astar import search_and_approach
 from minerva_agents.robot.following import is_open, pass_corners, step
 from minerva_agents.robot.knowledge import holds
 from minerva_agents.robot.looking import look
 from minerva_agents.robot.motion import STAY, Move, cell_of
 from minerva_agents.robot.patience import gives_up
 from minerva_agents.robot.vocabulary import eReached
+from minerva_agents.robot.wandering import wander
 from minerva_bus import Context
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
 PLANNERS: Final[Mapping[str, Callable[[ARobot, Context], Move]]] = {
-    "astar": astar.decide,
-    "random": wandering.decide,
+    "astar": search_and_approach,
+    "random": wander,
 }
 
 
@@ -38,7 +40,7 @@ def notice(robot: ARobot) -> None:
         look(robot.writable("grid"), robot.pose, robot.fov, robot.sight / robot.cell)
 
 
-def decide(robot: ARobot, moment: Context) -> Move:
+def next_move(robot: ARobot, moment: Context) -> Move:
     """The robot's next move.
 
     At the objective it emits eReached once and clears the objective; on an errand it performs the

@@ -16,9 +16,9 @@ from minerva_agents.robot.keyframes import (
     MIN_LOOP,
     between,
     keyframes_of,
-    moved,
     poses_of,
     seen_through,
+    transformed,
 )
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.clock_steps import seconds_of
@@ -63,8 +63,10 @@ def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[D
         step = between(poses[first], poses[later])
         # Either scan may look through the walls of the other.
         through = max(
-            seen_through(moved(keys[later].points, step), keys[first].reach),
-            seen_through(moved(keys[first].points, between(step, np.zeros(3))), keys[later].reach),
+            seen_through(transformed(keys[later].points, step), keys[first].reach),
+            seen_through(
+                transformed(keys[first].points, between(step, np.zeros(3))), keys[later].reach
+            ),
         )
         if through > _MAX_SEEN_THROUGH:
             x, y, _ = poses[later].tolist()

@@ -83,7 +83,7 @@ def between(first: Reals, second: Reals) -> Reals:
     return np.array([cos * x + sin * y, cos * y - sin * x, turn])
 
 
-def moved(points: Reals, pose: Reals) -> Reals:
+def transformed(points: Reals, pose: Reals) -> Reals:
     """Points in a pose's own frame, transformed to the outer frame."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     return points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]

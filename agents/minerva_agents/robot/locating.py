@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 from itertools import tee
 from typing import Final
 
-import numpy as np
-
-from minerva_agents.robot import motion
-from minerva_agents.robot.canvas import Canvas, MapExtent, canvas_of, hits
+from minerva_agents.robot.canvas import Canvas, MapExtent, canvas_of
 from minerva_agents.robot.matching import Uncertainty, match
+from minerva_agents.robot.motion import GridPose
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import portable
 from minerva_bus.semantics.poses import HasPose, Pose, moved
+from minerva_bus.world.beams import hits
 from minerva_bus.world.clock_steps import RecordingClock
 from minerva_bus.world.compensation import needs_path, path_of
 from minerva_bus.world.readings import Scan
@@ -172,11 +171,9 @@ class _Matcher:
 
     def _matched(self, canvas: Canvas, scan: Scan, guess: Pose, uncertainty: Uncertainty) -> Pose:
         cell = self._cell
-        seen = np.array(list(hits(scan)), np.float64).reshape(-1, 2)
-        start = motion.GridPose(
-            (guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle
-        )
-        best = match(canvas.grid, start, (seen[:, 0] / cell, seen[:, 1]), cell, uncertainty)
+        dist, angle = hits(scan)
+        start = GridPose((guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle)
+        best = match(canvas.grid, start, (dist / cell, angle), cell, uncertainty)
         # A conversion to cells and back would round the pose.
         if best is start:
             return guess

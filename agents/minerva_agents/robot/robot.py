@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from minerva_agents.robot import deciding, errand
+from minerva_agents.robot import errand
+from minerva_agents.robot.deciding import next_move, notice
 from minerva_agents.robot.ground import room_of
 from minerva_agents.robot.knowledge import (
     clear_open_beam,
@@ -156,13 +157,13 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
             self.action = action_of(STAY, self.id, self.radius)
             return
         # Before the move: this frame's image was taken from the present pose.
-        deciding.notice(self)
+        notice(self)
         # The view of this frame shows the current action, and the body executes it before the
         # events of the next frame. So the pose moves by it now: the next scan is taken from the new
         # pose.
         moved = move_of(self.action)
         self._stand(self.pose.after(moved, self.cell))
-        move = deciding.decide(self, moment)
+        move = next_move(self, moment)
         self._act(move)
         # eCarry takes effect in the next frame, when the robot will have executed `move`.
         if moved.dist or move.dist:

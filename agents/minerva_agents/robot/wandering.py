@@ -26,7 +26,7 @@ _MAX_LEG: Final = 6.0
 _MAX_TRIES: Final = 12
 
 
-def decide(robot: ARobot, moment: Context) -> Move:
+def wander(robot: ARobot, moment: Context) -> Move:
     """Next move of a robot that wanders."""
     if not _go_straight_there(robot) and not is_open(robot):
         robot.forget_plan()
