@@ -42,10 +42,9 @@ from benchmarks.exploring.floors import Named, generated, large, of_others
 from benchmarks.exploring.results import Result, append_row, groups, read_rows, show
 from benchmarks.exploring.strategies import use
 from benchmarks.exploring.tours import tour_of
-from minerva_agents.robot.distances import clearance
-from minerva_agents.robot.maps import MapPose, Marker, OccupancyMap
-from minerva_agents.robot.patience import METRES_PER_NEWS, patience
-from minerva_agents.robot.placing import roomiest, spread
+from minerva_agents.robot.approach import METRES_PER_NEWS, patience
+from minerva_agents.robot.grid import clearance
+from minerva_agents.robot.maps import MapPose, Marker, OccupancyMap, roomiest, spread
 from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene

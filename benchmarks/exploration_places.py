@@ -31,8 +31,7 @@ from benchmarks.exploring.floors import Named, generated, large, of_others
 from benchmarks.exploring.places import Expected, Places, Watched
 from benchmarks.exploring.strategies import use
 from benchmarks.exploring.tours import tour_of
-from minerva_agents.robot.maps import Marker
-from minerva_agents.robot.placing import roomiest
+from minerva_agents.robot.maps import Marker, roomiest
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene
 from minerva_bus.grammar.scene import agents

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.command import Option, options
-from minerva_agents.robot.distances import clearance
+from minerva_agents.robot.grid import clearance
 from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.world import defaults, scene
 

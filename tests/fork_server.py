@@ -46,7 +46,7 @@ PRELOADED = (
         "minerva_services.sensors.laser",
     ),
     *("minerva_services.physics", "minerva_services.views.svg", "minerva_agents.robot.robot"),
-    *("minerva_agents.robot.world", "minerva_agents.robot.map_files"),
+    *("minerva_agents.robot.world", "minerva_agents.robot.mapping"),
     *(
         "encodings.utf_8_sig",
         "mcap.reader",

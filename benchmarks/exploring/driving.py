@@ -15,18 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.deciding import next_move, notice
-from minerva_agents.robot.distances import clearance
-from minerva_agents.robot.knowledge import (
+from minerva_agents.robot.control import next_move, notice
+from minerva_agents.robot.grid import (
     clear_open_beam,
+    clearance,
     clearing_part,
     mark_marker,
     mark_obstacle,
+    mark_scan,
 )
 from minerva_agents.robot.maps import Marker, OccupancyMap
-from minerva_agents.robot.motion import STAY, Move, at_distance, at_distances
+from minerva_agents.robot.pose import STAY, Move, at_distance, at_distances
 from minerva_agents.robot.robot import ARobot
-from minerva_agents.robot.scans import mark_scan
 from minerva_bus import Frame
 from minerva_bus.world.context import Context
 

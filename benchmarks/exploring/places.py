@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 
 from benchmarks.exploring.driving import FOV, SIGHT, Drive, Floor, Noise
 from benchmarks.exploring.tours import lattice
-from minerva_agents.robot.grids import Mask
-from minerva_agents.robot.maps import MapPose, OccupancyMap
-from minerva_agents.robot.placing import free_component
+from minerva_agents.robot.grid import Mask
+from minerva_agents.robot.maps import MapPose, OccupancyMap, free_component
+from minerva_agents.robot.planning import STEP, Wave
 from minerva_agents.robot.robot import ARobot
-from minerva_agents.robot.wave import STEP, Wave
 
 Reals = NDArray[np.float64]
 

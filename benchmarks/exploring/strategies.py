@@ -8,12 +8,10 @@ from typing import cast
 
 import numpy as np
 
-from minerva_agents.robot.astar import search_and_approach
-from minerva_agents.robot.deciding import PLANNERS
-from minerva_agents.robot.knowledge import UNKNOWN, free
-from minerva_agents.robot.looking import expanses, frontier, out_of_view
-from minerva_agents.robot.searching import Goal, SearchState
-from minerva_agents.robot.wave import Wave
+from minerva_agents.robot.control import PLANNERS, search_and_approach
+from minerva_agents.robot.exploration import Goal, SearchState
+from minerva_agents.robot.grid import UNKNOWN, expanses, free, frontier, out_of_view
+from minerva_agents.robot.planning import Wave
 
 
 def nearest(known: SearchState) -> Goal | None:

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.exploring.driving import SIGHT
-from minerva_agents.robot.maps import MapPose, OccupancyMap
-from minerva_agents.robot.motion import Cell
-from minerva_agents.robot.placing import free_component
-from minerva_agents.robot.wave import STEP, Wave
+from minerva_agents.robot.maps import MapPose, OccupancyMap, free_component
+from minerva_agents.robot.planning import STEP, Wave
+from minerva_agents.robot.pose import Cell
 
 Mask = NDArray[np.bool_]
 Places = NDArray[np.intp]

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from recorded import Passed, flaser, messages, odom, raw_laser, write, write_bag
 from sweeping import drive, place_at, spread
 
-from minerva_agents.robot.drift import Drift, TrajectoryPoint
-from minerva_agents.robot.locating import ScanMotion, located_scans
-from minerva_agents.robot.mapping import draw_map
-from minerva_agents.robot.posing import Posed, posed_scans
+from minerva_agents.robot.mapping import Drift, TrajectoryPoint, draw_map
+from minerva_agents.robot.trajectories import Posed, ScanMotion, located_scans, posed_scans
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.beams import hits

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweeping import drive, place_at, spread, swept, without_path
 
-from minerva_agents.robot.locating import ScanMotion, located_scans
 from minerva_agents.robot.mapping import draw_map
+from minerva_agents.robot.trajectories import ScanMotion, located_scans
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.beams import hits

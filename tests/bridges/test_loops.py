@@ -10,11 +10,8 @@ import pytest
 pytest.importorskip("scipy")
 from looping import Block, recorded
 
-from minerva_agents.robot.doubling import doubled_walls, doubling_notes
-from minerva_agents.robot.drift import errors_of
-from minerva_agents.robot.loops import closed_loops
-from minerva_agents.robot.mapping import draw_map
-from minerva_agents.robot.pose_graph import Edge, optimised
+from minerva_agents.robot.loop_closure import Edge, closed_loops, optimised
+from minerva_agents.robot.mapping import doubled_walls, doubling_notes, draw_map, errors_of
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import MapChoice
@@ -120,9 +117,8 @@ def test_a_map_reports_closed_loops_and_has_single_walls():
 
 
 def test_missing_scipy_names_the_extra(monkeypatch):
-    monkeypatch.delitem(sys.modules, "minerva_agents.robot.loops", raising=False)
+    monkeypatch.delitem(sys.modules, "minerva_agents.robot.loop_closure", raising=False)
     monkeypatch.setitem(sys.modules, "scipy", None)
-    monkeypatch.setitem(sys.modules, "minerva_agents.robot.closures", None)
     readings = recorded(Block(8.0, 8.0), laps=0.2)
     made = draw_map(lambda: Tape(readings), MapChoice(cell=0.1, poses="matched"), silently)
     assert "pip install 'minerva-bus[maps]'" in made.notes[0]

@@ -8,18 +8,16 @@ import numpy as np
 import pytest
 from recorded import DEMO, INTEL, Passed, flaser, needs_demo, needs_intel, odom, raw_laser, write
 
-from minerva_agents.robot.canvas import hits
-from minerva_agents.robot.map_files import draw, save_map, save_picture
-from minerva_agents.robot.mapping import draw_map
-from minerva_agents.robot.maps import load_map
-from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN
-from minerva_agents.robot.posing import Posed, Unposed, posed_scans
+from minerva_agents.robot.mapping import draw, draw_map, save_map, save_picture
+from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, load_map
 from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.trajectories import Posed, Unposed, posed_scans
 from minerva_agents.robot.vocabulary import eLaser
 from minerva_bus import Frame, Tick, Vocabulary, WorldInfo, evolve
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.scene import agents
+from minerva_bus.world.beams import hits
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import MapChoice, Recorded, RecordingError
 from minerva_services.sensors.carmen import CarmenLog
@@ -107,7 +105,9 @@ def test_the_grid_is_as_the_robot_draws_it_itself(tmp_path):
 def test_hits_are_those_of_which_gLaser_makes_events(mount):
     ranges = np.array([0.0, 1.0, -1.0, 5.0, math.nan, math.inf, 2.5, 4.99], np.float32)
     scan = Scan("r1", ranges, -40.0, 10.0, 5.0, 0.0, **mount)
-    assert list(hits(scan)) == [(event.dist, event.angle) for event in events_of(scan)]
+    assert [*zip(*hits(scan), strict=True)] == [
+        (event.dist, event.angle) for event in events_of(scan)
+    ]
 
 
 # --- poses of the robot ---

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from recorded import DATA, flaser, messages, robot_laser, write, write_bag
 
-from minerva_agents.robot.maps import load_map
-from minerva_agents.robot.occupancy import FREE, OCCUPIED
+from minerva_agents.robot.maps import FREE, OCCUPIED, load_map
 from minerva_bus.cli.mapping import map_recording
 from minerva_services.physics.arena import Arena
 from minerva_services.physics.walls import wall_segments

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("ruamel.yaml")
 
-from minerva_agents.robot.distances import clearance
+from minerva_agents.robot.grid import clearance
 from minerva_services.physics.arena import Arena
 from minerva_services.physics.walls import wall_segments
 

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from minerva_agents.robot.motion import Move, action_of
+from minerva_agents.robot.pose import Move, action_of
 from minerva_agents.robot.vocabulary import TPlace
 from minerva_agents.robot.world import vocabulary
 from minerva_bus import Frame, Tick, WorldInfo

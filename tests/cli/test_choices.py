@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from minerva_agents.robot.deciding import PLANNERS
+from minerva_agents.robot.control import PLANNERS
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file

@@ -20,7 +20,7 @@ sys.path += [
 sys.path.append(str(Path(__file__).parents[2] / "agents"))
 import yard
 
-from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.grid import MapError
 from minerva_agents.robot.maps import load_map
 from minerva_bus.errors import (
     GrammarError,

@@ -13,7 +13,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.grid import MapError
 from minerva_agents.robot.maps import load_map
 from minerva_services.bridges.mqtt.pattern import Pattern
 from minerva_services.sensors.laser import Laser

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import minerva_agents.robot
-from minerva_agents.robot.localising import ALocalisingRobot
-from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.robot import ALocalisingRobot, ARobot
 from minerva_agents.robot.vocabulary import eDecide, eObjective, eRepresent, eSpeed
 from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import Frame, Tick, View, WorldInfo, evolve, visualize

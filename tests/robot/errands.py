@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 import minerva_agents.robot
-from minerva_agents.robot.knowledge import FREE, MARKER
-from minerva_agents.robot.motion import STAY, action_of
-from minerva_agents.robot.parcel import AParcel
+from minerva_agents.robot.errands import AParcel
+from minerva_agents.robot.grid import FREE, MARKER
+from minerva_agents.robot.pose import STAY, action_of
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import eDecide
 from minerva_bus import EMPTY, Frame, Scene, evolve

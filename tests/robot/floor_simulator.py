@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from minerva_agents.robot.distances import clearance
-from minerva_agents.robot.motion import GridPose, move_of
+from minerva_agents.robot.grid import clearance
+from minerva_agents.robot.pose import GridPose, move_of
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import (
     eCamera,

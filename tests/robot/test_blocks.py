@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from minerva_agents.robot.blocks import block_sums, box_sums
-from minerva_agents.robot.prospects import RAYS
-from minerva_agents.robot.searching import _around
+from minerva_agents.robot.exploration import RAYS, _around
+from minerva_agents.robot.grid import block_sums, box_sums
 
 SHAPES = [(1, 1), (7, 5), (6, 9), (2, 30)]
 

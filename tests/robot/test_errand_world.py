@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from errands import FILE
 
-from minerva_agents.robot.parcel import AParcel
+from minerva_agents.robot.errands import AParcel
 from minerva_agents.robot.vocabulary import eErrand, eInterrupt
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm

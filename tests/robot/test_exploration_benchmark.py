@@ -13,7 +13,7 @@ from benchmarks.exploring.floors import Named, floor_of
 from benchmarks.exploring.places import Expected, Places, Watched
 from benchmarks.exploring.results import Result, append_row, read_rows, summary
 from benchmarks.exploring.tours import Tour
-from minerva_agents.robot.occupancy import Marker
+from minerva_agents.robot.maps import Marker
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene
 from minerva_bus.grammar.scene import agents

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from drifting import House
 
-from minerva_agents.robot.localising import ALocalisingRobot
+from minerva_agents.robot.grid import mark_scan
 from minerva_agents.robot.matching import Uncertainty, match
-from minerva_agents.robot.motion import GridPose
-from minerva_agents.robot.robot import ARobot
-from minerva_agents.robot.scans import mark_scan
+from minerva_agents.robot.pose import GridPose
+from minerva_agents.robot.robot import ALocalisingRobot, ARobot
 from minerva_agents.robot.vocabulary import eDecide, eLaser
 from minerva_agents.robot.world import scene
 from minerva_bus import Frame, evolve

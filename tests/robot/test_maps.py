@@ -13,11 +13,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import minerva_agents.robot.maps as maps
-from minerva_agents.robot.distances import clearance, inflate
-from minerva_agents.robot.grids import MapError
-from minerva_agents.robot.maps import load_map
-from minerva_agents.robot.occupancy import Marker, OccupancyMap
-from minerva_agents.robot.placing import free_component, roomiest, spread
+from minerva_agents.robot.grid import MapError, clearance, inflate
+from minerva_agents.robot.maps import (
+    Marker,
+    OccupancyMap,
+    free_component,
+    load_map,
+    roomiest,
+    spread,
+)
 from minerva_agents.robot.planning import shortest_path
 from tests.counting import calls
 

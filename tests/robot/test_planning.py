@@ -14,9 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_agents.robot import jumps, planning
-from minerva_agents.robot.distances import clearance, inflate
-from minerva_agents.robot.grids import MapError
+from minerva_agents.robot import planning
+from minerva_agents.robot.grid import MapError, clearance, inflate
 from minerva_agents.robot.planning import GridPath, nearest, shortest_path
 
 BENCHMARKS = File(__file__).parents[2].parent / "shared" / "data" / "movingai"
@@ -289,8 +288,9 @@ def test_a_near_goal_needs_no_table_of_the_whole_grid(monkeypatch):
 
     def counted(blocked, targets):
         sizes.append(blocked.size)
-        return jumps.jumps_of(blocked, targets)
+        return made(blocked, targets)
 
+    made = planning.jumps_of
     monkeypatch.setattr(planning, "jumps_of", counted)
     blocked = np.random.default_rng(2).random((1500, 1500)) < 0.2
     blocked[700, 700] = blocked[740, 730] = False

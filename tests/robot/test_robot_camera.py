@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 from robot_steps import after, changed, robot
 
-from minerva_agents.robot.knowledge import FREE, MARKER, SEEN, UNKNOWN
-from minerva_agents.robot.looking import forget_looks, frontier, look, out_of_view
-from minerva_agents.robot.motion import GridPose
+from minerva_agents.robot.grid import (
+    FREE,
+    MARKER,
+    SEEN,
+    UNKNOWN,
+    forget_looks,
+    frontier,
+    look,
+    out_of_view,
+)
+from minerva_agents.robot.pose import GridPose
 from minerva_agents.robot.vocabulary import eCamera
 
 KITCHEN, STORE = MARKER, MARKER + 1

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from robot_steps import PAPER, after, changed, emitted, robot
 
-from minerva_agents.robot.arriving import MAKE_WAY
-from minerva_agents.robot.ground import blocked, is_clear, room_of, sees, straightened
-from minerva_agents.robot.knowledge import FREE, MARKER, obstacles
-from minerva_agents.robot.motion import (
+from minerva_agents.robot.approach import MAKE_WAY
+from minerva_agents.robot.clearance import blocked, is_clear, room_of, sees, straightened
+from minerva_agents.robot.grid import FREE, MARKER, obstacles
+from minerva_agents.robot.planning import shortest_path
+from minerva_agents.robot.pose import (
     STAY,
     TURNING,
     GridPose,
@@ -19,7 +20,6 @@ from minerva_agents.robot.motion import (
     move_of,
     towards,
 )
-from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.vocabulary import eDecide, eObjective, eReached
 from minerva_bus import EMPTY
 

@@ -11,10 +11,9 @@ import pytest
 from floor_simulator import Simulator
 
 import minerva_agents.robot
-from minerva_agents.robot.narrows import Narrows, is_passable, passable_width
-from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
-from minerva_agents.robot.options import RobotOptions
-from minerva_agents.robot.world import notes, scene
+from minerva_agents.robot.clearance import Narrows, is_passable, passable_width
+from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap
+from minerva_agents.robot.world import RobotOptions, notes, scene
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.settings.overrides import Overrides

@@ -5,7 +5,7 @@ import math
 import pytest
 from errands import Story, centre, parcel, robot
 
-from minerva_agents.robot.parcel import AParcel
+from minerva_agents.robot.errands import AParcel
 from minerva_agents.robot.vocabulary import eCollision, eErrand, eObjective, ePicture, ePut, eTake
 from minerva_agents.robot.world import vocabulary
 from minerva_bus import evolve, visualize

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from floor_simulator import Simulator
 
-from minerva_agents.robot.options import RobotOptions
 from minerva_agents.robot.robot import ARobot
-from minerva_agents.robot.world import scene
+from minerva_agents.robot.world import RobotOptions, scene
 from minerva_bus import Scene
 from minerva_bus.grammar.scene import agents
 

@@ -6,11 +6,7 @@ from floor_plans import FloorPlan
 from floor_simulator import Simulator
 from robot_steps import after, robot
 
-from minerva_agents.robot.astar import search_and_approach
-from minerva_agents.robot.knowledge import CLOSED, FREE, MARKER, SEEN
-from minerva_agents.robot.motion import STAY, action_of, move_of
-from minerva_agents.robot.occupancy import OccupancyMap
-from minerva_agents.robot.patience import (
+from minerva_agents.robot.approach import (
     COUNT_FRAMES,
     MAX_FAILURES,
     MAX_SEARCHES,
@@ -19,8 +15,12 @@ from minerva_agents.robot.patience import (
     patience,
     restart_search,
 )
+from minerva_agents.robot.control import search_and_approach
+from minerva_agents.robot.exploration import Goal
+from minerva_agents.robot.grid import CLOSED, FREE, MARKER, SEEN
+from minerva_agents.robot.maps import OccupancyMap
+from minerva_agents.robot.pose import STAY, action_of, move_of
 from minerva_agents.robot.robot import ARobot
-from minerva_agents.robot.searching import Goal
 from minerva_agents.robot.vocabulary import eCamera, eDecide
 from minerva_agents.robot.world import scene
 from minerva_bus import Context, Frame, World, evolve, run

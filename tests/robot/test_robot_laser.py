@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from robot_steps import after, changed, robot
 
-from minerva_agents.robot import scans
-from minerva_agents.robot.knowledge import (
+from minerva_agents.robot import grid as evidence
+from minerva_agents.robot.grid import (
     FREE,
     MARKER,
     OBSTACLE,
@@ -19,9 +19,9 @@ from minerva_agents.robot.knowledge import (
     after_passing,
     doubt,
     mark_obstacle,
+    mark_scan,
 )
-from minerva_agents.robot.motion import at_distance
-from minerva_agents.robot.scans import mark_scan
+from minerva_agents.robot.pose import at_distance
 from minerva_agents.robot.vocabulary import eClear, eLaser
 from minerva_agents.robot.world import vocabulary
 
@@ -127,7 +127,7 @@ def test_a_scan_of_many_samples_is_marked_in_parts(monkeypatch, samples):
     parts = whole.copy()
     ends = random.uniform(-5, 45, (2, 60))
     mark_scan(whole, 20.3, 19.8, *ends)
-    monkeypatch.setattr(scans, "_AT_ONCE", samples)
+    monkeypatch.setattr(evidence, "_AT_ONCE", samples)
     mark_scan(parts, 20.3, 19.8, *ends)
     assert np.array_equal(parts, whole)
     mark_scan(parts, 20.3, 19.8, *ends[:, :0])

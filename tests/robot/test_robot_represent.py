@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from robot_steps import robot
 
-from minerva_agents.robot.knowledge import MARKER
-from minerva_agents.robot.motion import Move, action_of
+from minerva_agents.robot.grid import MARKER
+from minerva_agents.robot.pose import Move, action_of
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import ePicture, eRepresent
 from minerva_agents.robot.world import vocabulary

@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from minerva_agents.robot import occupancy
-from minerva_agents.robot.distances import clearance
-from minerva_agents.robot.grids import MapError
-from minerva_agents.robot.maps import load_map
-from minerva_agents.robot.parcel import AParcel
-from minerva_agents.robot.placing import spread
+from minerva_agents.robot import maps
+from minerva_agents.robot.errands import AParcel
+from minerva_agents.robot.grid import MapError, clearance
+from minerva_agents.robot.maps import load_map, spread
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import defaults, notes, scene, vocabulary
 from minerva_bus import EMPTY, MinervaError
@@ -199,7 +197,7 @@ def test_the_clearance_of_a_map_is_computed_once(hall, monkeypatch):
         computed.append(obstacles.shape)
         return clearance(obstacles)
 
-    monkeypatch.setattr(occupancy, "clearance", counted)
+    monkeypatch.setattr(maps, "clearance", counted)
     scene(defaults({"map": hall, "robots": 3}))
     assert len(computed) == 1
 

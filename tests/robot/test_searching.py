@@ -7,12 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_agents.robot.distances import inflate
-from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, obstacles
-from minerva_agents.robot.looking import look
-from minerva_agents.robot.motion import GridPose
-from minerva_agents.robot.planning import shortest_path
-from minerva_agents.robot.prospects import (
+from minerva_agents.robot.exploration import (
     DARK,
     NEWS,
     NOTHING,
@@ -21,10 +16,15 @@ from minerva_agents.robot.prospects import (
     WALL,
     WORTH,
     Prospects,
+    SearchState,
     kinds_of,
+    news_ahead,
+    news_at,
+    next_goal,
 )
-from minerva_agents.robot.searching import SearchState, news_ahead, news_at, next_goal
-from minerva_agents.robot.wave import STEP, Wave
+from minerva_agents.robot.grid import FREE, SEEN, UNKNOWN, inflate, look, obstacles
+from minerva_agents.robot.planning import STEP, Wave, shortest_path
+from minerva_agents.robot.pose import GridPose
 from minerva_bus import portable
 
 CELL = 0.1

@@ -5,7 +5,7 @@ import pytest
 from floor_plans import FloorPlan, save_map
 from floor_simulator import Floor
 
-from minerva_agents.robot.options import RobotOptions
+from minerva_agents.robot.world import RobotOptions
 from minerva_bus import World, run
 
 

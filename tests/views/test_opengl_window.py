@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from opengl_world import at, like, needs_driver
 
-from minerva_agents.robot.parcel import AParcel
+from minerva_agents.robot.errands import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import ePicture
 from minerva_agents.robot.world import scene, vocabulary

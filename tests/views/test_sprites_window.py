@@ -14,7 +14,7 @@ pytest.importorskip("pygame")
 
 from sprites_world import middle_of
 
-from minerva_agents.robot.parcel import AParcel
+from minerva_agents.robot.errands import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import visualize

@@ -1,39 +1,126 @@
-"""Draw a map from a recording, into the robot's own kind of grid.
+"""Draw a map from a recording, into the robot's own kind of grid, with checks of its quality.
 
 Each scan is a frame, each beam that hit something an `eLaser` of the robot: the cells change as in
 `ARobot.sense_obstacle`. The first pass determines the size of the grid, the second draws.
+
+The error of a trajectory at a scan is the distance to the published position and the difference of
+headings; both trajectories start at the same pose. Because a small initial heading error rotates a
+whole trajectory, the error after optimal alignment by rotation and translation is reported too: the
+absolute trajectory error of Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems"
+(IROS 2012), as a mean distance.
+
+When a robot revisits a place, both scans should see the same walls. A scan that looks through the
+other's walls was placed at a wrong pose, and walls are drawn twice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import cmath
+import io
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.canvas import MapExtent, canvas_of
-from minerva_agents.robot.doubling import doubling_notes
-from minerva_agents.robot.drift import Drift, TrajectoryPoint
-from minerva_agents.robot.knowledge import free, obstacles
-from minerva_agents.robot.locating import (
+from minerva_agents.robot.grid import free, obstacles
+from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from minerva_agents.robot.pose import Reals
+from minerva_agents.robot.trajectories import (
+    MIN_LOOP,
+    NEAR,
     NO_MOTION,
     Located,
+    MapExtent,
+    Posed,
     ScanMotion,
+    Unposed,
+    between,
+    canvas_of,
+    keyframes_of,
     located_scans,
     place_of,
+    posed_scans,
+    poses_of,
+    seen_through,
     shortened,
+    transformed,
 )
-from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
+from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import check_output, write_output
+from minerva_bus.plotting import write_figure
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import install
-from minerva_bus.world.clock_steps import RecordingClock
+from minerva_bus.world.clock_steps import RecordingClock, seconds_of
 from minerva_bus.world.compensation import Compensator, needs_path
-from minerva_bus.world.readings import Displacement
+from minerva_bus.world.readings import Displacement, Scan
 from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording
+
+if TYPE_CHECKING:
+    from PIL.ImageDraw import ImageDraw as Pen
+
+
+def draw(
+    open: Callable[[], Recording], into: Path, choice: MapChoice, progress: Progress
+) -> list[str]:
+    """Draw the map of a recording into files (a `Mapper`). Raises MinervaError."""
+    check_name(into)
+    # Checked first, because drawing takes long.
+    for suffix in (".pgm", ".yaml", ".png"):
+        check_output(into.with_suffix(suffix), "map")
+    picture = into.with_suffix(".png")
+    drawn = draw_map(open, choice, progress)
+    yaml = save_map(drawn.map, into)
+    notes = [_summary(drawn, yaml)]
+    if drawn.left_out:
+        notes.append(f"{drawn.left_out} scans skipped: no odometry within {NEAR:g} s")
+    if drawn.uncorrected:
+        notes.append(
+            f"{drawn.uncorrected} scans not corrected for the robot's motion: no odometry covers"
+            " their times. If the lidar has its own clock, set --time-offset"
+        )
+    notes += drawn.notes
+    try:
+        # The map is complete without its picture, for which Pillow may be missing.
+        save_picture(drawn, picture)
+        notes.append(f"{picture}: the map as a picture")
+    except MisuseError as error:
+        notes.append(f"no picture: {error}")
+    return notes + _errors(drawn, into, choice.poses)
+
+
+def _errors(drawn: Drawn, into: Path, poses: str) -> list[str]:
+    """Trajectory errors and their plot, where published poses are known."""
+    drift = drawn.drift
+    if drift is None:
+        return []
+    notes = [f"{poses}, relative to the published poses: {drift.taken}"]
+    if poses != "odometry" and drift.chained is not None:
+        notes.append(f"odometry alone: {drift.chained}")
+    path = into.with_name(f"{into.stem}-errors.png")
+    try:
+        save_plot(drift, path)
+    except MisuseError as error:
+        return [*notes, f"no plot: {error}"]
+    return [*notes, f"{path}: errors over time"]
+
+
+def _summary(drawn: Drawn, yaml: Path) -> str:
+    rows, columns = drawn.grid.shape
+    high, wide = rows * drawn.cell, columns * drawn.cell
+    return (
+        f"{yaml}: {high:.1f} x {wide:.1f} m in cells of {drawn.cell:g} m,"
+        f" from {len(drawn.way)} scans"
+    )
+
+
+# --- drawing --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +223,7 @@ class _Trajectory:
     def _closed(self, located: list[Located], progress: Progress) -> list[Located]:
         """The scans at their poses after loop closure."""
         try:
-            from minerva_agents.robot.loops import closed_loops  # late: needs scipy
+            from minerva_agents.robot.loop_closure import closed_loops  # late: needs scipy
         except ImportError:
             self.notes.append(
                 f"loops are not closed because scipy is missing; install it with: {install('maps')}"
@@ -201,3 +288,271 @@ def _between(recording: Recording, choice: MapChoice, progress: Progress) -> Ite
             return
         if clock.seconds >= choice.begin:
             yield recorded
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+# The shades that the map_server's own map_saver writes.
+_BLACK, _GREY, _WHITE = 0, 205, 254
+_WIDTH: Final = 1400
+_MAX_PIXELS: Final = 6000
+_SHADES: Final = {"free": (252, 252, 250), "unknown": (222, 224, 227), "wall": (28, 32, 38)}
+_WAY: Final = (226, 111, 32)
+_START: Final = (32, 140, 90)
+
+
+def save_map(occupancy: OccupancyMap, image: Path) -> Path:
+    """Write a map as PGM with a YAML file next to it; returns the path of the YAML file.
+
+    `load_map` and the map_server read the same cells from it. Raises MisuseError.
+    """
+    check_name(image)
+    shades = _shades(occupancy.cells)
+    header = f"P5\n{shades.shape[1]} {shades.shape[0]}\n255\n".encode()
+    yaml = image.with_suffix(".yaml")
+    write_output(image, header + shades.tobytes(), "map")
+    write_output(yaml, _yaml(occupancy, image.name).encode(), "map")
+    return yaml
+
+
+def save_picture(drawn: Drawn, path: Path) -> None:
+    """Draw a map with the robot's path as PNG. Raises MisuseError."""
+    try:
+        from PIL import Image, ImageDraw  # late: optional dependency (extra "maps")
+    except ImportError:
+        raise MisuseError(
+            f"{path}: pictures need Pillow; install it with: {install('maps')}"
+        ) from None
+    image = Image.fromarray(_colours(drawn.map.cells))
+    zoom = min(max(1, round(_WIDTH / max(image.size))), max(1, _MAX_PIXELS // max(image.size)))
+    image = image.resize((image.width * zoom, image.height * zoom), Image.Resampling.NEAREST)
+    pen, scale = ImageDraw.Draw(image), zoom / drawn.cell
+    way = (drawn.way - (drawn.x, drawn.y)) * scale
+    points = [(x, image.height - y) for x, y in way.tolist()]
+    pen.line(points, fill=_WAY, width=max(1, image.width // 700))
+    for (x, y), colour in ((points[0], _START), (points[-1], _WAY)):
+        radius = max(3, image.width // 200)
+        pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=colour, outline="white")
+    _draw_scale(pen, image.size, scale)
+    content = io.BytesIO()
+    image.save(content, "png")
+    write_output(path, content.getvalue(), "picture")
+
+
+def check_name(image: Path) -> None:
+    """Raise MisuseError if the map cannot be written under this name."""
+    if image.suffix.lower() != ".pgm":
+        raise MisuseError(f"{image}: maps are written as PGM; choose a name that ends in .pgm")
+    if not image.parent.is_dir():
+        raise MisuseError(f"{image}: folder {image.parent} does not exist; create it first")
+
+
+def _shades(cells: NDArray[np.int16]) -> NDArray[np.uint8]:
+    """Cells [x, y] as an image, top row first."""
+    shades = np.where(cells == OCCUPIED, _BLACK, np.where(cells == FREE, _WHITE, _GREY))
+    return np.ascontiguousarray(shades.T[::-1].astype(np.uint8))
+
+
+def _yaml(occupancy: OccupancyMap, image: str) -> str:
+    lines = [
+        f"image: {json.dumps(image)}",
+        "mode: trinary",
+        f"resolution: {occupancy.resolution:.9g}",
+        f"origin: [{occupancy.x:.9g}, {occupancy.y:.9g}, 0.0]",
+        "negate: 0",
+        "occupied_thresh: 0.65",
+        # The shade for unknown, 205, is an occupancy of 0.19608, just above this threshold.
+        "free_thresh: 0.196",
+    ]
+    if occupancy.start is not None:
+        x, y, angle = occupancy.start
+        lines.append(f"start: [{x:.6g}, {y:.6g}, {angle:.6g}]")
+    return "\n".join(lines) + "\n"
+
+
+def _colours(cells: NDArray[np.int16]) -> NDArray[np.uint8]:
+    colours = np.array([_SHADES["unknown"], _SHADES["free"], _SHADES["wall"]], np.uint8)
+    kinds = np.where(cells == OCCUPIED, 2, np.where(cells == FREE, 1, 0))
+    return np.ascontiguousarray(colours[kinds.T[::-1]])
+
+
+def _draw_scale(pen: Pen, size: tuple[int, int], scale: float) -> None:
+    """Draw a scale bar of round length in the lower left corner."""
+    width, height = size
+    wanted = width / scale / 6
+    length = max(length for length in _LENGTHS if length <= max(wanted, _LENGTHS[0]))
+    text = f"{length:g} m"
+    left, bottom, right = width // 50, height - height // 50 - 1, width // 50 + length * scale
+    pen.line([(left, bottom), (right, bottom)], fill=_SHADES["wall"], width=max(1, width // 400))
+    pen.text((left, bottom - width // 45), text, fill=_SHADES["wall"], font_size=width // 60)
+
+
+_LENGTHS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+
+
+# --- errors of the trajectory ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryPoint:
+    """Poses of a scan at `time` seconds: published, estimated, and by odometry alone."""
+
+    time: float
+    published: Pose
+    taken: Pose
+    chained: Pose | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Errors along a trajectory, (n,) each: metres, degrees, and metres after alignment."""
+
+    metres: Reals
+    degrees: Reals
+    aligned: Reals
+
+    def __str__(self) -> str:
+        return (
+            f"mean {self.metres.mean():.2f} m, maximum {self.metres.max():.2f} m;"
+            f" heading {self.degrees.mean():.1f} degrees, maximum {self.degrees.max():.1f};"
+            f" aligned {self.aligned.mean():.2f} m, maximum {self.aligned.max():.2f} m"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drift:
+    """Errors over time in seconds, (n,), and those of pure odometry where it is complete."""
+
+    seconds: Reals
+    taken: Errors
+    chained: Errors | None
+
+    @staticmethod
+    def of(points: Sequence[TrajectoryPoint]) -> Drift:
+        """Errors of a trajectory of at least one point."""
+        published = [point.published for point in points]
+        chained = [point.chained for point in points if point.chained is not None]
+        return Drift(
+            np.array(seconds_of([point.time for point in points])),
+            errors_of([point.taken for point in points], published),
+            errors_of(chained, published) if len(chained) == len(points) else None,
+        )
+
+
+def errors_of(taken: Sequence[Pose], published: Sequence[Pose]) -> Errors:
+    """Errors of estimated poses against as many published ones."""
+    turns = [estimate.angle - pose.angle for estimate, pose in zip(taken, published, strict=True)]
+    degrees = np.abs([math.remainder(turn, 360.0) for turn in turns])
+    ours, theirs = (
+        np.array([complex(pose.x, pose.y) for pose in way]) for way in (taken, published)
+    )
+    here, there = ours - ours.mean(), theirs - theirs.mean()
+    # As complex numbers, the phase of the correlation is the rotation of least squared error.
+    turned = here * cmath.rect(1.0, cmath.phase(complex((here.conj() * there).sum())))
+    return Errors(np.abs(ours - theirs), degrees, np.abs(turned - there))
+
+
+_COLOURS: Final = {"odometry": "#c0392b", "matched": "#1f6f8b"}
+
+
+def save_plot(drift: Drift, path: Path) -> None:
+    """Plot the errors over time as PNG. Raises MisuseError."""
+    try:
+        from matplotlib.figure import Figure  # late: optional dependency (extra "plot")
+    except ImportError:
+        raise MisuseError(
+            f"{path}: plots need matplotlib; install it with: {install('plot')}"
+        ) from None
+    figure: Any = Figure(figsize=(9, 4.5), dpi=130, layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    same = drift.chained is None or drift.chained.metres.tolist() == drift.taken.metres.tolist()
+    ways = [("odometry", drift.chained), ("odometry" if same else "matched", drift.taken)]
+    for name, errors in ways[same:]:
+        if errors is not None:
+            upper.plot(drift.seconds, errors.metres, color=_COLOURS[name], label=name, lw=1.3)
+            lower.plot(drift.seconds, errors.degrees, color=_COLOURS[name], lw=1.3)
+    upper.set_title("error relative to the published poses", loc="left")
+    upper.set_ylabel("distance, m")
+    lower.set_ylabel("heading, degrees")
+    lower.set_xlabel("time, s")
+    for axis in (upper, lower):
+        axis.set_yscale("symlog", linthresh=1.0)
+        axis.set_ylim(bottom=0)
+        axis.grid(visible=True, color="#e6e8eb")
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.yaxis.set_major_formatter("{x:g}")
+    upper.legend(frameon=False, loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
+    write_figure(figure, path)
+
+
+# --- walls that are drawn twice -------------------------------------------------------------------
+
+
+_SAME_PLACE_METRES: Final = 1.5
+"""Maximum distance between two keyframes of one place, in metres."""
+
+_MAX_SEEN_THROUGH: Final = 0.3
+"""Tolerated fraction of a scan's hits in space that the other scan saw as free."""
+
+_TOLERATED: Final = 0.02
+"""Fraction of places that may differ because of people and doors."""
+
+
+@dataclass(frozen=True, slots=True)
+class Doubled:
+    """A revisited place (m) whose walls disagree, with the times of both visits (s)."""
+
+    x: float
+    y: float
+    first: float
+    second: float
+
+
+def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[Doubled], int]:
+    """Places whose walls a later visit contradicts, and the number of revisited places."""
+    keys = keyframes_of(scans, places)
+    poses = poses_of([places[key.number] for key in keys])
+    seconds = seconds_of([scan.time for scan in scans])
+    doubled, visits = [], 0
+    way = np.array([key.way for key in keys])
+    for later in range(0, len(keys), 2):
+        before = np.flatnonzero(way <= way[later] - MIN_LOOP)
+        if not len(before):
+            continue
+        apart = np.hypot(*(poses[before, :2] - poses[later, :2]).T)
+        first = int(before[apart.argmin()])
+        if apart.min() > _SAME_PLACE_METRES:
+            continue
+        visits += 1
+        step = between(poses[first], poses[later])
+        # Either scan may look through the walls of the other.
+        through = max(
+            seen_through(transformed(keys[later].points, step), keys[first].reach),
+            seen_through(
+                transformed(keys[first].points, between(step, np.zeros(3))), keys[later].reach
+            ),
+        )
+        if through > _MAX_SEEN_THROUGH:
+            x, y, _ = poses[later].tolist()
+            times = [seconds[keys[k].number] for k in (first, later)]
+            doubled.append(Doubled(x, y, *times))
+    return doubled, visits
+
+
+def doubling_notes(scans: Sequence[Scan], places: Sequence[Pose], poses: str) -> list[str]:
+    """A warning with advice if walls are drawn twice, as a list of lines; else empty."""
+    doubled, visits = doubled_walls(scans, places)
+    if len(doubled) < 2 or len(doubled) <= _TOLERATED * visits:
+        return []
+    worst = doubled[0]
+    advice = (
+        "record at lower speed, or exclude a part (--from, --to)"
+        if poses == "matched"
+        else "use --poses matched to estimate the poses and close loops"
+    )
+    return [
+        f"walls are drawn twice at {len(doubled)} of {visits} revisited places,"
+        f" first near ({worst.x:.1f}, {worst.y:.1f}) m, seen at {worst.first:.0f} s and"
+        f" {worst.second:.0f} s: {advice}"
+    ]

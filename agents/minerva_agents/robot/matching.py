@@ -21,8 +21,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.knowledge import obstacles
-from minerva_agents.robot.motion import GridPose, Reals
+from minerva_agents.robot.grid import obstacles
+from minerva_agents.robot.pose import GridPose, Reals
 from minerva_bus import Cells, portable
 
 Worths: TypeAlias = NDArray[np.int16]

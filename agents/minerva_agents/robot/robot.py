@@ -6,20 +6,27 @@ agent's state, so another process can continue it from any frame.
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator
+from typing import Final
 
-from minerva_agents.robot import errand
-from minerva_agents.robot.deciding import next_move, notice
-from minerva_agents.robot.ground import room_of
-from minerva_agents.robot.knowledge import (
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_agents.robot import errands
+from minerva_agents.robot.approach import begin_search
+from minerva_agents.robot.clearance import room_of
+from minerva_agents.robot.control import next_move, notice
+from minerva_agents.robot.grid import (
     clear_open_beam,
     clearing_part,
     close,
     mark_marker,
     mark_obstacle,
+    mark_scan,
     place_of,
 )
-from minerva_agents.robot.motion import (
+from minerva_agents.robot.matching import Uncertainty, match
+from minerva_agents.robot.pose import (
     STAY,
     GridPose,
     Move,
@@ -28,12 +35,19 @@ from minerva_agents.robot.motion import (
     action_of,
     at_distance,
     at_distances,
+    centre_of,
     move_of,
+    wrapped,
 )
-from minerva_agents.robot.patience import begin_search
-from minerva_agents.robot.scans import mark_scan
-from minerva_agents.robot.showing import goal_shown, way_shown
-from minerva_agents.robot.vocabulary import PGrid, PRobot, TPlace, eInterrupted
+from minerva_agents.robot.vocabulary import (
+    PGoal,
+    PGrid,
+    PObjective,
+    PPath,
+    PRobot,
+    TPlace,
+    eInterrupted,
+)
 from minerva_bus import (
     EMPTY,
     Agent,
@@ -47,6 +61,7 @@ from minerva_bus import (
     Scene,
     Seconds,
     on,
+    portable,
     view,
 )
 
@@ -55,7 +70,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     """A robot that searches for a marker, and transports what stands at one marker to another.
 
     Attributes of the paper:
-        grid: the evidence grid; see `knowledge` for the cell codes.
+        grid: the evidence grid; see `grid` for the cell codes.
         row, column: position in the grid, in cells.
         angle: heading, counter-clockwise from the direction of growing rows.
         speed: driving speed.
@@ -66,12 +81,12 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         cell: side of a cell.
         x0, y0: world position of the outer corner of cell (0, 0).
         radius: radius of the robot's body.
-        planner: decision algorithm, see `deciding`.
+        planner: decision algorithm, see `control`.
         markers: names of the grid's marker codes; newly seen markers are appended.
         fov, sight: field of view and range that the robot assumes for its camera.
         plan_rows, plan_columns: remaining corners of its path.
         purpose: what the path is for.
-        is_narrow: whether the path has minimal clearance, see `narrows`.
+        is_narrow: whether the path has minimal clearance, see `clearance`.
         pause: frames left to wait.
         failures: consecutive failures to find a path.
         heading: target heading of a look, while that is the purpose.
@@ -80,9 +95,9 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         dull: cells where a turn revealed nothing new, likewise.
         searches: how often the search for this objective was exhausted.
         most_known: maximum number of known or inspected cells in this search.
-        stale: time of a search that news have not paid for, or of an approach, see `patience`.
+        stale: time of a search that news have not paid for, or of an approach, see `approach`.
 
-    Attributes of an errand, see `errand`:
+    Attributes of an errand, see `errands`:
         target: destination of the load; empty without an errand.
         later: the objective that the errand interrupted.
         load: parcels on board.
@@ -167,7 +182,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         self._act(move)
         # eCarry takes effect in the next frame, when the robot will have executed `move`.
         if moved.dist or move.dist:
-            errand.carry(self, self.pose.after(move, self.cell).position, moment)
+            errands.carry(self, self.pose.after(move, self.cell).position, moment)
 
     @on("eObjective")
     def set_objective(self, order: Event, moment: Context) -> None:
@@ -188,7 +203,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         """
         back = Move(0.0, -collision.shortfall)
         self._stand(self.pose.after(back, self.cell))
-        errand.carry(self, self.position, moment)
+        errands.carry(self, self.position, moment)
         # Half a cell beyond the body lies in the obstacle's cell.
         touch = self.radius / self.cell + 0.5
         mark_obstacle(self.writable("grid"), *at_distance(self.row, self.column, self.angle, touch))
@@ -202,13 +217,13 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         """
         touch = self.radius / self.cell + 0.5
         close(self.writable("grid"), *at_distance(self.row, self.column, self.angle, touch))
-        errand.carry(self, self.position, moment)
+        errands.carry(self, self.position, moment)
         self.forget_plan()
 
     @on("eErrand")
     def set_errand(self, order: Event, moment: Context) -> None:
         """Bring what stands at the source to the target; the objective is suspended."""
-        errand.begin(self, order.source, order.target, moment)
+        errands.begin(self, order.source, order.target, moment)
 
     @on("eInterrupt")
     def interrupt(self, order: Event, moment: Context) -> None:
@@ -222,14 +237,14 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         """Another robot takes what stands at a marker."""
         # The robot's own request reaches it as well.
         if take.sender != self.id:
-            errand.notice_rival(self, take.marker, moment)
+            errands.notice_rival(self, take.marker, moment)
 
     @on("eTaken")
     def load_parcel(self, taken: Event, moment: Context) -> None:
         """Add a parcel to the load and pick it up."""
         if taken.sender and taken.sender not in self.load:
             self.load = (*self.load, taken.sender)
-            errand.carry(self, self.position, moment)
+            errands.carry(self, self.position, moment)
 
     @view("eRepresent")
     def represent(self, event: Event) -> Scene:
@@ -303,3 +318,135 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         # An equal action keeps its string, because comparisons of strings start with identity.
         if move != move_of(self.action):
             self.action = action_of(move, self.id, self.radius)
+
+
+def filled(dist: Reals, angle: Reals, max_gap: float) -> tuple[Reals, Reals]:
+    """The hits, plus points one cell apart between neighbours at most `max_gap` cells apart.
+
+    Distances are cells, angles degrees, (n,) each. A laser with few beams samples a wall sparsely,
+    and without interpolation a scan would fit best where its points coincide with those of the
+    previous scan. A laser with many beams needs none: interpolation would round off corners.
+    """
+    cos, sin = portable.cos_sin(np.radians(angle))
+    down, right = dist * cos, dist * sin
+    far_down, far_right = np.roll(down, -1) - down, np.roll(right, -1) - right
+    gaps = portable.hypot(far_down, far_right)
+    counts = np.where(gaps <= max_gap, np.maximum(np.ceil(gaps), 1), 1).astype(np.intp)
+    which = np.repeat(np.arange(len(dist)), counts)
+    firsts = np.cumsum(counts) - counts
+    parts = (np.arange(len(which)) - firsts[which]) / counts[which]
+    down, right = down[which] + parts * far_down[which], right[which] + parts * far_right[which]
+    return portable.hypot(down, right), np.degrees(portable.atan2(right, down))
+
+
+_MAX_GAP: Final = 0.6
+"""Maximum gap in metres between neighbouring hits on one wall."""
+
+_KEY_DEGREES: Final = 30.0
+_KEY_METRES: Final = 0.25
+"""Degrees and metres after which a scan is drawn. Drawing every matched scan would make the map
+follow the robot's errors instead of correcting them."""
+
+
+class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
+    """A robot that corrects its pose before it draws what it sees.
+
+    Attributes in addition to ARobot's:
+        turned: total rotation since the last drawn scan.
+        driven: distance travelled since then.
+    """
+
+    turned: Degrees = 0.0
+    driven: Metres = 0.0
+
+    # Not part of the state, because these buffers are empty between two frames.
+    _hits: tuple[tuple[float, float], ...] = ()
+    _misses: tuple[tuple[float, float], ...] = ()
+
+    @on("eLaser", together=True, population=False)
+    def sense_obstacle(self, laser: EventBatch | Event, moment: Context) -> None:
+        """Buffer (metres, degrees) of hits until the scan is complete, in the same frame."""
+        self._hits = (*self._hits, *_beams(laser))
+
+    @on("eClear", together=True, population=False)
+    def sense_free(self, beam: EventBatch | Event, moment: Context) -> None:
+        """Buffer (metres, degrees) of beams without a hit until the scan is complete."""
+        self._misses = (*self._misses, *_beams(beam))
+
+    def sense_marker(self, camera: Event, moment: Context) -> None:
+        """g', after the pose is corrected."""
+        self._localise(moment)
+        super().sense_marker(camera, moment)
+
+    def decide(self, event: Event, moment: Context) -> None:
+        """r', c', ang', act', after the pose is corrected."""
+        self._localise(moment)
+        before = self.pose
+        super().decide(event, moment)
+        # From this motion follows the uncertainty of the next match.
+        self.turned += abs(wrapped(self.angle - before.angle))
+        gone = portable.hypot(self.row - before.row, self.column - before.column)
+        self.driven += float(gone) * self.cell
+
+    def _localise(self, moment: Context) -> None:
+        """Correct the pose by the buffered scan, and draw the scan after enough motion."""
+        hits, misses = self._in_cells(self._hits), self._in_cells(self._misses)
+        self._hits, self._misses = (), ()
+        if not len(hits) and not len(misses):
+            return
+        # A robot at rest draws every scan at the same pose, which cannot distort the map.
+        if self.turned or self.driven:
+            self._correct(hits)
+            if self.turned < _KEY_DEGREES and self.driven < _KEY_METRES:
+                return
+            self.turned = self.driven = 0.0
+        self._draw(hits, misses, clearing_part(moment.number))
+
+    def _in_cells(self, beams: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
+        """(n, 2): distance in cells, angle in degrees."""
+        # Without beams, the array would have one dimension only.
+        return np.array(beams, np.float64).reshape(-1, 2) / (self.cell, 1.0)
+
+    def _correct(self, hits: NDArray[np.float64]) -> None:
+        """Move to the pose at which the hits match the map best.
+
+        Without hits there is no evidence.
+        """
+        if not len(hits):
+            return
+        uncertainty = Uncertainty.after(self.turned, self.driven)
+        walls = filled(hits[:, 0], hits[:, 1], _MAX_GAP / self.cell)
+        best = match(self.grid, self.pose, walls, self.cell, uncertainty)
+        self.row, self.column, self.angle = best.row, best.column, wrapped(best.angle)
+
+    def _draw(self, hits: NDArray[np.float64], misses: NDArray[np.float64], part: float) -> None:
+        grid, row, column = self.writable("grid"), self.row, self.column
+        ends = at_distances(row, column, self.angle + hits[:, 1], hits[:, 0])
+        mark_scan(grid, row, column, *ends, part)
+        for dist, angle in misses.tolist():
+            to = at_distance(row, column, self.angle + angle, dist)
+            clear_open_beam(grid, row, column, *to, part)
+
+
+def _beams(event: EventBatch | Event) -> Iterator[tuple[float, float]]:
+    """Distances in metres and angles in degrees."""
+    dist, angle = np.atleast_1d(event.dist), np.atleast_1d(event.angle)
+    return zip(dist.tolist(), angle.tolist(), strict=True)
+
+
+def way_shown(robot: ARobot) -> Scene:
+    """The path from the robot's position over the remaining corners; empty without a path."""
+    if not robot.plan_rows:
+        return EMPTY
+    points = [robot.metres(position) for position in (robot.position, *robot.way)]
+    return PPath(tuple([x for x, _ in points]), tuple([y for _, y in points]))
+
+
+def goal_shown(robot: ARobot) -> Scene:
+    """The objective's name, and its place if it is known; empty without an objective."""
+    if not robot.objective:
+        return EMPTY
+    marked, place = PObjective(robot.objective), robot.objective_cell()
+    if place is None:
+        return marked
+    return marked + TPlace(*robot.metres(centre_of(place)))(PGoal())

@@ -6,7 +6,7 @@ PMarker, because a floor shows its rooms' markers; PGrid, PPath, PObjective and 
 robot's knowledge and plan; eCollision, by which physics notifies an agent (section 5); eReached and
 eUnreachable, by which the robot reports; eRefused, by which norms notify it; and ePicture, a second
 view. The transport of objects (4.1) uses PParcel, eErrand, which a user orders, and the six events
-from eTake to eGivenUp between robots and parcels; see `errand`.
+from eTake to eGivenUp between robots and parcels; see `errands`.
 
 Rows of a grid grow along the world's x, columns along its y. Lengths are in metres, angles in
 degrees, counter-clockwise. The colours of things and cells are the palette of Okabe and Ito (Color
@@ -100,7 +100,7 @@ PGrid = Primitive(
     x=Default(Metres, 0.0),
     y=Default(Metres, 0.0),
 )
-"""A robot's evidence grid; see `knowledge` for the codes."""
+"""A robot's evidence grid; see `grid` for the codes."""
 
 PPath = Primitive(
     "PPath",

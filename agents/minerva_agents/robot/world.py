@@ -13,38 +13,280 @@
   | radius    | 0.18       | radius of a robot, metres                                             |
   | fov       | 60         | field of view of the camera, degrees                                  |
   | sight     | 5.0        | range at which the camera recognises a marker, metres                 |
-  | localise  | "odometry" | "matching": correct odometry by scans, see `localising`               |
+  | localise  | "odometry" | "matching": correct odometry by scans, see `robot.ALocalisingRobot`   |
 
 All other options belong to the world's other members.
 
-With "astar" a robot passes every door of at least `narrows.passable_width`, 0.5 m for the defaults,
-in a wall along the lines of its grid. It passes narrower ones, and those in oblique walls, only
-where its grid lines fall favourably; `notes` computes that from the map.
+With "astar" a robot passes every door of at least `passable_width`, 0.5 m for the defaults, in a
+wall along the lines of its grid. It passes narrower ones, and those in oblique walls, only where
+its grid lines fall favourably. The grid makes walls thicker than they are, by up to one cell on
+each side of an opening and by more in oblique walls. So `notes` asks the robot's own planner before
+the start, instead of estimating from a width.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_agents.robot import vocabulary as words
-from minerva_agents.robot.foreseen import is_within_reach, known_grid, reachable_cells
-from minerva_agents.robot.grids import MapError
-from minerva_agents.robot.knowledge import holds
-from minerva_agents.robot.localising import ALocalisingRobot
-from minerva_agents.robot.motion import Position, cell_of
-from minerva_agents.robot.narrows import passable_width
-from minerva_agents.robot.occupancy import OCCUPIED, MapPose, Marker, OccupancyMap
-from minerva_agents.robot.options import RobotOptions
-from minerva_agents.robot.parcel import AParcel
-from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.approach import NEAR, cells_with_view
+from minerva_agents.robot.clearance import Narrows, blocked, passable_width, room_of
+from minerva_agents.robot.control import PLANNERS
+from minerva_agents.robot.errands import AParcel
+from minerva_agents.robot.grid import FREE, SURE, MapError, Mask, grown, holds, obstacles
+from minerva_agents.robot.maps import (
+    OCCUPIED,
+    MapPose,
+    Marker,
+    OccupancyMap,
+    free_component,
+    load_map,
+    regions,
+    roomiest,
+    spread,
+)
+from minerva_agents.robot.pose import Cell, Position, Reals, cell_of
+from minerva_agents.robot.robot import ALocalisingRobot, ARobot
 from minerva_agents.robot.vocabulary import PMap, PMarker, TPlace
-from minerva_bus import Cells, Scene, Vocabulary
+from minerva_bus import Cells, Scene, Vocabulary, portable
+from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.grammar.literals import MATRIX_CELLS
+
+# --- options --------------------------------------------------------------------------------------
+
+
+_OFFICE: Final = Path(__file__).parent / "plan" / "office.yaml"
+_FAVOURITE: Final = "kitchen"
+_MARKERS: Final = 6
+_SPACING: Final = 3.0
+"""Minimum distance between the centres of adjacent robots at the start, in radii."""
+_LAST_FLOOR: Final[list[OccupancyMap]] = []
+
+
+@dataclass(frozen=True)
+class RobotOptions:
+    """The options of the robot's world; the module `world` lists them."""
+
+    map: str = ""
+    markers: Mapping[str, tuple[float, float]] | None = None
+    start: str = ""
+    robots: int = 1
+    planner: str = "astar"
+    parcels: str = "*"
+    objective: str = ""
+    cell: float = 0.1
+    radius: float = 0.18
+    fov: float = 60.0
+    sight: float = 5.0
+    localise: str = "odometry"
+
+    @staticmethod
+    def read(options: Mapping[str, Any]) -> RobotOptions:
+        """Parse options and fill in defaults.
+
+        Raises WorldFileError; ignores other members' options.
+        """
+        raw = _RawOptions(options)
+        raw.check_from_zero("speed")
+        return RobotOptions(
+            raw.text("map", ""),
+            raw.places("markers"),
+            raw.text("start", ""),
+            raw.count("robots", 1),
+            raw.one_of("planner", list(PLANNERS)),
+            raw.text("parcels", "*"),
+            raw.text("objective", ""),
+            raw.length("cell", 0.1),
+            raw.length("radius", 0.18),
+            raw.length("fov", 60.0),
+            raw.length("sight", 5.0),
+            raw.one_of("localise", ["odometry", "matching"]),
+        )
+
+    @cached_property
+    def floor(self) -> OccupancyMap:
+        """The map, read once; the office plan by default."""
+        return _read_floor(self.map or _OFFICE)
+
+    @cached_property
+    def start_pose(self) -> MapPose:
+        """Start of the first robot: x, y (m) and degrees."""
+        return self._start_given() or self.floor.start or roomiest(self.floor, self.radius)
+
+    @cached_property
+    def places(self) -> tuple[Marker, ...]:
+        """The markers: from the options, the map, or spread over the floor."""
+        return self.given_places or self._spread()
+
+    @property
+    def given_places(self) -> tuple[Marker, ...]:
+        """The markers that the options or the map place; none if they are spread."""
+        if self.markers:
+            return tuple([self._marker(name, *at) for name, at in self.markers.items()])
+        return self.floor.markers
+
+    @cached_property
+    def starts(self) -> tuple[MapPose, ...]:
+        """Start poses, adjacent to the first robot's. Raises MapError."""
+        x, y, angle = self.start_pose
+        component = free_component(self.floor, self.radius, (x, y))
+        chosen = [(x, y)]
+        least = _SPACING * self.radius
+        # Listing all free cells takes long, and a single robot needs none of them.
+        others = self._clear_of_walls(component).nonzero() if self.robots > 1 else ()
+        cells = [(int(row), int(column)) for row, column in zip(*others, strict=True)]
+        free = [self.floor.centre_of(cell) for cell in cells]
+        for place in sorted(free, key=lambda position: (portable.dist(position, (x, y)), position)):
+            if len(chosen) == self.robots:
+                break
+            if all(portable.dist(place, other) >= least for other in chosen):
+                chosen.append(place)
+        if len(chosen) < self.robots:
+            raise MapError(
+                f"there is room for {len(chosen)} robots around ({x}, {y}) m, of {self.robots}"
+                f" requested; use fewer, or a radius smaller than {self.radius} m"
+            )
+        return tuple([(*place, angle) for place in chosen])
+
+    def _clear_of_walls(self, component: Mask) -> Mask:
+        """Cells of the component where a robot touches no part of an obstacle cell."""
+        return component & (self.floor.room > room_of(self.radius, self.floor.resolution))
+
+    @cached_property
+    def goal(self) -> str:
+        """Name of the objective. Raises WorldFileError if no such marker exists."""
+        if self.objective:
+            return self._named("objective", self.objective).name
+        names = [marker.name for marker in self.places]
+        return _FAVOURITE if _FAVOURITE in names else self._farthest()
+
+    @cached_property
+    def parcel_places(self) -> tuple[Marker, ...]:
+        """The marker of each parcel. Raises WorldFileError if no such marker exists."""
+        if self.parcels.strip() == "*":
+            return self.places
+        names = [name.strip() for name in self.parcels.split(",")]
+        return tuple([self._named("parcels", name) for name in names if name])
+
+    def _named(self, option: str, name: str) -> Marker:
+        markers = {marker.name: marker for marker in self.places}
+        if name not in markers:
+            hint = nearest(name, list(markers), f"available: {', '.join(markers)}")
+            raise WorldFileError(f"option {option}: unknown marker {name!r}{hint}")
+        return markers[name]
+
+    def _farthest(self) -> str:
+        start = self.start_pose[:2]
+        return max(self.places, key=lambda marker: portable.dist((marker.x, marker.y), start)).name
+
+    def _start_given(self) -> MapPose | None:
+        if not self.start:
+            return None
+        try:
+            numbers = [float(part) for part in self.start.split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+            raise WorldFileError(f"option start: expected 'x, y, degrees', not {self.start!r}")
+        x, y, angle = (*numbers, 0.0)[:3]
+        return x, y, angle
+
+    def _marker(self, name: str, x: float, y: float) -> Marker:
+        if not self.floor.holds(x, y):
+            raise WorldFileError(
+                f"option markers: {name} at ({x}, {y}) m is not on the map; expected metres in the"
+                " map's world frame"
+            )
+        return Marker(name, x, y)
+
+    def _spread(self) -> tuple[Marker, ...]:
+        """Up to six markers, as many as fit."""
+        return spread(self.floor, _MARKERS, self.radius, self.start_pose, least=1)
+
+
+def _read_floor(path: str | Path) -> OccupancyMap:
+    """The map in a file; an equal map that was read last is returned as the same object.
+
+    Defaults and scene of a world use one map, and the object caches computations that take far
+    longer than reading the file.
+    """
+    floor = load_map(path)
+    if not (_LAST_FLOOR and _LAST_FLOOR[0].equals(floor)):
+        _LAST_FLOOR[:] = [floor]
+    return _LAST_FLOOR[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _RawOptions:
+    """Raw option values with one checked accessor per type."""
+
+    values: Mapping[str, Any]
+
+    def text(self, name: str, default: str) -> str:
+        value = self.values.get(name, default)
+        if not isinstance(value, str):
+            raise _wrong(name, value, "a string")
+        return value
+
+    def count(self, name: str, default: int) -> int:
+        value = self.values.get(name, default)
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise _wrong(name, value, "an integer >= 1")
+        return value
+
+    def length(self, name: str, default: float) -> float:
+        number = _number(self.values.get(name, default))
+        if number is None or number <= 0:
+            raise _wrong(name, self.values[name], "a number above 0")
+        return number
+
+    def check_from_zero(self, name: str) -> None:
+        """Check an option of another member, where present: a number >= 0."""
+        number = _number(self.values.get(name, 0.0))
+        if number is None or number < 0:
+            raise _wrong(name, self.values[name], "a number >= 0")
+
+    def one_of(self, name: str, choices: list[str]) -> str:
+        value = self.text(name, choices[0])
+        if value not in choices:
+            expected = " or ".join(map(repr, choices))
+            raise _wrong(name, value, f"{expected}{nearest(value, choices)}")
+        return value
+
+    def places(self, name: str) -> Mapping[str, tuple[float, float]]:
+        value: object = self.values.get(name, {})
+        if not isinstance(value, Mapping):
+            raise _wrong(name, value, "names with positions, {kitchen = [x, y]}")
+        entries = cast("Mapping[object, object]", value)
+        return {str(marker): _place(f"{name}.{marker}", at) for marker, at in entries.items()}
+
+
+def _place(name: str, value: object) -> tuple[float, float]:
+    items = cast("list[object]", value if isinstance(value, list | tuple) else [])
+    numbers = [number for item in items if (number := _number(item)) is not None]
+    if not len(numbers) == len(items) == 2:
+        raise _wrong(name, cast("object", value), "a position [x, y] in metres")
+    return numbers[0], numbers[1]
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def _wrong(name: str, value: object, expected: str) -> WorldFileError:
+    shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
+    return WorldFileError(f"option {name}: expected {expected}, not {shown}")
+
 
 vocabulary: Final = Vocabulary.of(
     words.PMap,
@@ -292,3 +534,64 @@ def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
     # Shared by all robots; `writable` copies it at the first change.
     cells.setflags(write=False)
     return _Grid(cells, round(x - cell, 9), round(y - cell, 9))
+
+
+# --- what a robot will know, and where it can get -------------------------------------------------
+
+
+_INSIDE = 1e-6
+"""Depth of a hit in an obstacle, in cells of the map; it decides between two cells of the grid."""
+
+
+def known_grid(floor: OccupancyMap, empty: Cells, x: float, y: float, cell: float) -> Cells:
+    """A robot's grid once a laser has seen every surface of the map.
+
+    Args:
+        floor: the map; everything outside it counts as an obstacle.
+        empty: a grid without knowledge.
+        x: of the outer corner of its cell (0, 0), in metres.
+        y: likewise.
+        cell: side of its cells in metres.
+
+    """
+    grid = np.full_like(empty, FREE)
+    solid = np.pad(floor.obstacles, 1, constant_values=True)
+    for rows, columns in _surfaces(solid, 1 + math.ceil(2.0 * floor.resolution / cell)):
+        xs, ys = floor.point(rows - 1.0, columns - 1.0)
+        grid[_lines(xs - x, cell, grid.shape[0]), _lines(ys - y, cell, grid.shape[1])] = SURE
+    return grid
+
+
+def _surfaces(solid: Mask, count: int) -> Iterator[tuple[Reals, Reals]]:
+    """Rows and columns of `count` points on each side that an obstacle shares with a free cell."""
+    along = np.linspace(_INSIDE, 1.0 - _INSIDE, count)
+    for walls, is_turned in ((solid, False), (solid.T, True)):
+        for step, depth in ((1, 1.0 - _INSIDE), (-1, _INSIDE)):
+            # `roll` wraps around only from border to border, and both are solid.
+            across, beside = np.nonzero(walls & ~np.roll(walls, -step, axis=0))
+            first = np.repeat(across.astype(np.float64) + depth, count)
+            second: Reals = np.add.outer(beside, along).ravel()
+            yield (second, first) if is_turned else (first, second)
+
+
+def _lines(metres: Reals, cell: float, count: int) -> NDArray[np.intp]:
+    """Rows or columns of the grid at these distances from its first."""
+    return np.floor(metres / cell).astype(np.intp).clip(0, count - 1)
+
+
+def is_within_reach(reachable: Mask, grid: Cells, place: Cell, cell: float) -> bool:
+    """True if a robot gets as near to a marker, in view of it, as arrival demands."""
+    return bool((reachable & cells_with_view(obstacles(grid), place, NEAR / cell)).any())
+
+
+def reachable_cells(grid: Cells, at: Position, radius: float, cell: float, fine: bool) -> Mask:
+    """Cells to which a robot at `at`, in cells, finds a way; `fine`: also through narrow openings.
+
+    `radius` and `cell` are in metres.
+    """
+    if not fine:
+        labels = regions(~blocked(grid, at, room_of(radius, cell)))
+        return labels == labels[cell_of(at)]
+    narrows = Narrows.around(grid, at, radius, cell)
+    labels = regions(~narrows.closed)
+    return grown(labels == labels[cell_of(narrows.at)])[1::2, 1::2]

@@ -1,47 +1,117 @@
-"""The A* planner: drives to a known objective, otherwise searches for it.
+"""Decisions of a robot (section 4.2.5) and the registry of planners.
 
-A search proceeds from one viewpoint to the next (see `searching`). Viewpoints already visited and
-turns that revealed nothing are not chosen again; when no candidate is left, the search starts over
-and is thorough from then on.
+The paper leaves the algorithm open and gives two examples: `random` and `astar`. To add another,
+register a function in `PLANNERS`. It is called with the robot at the position where its next move
+begins, and returns that move; it may store a plan in the robot's state.
 
-A plan is kept until it ends or a new observation contradicts it, so most frames need no planning.
-If no path exists, the planner tries paths with minimal clearance (see `narrows`). If that fails
-too, usually because another robot is in the way, the robot waits for a random time, which breaks
-the symmetry between two robots, and then steps aside.
+`astar` drives to a known objective, otherwise searches for it, from one viewpoint to the next (see
+`exploration`). Viewpoints already visited and turns that revealed nothing are not chosen again;
+when no candidate is left, the search starts over and is thorough from then on. A plan is kept until
+it ends or a new observation contradicts it, so most frames need no planning. If no path exists, the
+planner tries paths with minimal clearance (see `clearance.Narrows`). If that fails too, usually
+because another robot is in the way, the robot waits for a random time, which breaks the symmetry
+between two robots, and then steps aside.
+
+`random`, the paper's first algorithm, drives straight in random directions until the marker is in
+sight. It plans nothing: the robot notices obstacles when it meets them, and drives to its objective
+once a straight path is clear.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from minerva_agents.robot.arriving import APPROACH, NEAR, RELAX_FAILURES, good_places, is_near
-from minerva_agents.robot.following import is_open, pass_corners, step
-from minerva_agents.robot.grids import Mask
-from minerva_agents.robot.ground import blocked, straightened
-from minerva_agents.robot.knowledge import UNKNOWN, doubt, reopen
-from minerva_agents.robot.looking import forget_looks
-from minerva_agents.robot.motion import (
+from minerva_agents.robot import errands
+from minerva_agents.robot.approach import (
+    APPROACH,
+    MAKE_WAY,
+    NEAR,
+    RELAX_FAILURES,
+    STOP,
+    gives_up,
+    good_places,
+    has_arrived,
+    is_near,
+    is_open,
+    make_way,
+    make_way_again,
+    pass_corners,
+    restart_search,
+    step,
+)
+from minerva_agents.robot.clearance import Narrows, blocked, is_clear, straightened
+from minerva_agents.robot.exploration import Goal, SearchState, news_ahead, news_at, next_goal
+from minerva_agents.robot.grid import UNKNOWN, Mask, doubt, forget_looks, holds, look, reopen
+from minerva_agents.robot.planning import GridPath, nearest, shortest_path
+from minerva_agents.robot.pose import (
     STAY,
     Cell,
     Move,
     Position,
+    at_distance,
     cell_of,
     centre_of,
     turn_to,
     wrapped,
 )
-from minerva_agents.robot.narrows import Narrows
-from minerva_agents.robot.patience import restart_search
-from minerva_agents.robot.planning import GridPath, nearest, shortest_path
-from minerva_agents.robot.searching import Goal, SearchState, news_ahead, news_at, next_goal
+from minerva_agents.robot.vocabulary import eReached
 from minerva_bus import Context, portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
+
+
+def notice(robot: ARobot) -> None:
+    """Record what the camera sees in this frame while the robot searches for its objective."""
+    if robot.objective and robot.objective_cell() is None:
+        look(robot.writable("grid"), robot.pose, robot.fov, robot.sight / robot.cell)
+
+
+def next_move(robot: ARobot, moment: Context) -> Move:
+    """The robot's next move.
+
+    At the objective it emits eReached once and clears the objective; on an errand it performs the
+    errand's step instead. A robot that gives up its objective stops.
+    """
+    if not holds(robot.grid, cell_of(robot.position)):
+        robot.forget_plan()  # off its own map: no plan can be valid
+        if robot.objective and robot.speed > 0:
+            gives_up(robot, moment)
+        return STAY
+    pass_corners(robot)
+    if not robot.objective:
+        return _stand_or_make_way(robot, moment.dt)
+    place = robot.objective_cell()
+    if place is not None and has_arrived(robot, place):
+        if not errands.attend(robot, place, moment):
+            moment.emit(eReached(robot.objective))
+            robot.objective, robot.stale = "", 0.0
+        # On an errand, the robot has the next stop as its objective and leaves anyway.
+        if not robot.objective:
+            make_way(robot, place)
+        return STAY
+    # Time in which the robot is stopped does not count as a search without news.
+    if robot.speed <= 0 or gives_up(robot, moment):
+        return STAY
+    return PLANNERS[robot.planner](robot, moment)
+
+
+def _stand_or_make_way(robot: ARobot, dt: float) -> Move:
+    if robot.purpose == MAKE_WAY and robot.plan_rows and not is_open(robot):
+        make_way_again(robot)
+    if robot.purpose != MAKE_WAY or not is_open(robot):
+        if robot.plan_rows:
+            robot.forget_plan()
+        return STAY
+    return step(robot, dt)
+
+
+# --- the planner astar ----------------------------------------------------------------------------
+
 
 SEARCH: Final = "search"
 LOOK: Final = "look"
@@ -247,3 +317,68 @@ def _path_aside(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> Gri
         return None
     row, column = ring[int(moment.random.integers(len(ring)))].tolist()
     return shortest_path(closed, here, (row, column))
+
+
+# --- the planner random ---------------------------------------------------------------------------
+
+
+WANDER: Final = "wander"
+
+# Length of a straight path in metres.
+_MIN_LEG: Final = 0.3
+_MAX_LEG: Final = 6.0
+_MAX_TRIES: Final = 12
+
+
+def wander(robot: ARobot, moment: Context) -> Move:
+    """Next move of a robot that wanders."""
+    if not _go_straight_there(robot) and not is_open(robot):
+        robot.forget_plan()
+        way = _random_way(robot, moment)
+        if way is not None:
+            robot.set_way([way], WANDER)
+    return step(robot, moment.dt)
+
+
+def _go_straight_there(robot: ARobot) -> bool:
+    """Follow the straight path to the marker if it is clear; True while the robot is on it."""
+    place = robot.objective_cell()
+    if place is None:
+        return False
+    if robot.purpose == APPROACH and is_open(robot):
+        return True
+    marker = centre_of(place)
+    part = 1.0 - STOP / (portable.dist(marker, robot.position) * robot.cell)
+    # Closer than STOP already, so the path would lead backwards.
+    if part <= 0.0:
+        return False
+    row, column = robot.position
+    end = row + part * (marker[0] - row), column + part * (marker[1] - column)
+    if not is_clear(robot.grid, (robot.position, end), robot.room):
+        return False
+    robot.set_way([end], APPROACH)
+    return True
+
+
+def _random_way(robot: ARobot, moment: Context) -> Position | None:
+    """The end of a random straight path, or None if no free one was drawn.
+
+    Draws a length, then headings until that length is free; halves the length after `_MAX_TRIES`
+    failures.
+    """
+    length = float(moment.random.uniform(_MIN_LEG, _MAX_LEG))
+    while length >= _MIN_LEG:
+        for heading in moment.random.uniform(-180.0, 180.0, _MAX_TRIES).tolist():
+            end = at_distance(robot.row, robot.column, heading, length / robot.cell)
+            if holds(robot.grid, cell_of(end)) and is_clear(
+                robot.grid, (robot.position, end), robot.room
+            ):
+                return end
+        length /= 2
+    return None
+
+
+PLANNERS: Final[Mapping[str, Callable[[ARobot, Context], Move]]] = {
+    "astar": search_and_approach,
+    "random": wander,
+}

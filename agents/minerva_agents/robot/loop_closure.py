@@ -1,30 +1,132 @@
-"""Loop closures: pairs of distant keyframes that observe the same place.
+"""Loop closure: recognise revisited places in scans and correct the trajectory. Needs scipy.
+
+Scan matching accumulates small errors, so after a large loop the first walls are drawn a second
+time next to the old ones. Keyframes therefore become a pose graph with edges for consecutive steps
+and for closures: pairs of distant keyframes that observe the same place.
 
 A closure is searched by correlation over all shifts and rotations in a window (Olson, "Real-Time
 Correlative Scan Matching", ICRA 2009). Ambiguous fits, as in a corridor, get a large covariance and
 therefore little weight. A closure is accepted only if each scan has walls where the other has them
 and neither sees through the other's walls.
+
+The graph is optimised after Grisetti, Kümmerle, Stachniss and Burgard, "A Tutorial on Graph-Based
+SLAM" (2010). Contradictory closures are switched off by dynamic covariance scaling (Agarwal et al.,
+"Robust Map Optimization using Dynamic Covariance Scaling", ICRA 2013).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import scipy.fft
 import scipy.spatial
+from scipy import sparse
+from scipy.sparse import linalg
 
-from minerva_agents.robot.keyframes import (
+from minerva_agents.robot.pose import Reals
+from minerva_agents.robot.trajectories import (
     MIN_LOOP,
     ScanKeyframe,
     between,
+    keyframes_of,
+    poses_of,
     seen_through,
     transformed,
 )
-from minerva_agents.robot.motion import Reals
-from minerva_agents.robot.pose_graph import Edge
+from minerva_bus.semantics.poses import Pose, moved
+from minerva_bus.world.readings import Scan
+from minerva_bus.world.recordings import Progress
+
+_MIN_WEIGHT: Final = 0.25
+"""Minimum weight for a closure to be kept."""
+
+_MAX_WIDTH: Final = 2.0
+"""Search window of the second round, in metres to each side."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedLoops:
+    """Poses after closing loops, and how many closures were kept and rejected."""
+
+    places: list[Pose]
+    closures: int
+    rejected: int
+
+    def __str__(self) -> str:
+        return f"loops: {self.closures} closures kept, {self.rejected} rejected as contradictory"
+
+
+def closed_loops(scans: Sequence[Scan], places: Sequence[Pose], progress: Progress) -> ClosedLoops:
+    """Correct the poses of scans by closing loops.
+
+    The first round searches windows as wide as the possible drift; the second starts from the
+    corrected poses and uses narrow ones.
+    """
+    keys = keyframes_of(scans, places)
+    if not keys:
+        return ClosedLoops(list(places), 0, 0)
+    poses = poses_of([places[key.number] for key in keys])
+    steps, closures, rejected = _steps(keys, poses), list[Edge](), 0
+    for number in range(2):
+        edges = _searched(keys, poses, number, lambda part, n=number: progress((n + part) / 2))
+        if not edges:
+            break
+        _, counts = optimised(poses, [*steps, *edges])
+        held = (counts[len(steps) :] > _MIN_WEIGHT).tolist()
+        closures = [edge for edge, holds in zip(edges, held, strict=True) if holds]
+        rejected = len(edges) - len(closures)
+        # Rejected closures would still pull with their small weights, so optimise again without
+        # them.
+        poses, _ = optimised(poses, [*steps, *closures])
+    progress(1.0)
+    if not closures:
+        return ClosedLoops(list(places), 0, rejected)
+    return ClosedLoops(_carried(places, keys, poses), len(closures), rejected)
+
+
+def _searched(
+    keys: Sequence[ScanKeyframe], poses: Reals, number: int, progress: Progress
+) -> list[Edge]:
+    """Closures of one round."""
+    pairs = candidates(keys, poses)
+    edges: list[Edge] = []
+    for done, (first, second, window) in enumerate(pairs):
+        edge = closure(keys, poses, first, second, window if number == 0 else _MAX_WIDTH)
+        if edge is not None:
+            edges.append(edge)
+        progress(done / len(pairs))
+    return edges
+
+
+def _steps(keys: Sequence[ScanKeyframe], poses: Reals) -> list[Edge]:
+    edges: list[Edge] = []
+    for number in range(1, len(keys)):
+        step = between(poses[number - 1], poses[number])
+        length = math.hypot(step[0], step[1])
+        metres = 0.01 + 0.02 * length
+        degrees = 0.25 + 0.5 * length + 0.02 * abs(math.degrees(step[2]))
+        spread = np.array([metres, metres, math.radians(degrees)])
+        edges.append(Edge(number - 1, number, step, np.diag(spread**-2.0)))
+    return edges
+
+
+def _carried(places: Sequence[Pose], keys: Sequence[ScanKeyframe], poses: Reals) -> list[Pose]:
+    """All poses, each moved along with the keyframe before it."""
+    carried, at = [], 0
+    for number, place in enumerate(places):
+        while at + 1 < len(keys) and keys[at + 1].number <= number:
+            at += 1
+        x, y, turn = poses[at].tolist()
+        carried.append(moved(Pose(x, y, math.degrees(turn)), places[keys[at].number], place))
+    return carried
+
+
+# --- closures -------------------------------------------------------------------------------------
+
 
 _fft: Any = scipy.fft
 _spatial: Any = scipy.spatial
@@ -212,3 +314,81 @@ def _fits(
         seen_through(transformed(first.points, back), second.reach),
     )
     return min(fits, again) >= _MIN_FIT and through <= _MAX_SEEN_THROUGH
+
+
+# --- the pose graph -------------------------------------------------------------------------------
+
+
+_linalg: Any = linalg
+
+_SWITCH: Final = 10.0
+"""Squared standard deviations beyond which dynamic covariance scaling weakens a closure."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """Pose of keyframe `to` relative to `begin` (m, m, rad), and its certainty.
+
+    `information` is the inverse covariance, (3, 3).
+    """
+
+    begin: int
+    to: int
+    step: Reals
+    information: Reals
+    closes: bool = False
+
+
+# Some hundred poses do not justify GTSAM or g2o: each is a C++ framework, this is a page.
+def optimised(poses: Reals, edges: Sequence[Edge], rounds: int = 15) -> tuple[Reals, Reals]:
+    """The poses that minimise the error of all edges, and each edge's weight, 0 to 1.
+
+    Gauss-Newton; the first pose is fixed.
+    """
+    poses, counts = poses.copy(), np.ones(len(edges))
+    begin = np.array([edge.begin for edge in edges])
+    to = np.array([edge.to for edge in edges])
+    steps = np.array([edge.step for edge in edges])
+    information = np.array([edge.information for edge in edges])
+    closes = np.array([edge.closes for edge in edges])
+    columns = np.concatenate([3 * begin[:, None] + [0, 1, 2], 3 * to[:, None] + [0, 1, 2]], axis=1)
+    for _ in range(rounds):
+        errors, slopes = _errors(poses[begin], poses[to], steps)
+        chi = np.einsum("ei,eij,ej->e", errors, information, errors)
+        # Dynamic covariance scaling: wrong closures lose weight instead of bending the map.
+        counts = np.where(closes, np.minimum(1.0, 2 * _SWITCH / (_SWITCH + chi)) ** 2, 1.0)
+        weights = information * counts[:, None, None]
+        squares = np.einsum("eki,ekl,elj->eij", slopes, weights, slopes)
+        sides = np.einsum("eki,ekl,el->ei", slopes, weights, errors)
+        rows = np.repeat(columns[:, :, None], 6, axis=2)
+        matrix = sparse.coo_matrix(
+            (squares.ravel(), (rows.ravel(), rows.transpose(0, 2, 1).ravel())),
+            shape=(poses.size, poses.size),
+        ).tocsc()
+        right = np.bincount(columns.ravel(), sides.ravel(), poses.size)
+        change = np.zeros(poses.size)
+        # With the first pose free the system would be singular: edges are relative.
+        change[3:] = _linalg.spsolve(matrix[3:, 3:], -right[3:])
+        poses += change.reshape(-1, 3)
+        # No pose has moved by more than a tenth of a millimetre, or 1e-4 rad.
+        if np.abs(change).max() < 1e-4:
+            break
+    return poses, counts
+
+
+def _errors(first: Reals, second: Reals, steps: Reals) -> tuple[Reals, Reals]:
+    """Residuals of the edges, (e, 3), and their Jacobians, (e, 3, 6)."""
+    cos, sin = np.cos(first[:, 2]), np.sin(first[:, 2])
+    x, y = (second[:, :2] - first[:, :2]).T
+    ahead, left = cos * x + sin * y, cos * y - sin * x
+    turn = second[:, 2] - first[:, 2] - steps[:, 2]
+    # A full turn is not an error.
+    turn = (turn + np.pi) % (2 * np.pi) - np.pi
+    errors = np.stack([ahead - steps[:, 0], left - steps[:, 1], turn], axis=1)
+    slopes = np.zeros((len(first), 3, 6))
+    slopes[:, 0, 0], slopes[:, 0, 1], slopes[:, 0, 2] = -cos, -sin, left
+    slopes[:, 1, 0], slopes[:, 1, 1], slopes[:, 1, 2] = sin, -cos, -ahead
+    slopes[:, 0, 3], slopes[:, 0, 4] = cos, sin
+    slopes[:, 1, 3], slopes[:, 1, 4] = -sin, cos
+    slopes[:, 2, 2], slopes[:, 2, 5] = -1.0, 1.0
+    return errors, slopes
