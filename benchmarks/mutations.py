@@ -17,9 +17,9 @@ import numpy as np
 
 from minerva_bus.errors import SceneError
 from minerva_bus.grammar.fields import Default, Fields
+from minerva_bus.grammar.mutation.mutable import Targets
 from minerva_bus.grammar.mutation.mutator import Mutator
 from minerva_bus.grammar.mutation.places import Extent, extent
-from minerva_bus.grammar.mutation.targets import Targets
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind, Primitive, Transformation
 from minerva_bus.grammar.types import Cells, Degrees, Metres, Reals

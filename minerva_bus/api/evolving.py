@@ -13,9 +13,9 @@ from minerva_bus.api.study_tables import data_table
 from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.mutation.mutable import Targets, parse_targets
 from minerva_bus.grammar.mutation.mutator import LONGEST, Mutator
 from minerva_bus.grammar.mutation.places import Extent, places
-from minerva_bus.grammar.mutation.targets import Targets, parse_targets
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.worldfile import WorldFile

@@ -6,8 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from minerva_bus.grammar.mutation.mutable import parse_targets
 from minerva_bus.grammar.mutation.mutator import Mutator
-from minerva_bus.grammar.mutation.targets import parse_targets
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
 from minerva_bus.settings.overrides import Overrides

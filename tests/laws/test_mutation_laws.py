@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+from minerva_bus.grammar.mutation.mutable import Targets
 from minerva_bus.grammar.mutation.mutator import OPERATORS, Mutator
-from minerva_bus.grammar.mutation.places import Extent, extent, ids_of
-from minerva_bus.grammar.mutation.targets import Targets
+from minerva_bus.grammar.mutation.nodes import ids_of
+from minerva_bus.grammar.mutation.places import Extent, extent
 from minerva_bus.grammar.scene import agents
 from minerva_bus.testing.strategies import strings_of, vocabularies
 

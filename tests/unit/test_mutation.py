@@ -9,10 +9,11 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.grammar.mutation import operators as op
 from minerva_bus.grammar.mutation.domains import Interval, OneOf
+from minerva_bus.grammar.mutation.mutable import parse_targets
 from minerva_bus.grammar.mutation.mutator import Mutator
 from minerva_bus.grammar.mutation.naming import copy_id, new_id
-from minerva_bus.grammar.mutation.places import Extent, extent, ids_of, places
-from minerva_bus.grammar.mutation.targets import parse_targets
+from minerva_bus.grammar.mutation.nodes import ids_of
+from minerva_bus.grammar.mutation.places import Extent, extent, places
 from minerva_bus.grammar.symbols import AgentKind, Primitive, Transformation
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.types import Degrees

@@ -19,6 +19,8 @@ from minerva_bus.grammar.mutation.domains import Interval, OneOf, parse_domain, 
 from minerva_bus.grammar.mutation.nodes import with_value
 from minerva_bus.grammar.mutation.places import NodePath, extent, places
 from minerva_bus.grammar.mutation.targets import Target, parse_targets
+from minerva_bus.grammar.mutation.targets import parse_target
+from minerva_bus.grammar.packing import has_columns, packed
 from minerva_bus.grammar.scene import Node, Scene, Value, agents, rescoped
 from minerva_bus.grammar.traversal import rebuild, walk
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -61,7 +63,7 @@ def parameter_of(key: str, scene: Scene, vocabulary: Vocabulary) -> Parameter:
         last = f"{_symbol_of(wanted, key, scene)}#{wanted}"
     if last in ("", "*"):
         raise MisuseError(f"{key}: expected a symbol or #ID before .{name}, as in AFox.{name}")
-    (target,) = parse_targets((f"{above}{slash}{last}.{name}",), vocabulary).all
+    target = parse_target(f"{above}{slash}{last}.{name}", vocabulary)
     if not any(map(target.meets, places(scene, extent(scene).depth))):
         symbols = sorted({node.symbol for opens, node in walk(scene) if opens})
         raise MisuseError(

@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 
 from minerva_bus.grammar.mutation import operators as op
+from minerva_bus.grammar.mutation.mutable import Targets
 from minerva_bus.grammar.mutation.operators import Material, Mutant, Operator
 from minerva_bus.grammar.mutation.places import Extent, extent
-from minerva_bus.grammar.mutation.targets import Targets
 from minerva_bus.grammar.scene import Scene
 
 Stream = np.random.Generator

@@ -2,28 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.mutation.mutable import Targets
 from minerva_bus.grammar.mutation.naming import new_id
-from minerva_bus.grammar.mutation.places import NodePath, ids_of, put, scope_of
-from minerva_bus.grammar.mutation.targets import Targets
+from minerva_bus.grammar.mutation.places import NodePath, with_value
 from minerva_bus.grammar.mutation.values import drawn, one_of
 from minerva_bus.grammar.scene import (
+    EMPTY,
     AgentNode,
     FigureNode,
     Node,
     Scene,
     TransformationNode,
     Value,
+    rescoped,
 )
+from minerva_bus.grammar.traversal import walk
 
 Stream = np.random.Generator
 
 FRESH: Final = 0.5
 """Probability with which a number with a default is drawn for a new node."""
+
+
+def put(scene: Scene, place: NodePath, nodes: Sequence[Node]) -> Scene:
+    """The string with these nodes instead of the one at a place; other nodes are shared."""
+    # From the place outwards: only the nodes around it are made again.
+    for above in place.upwards():
+        around = above.parent
+        siblings = (scene if around is None else scope_of(around.node)).nodes
+        made = Scene((*siblings[: above.index], *nodes, *siblings[above.index + 1 :]))
+        if around is None:
+            return made
+        nodes = (rescoped(around.node, made),)
+    return scene
+
+
+def scope_of(node: Node) -> Scene:
+    """A node's scope; ε for a figure, which has none."""
+    return EMPTY if isinstance(node, FigureNode) else node.scope
+
+
+def ids_of(scene: Scene) -> set[str]:
+    """The ids of all agents of a string."""
+    return {node.id for opens, node in walk(scene) if opens and isinstance(node, AgentNode)}
 
 
 def new_node(scene: Scene, targets: Targets, scope: Scene, without: Scene, chance: Stream) -> Node:
@@ -49,16 +76,6 @@ def _first_value(symbol: str, field: Field, targets: Targets, chance: Stream) ->
         if not varies or chance.random() >= FRESH:
             return field.default
     return drawn(field.type, domain, chance)
-
-
-def with_value(node: Node, n: int, value: Value) -> Node:
-    """The node with another value of its nth parameter."""
-    values = (*node.values[:n], value, *node.values[n + 1 :])
-    if isinstance(node, FigureNode):
-        return FigureNode(node.symbol, node.names, values)
-    if isinstance(node, TransformationNode):
-        return TransformationNode(node.symbol, node.names, values, node.scope)
-    return AgentNode(node.symbol, node.id, node.names, values, node.scope)
 
 
 def with_value_at(scene: Scene, path: tuple[int, ...], n: int, value: Value) -> Scene:

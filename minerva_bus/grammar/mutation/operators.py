@@ -11,10 +11,17 @@ from typing import TypeAlias
 
 import numpy as np
 
+from minerva_bus.grammar.mutation.mutable import Targets
 from minerva_bus.grammar.mutation.naming import with_own_ids
-from minerva_bus.grammar.mutation.nodes import new_node, with_value, with_value_at
-from minerva_bus.grammar.mutation.places import Extent, NodePath, ids_of, places, put, scope_of
-from minerva_bus.grammar.mutation.targets import Targets
+from minerva_bus.grammar.mutation.nodes import (
+    ids_of,
+    new_node,
+    put,
+    scope_of,
+    with_value,
+    with_value_at,
+)
+from minerva_bus.grammar.mutation.places import Extent, NodePath, places
 from minerva_bus.grammar.mutation.values import Inner, drawn, one_of, perturbed
 from minerva_bus.grammar.printer import head, value_text
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Node, Scene, Value, scene_of, with_scope

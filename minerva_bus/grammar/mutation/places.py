@@ -1,11 +1,11 @@
-"""Places of nodes in a string, and replacement of a node at a place."""
+"""Places of nodes in a string."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from minerva_bus.grammar.scene import EMPTY, AgentNode, FigureNode, Node, Scene, rescoped
+from minerva_bus.grammar.scene import AgentNode, FigureNode, Node, Scene, TransformationNode, Value
 from minerva_bus.grammar.traversal import walk
 
 
@@ -52,22 +52,14 @@ def _within(scene: Scene, parent: NodePath | None, deepest: int) -> list[NodePat
     return [NodePath(node, index, parent, depth) for index, node in nodes][::-1]
 
 
-def put(scene: Scene, place: NodePath, nodes: Sequence[Node]) -> Scene:
-    """The string with these nodes instead of the one at a place; other nodes are shared."""
-    # From the place outwards: only the nodes around it are made again.
-    for above in place.upwards():
-        around = above.parent
-        siblings = (scene if around is None else scope_of(around.node)).nodes
-        made = Scene((*siblings[: above.index], *nodes, *siblings[above.index + 1 :]))
-        if around is None:
-            return made
-        nodes = (rescoped(around.node, made),)
-    return scene
-
-
-def scope_of(node: Node) -> Scene:
-    """A node's scope; ε for a figure, which has none."""
-    return EMPTY if isinstance(node, FigureNode) else node.scope
+def with_value(node: Node, n: int, value: Value) -> Node:
+    """The node with another value of its nth parameter."""
+    values = (*node.values[:n], value, *node.values[n + 1 :])
+    if isinstance(node, FigureNode):
+        return FigureNode(node.symbol, node.names, values)
+    if isinstance(node, TransformationNode):
+        return TransformationNode(node.symbol, node.names, values, node.scope)
+    return AgentNode(node.symbol, node.id, node.names, values, node.scope)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +87,3 @@ def extent(scene: Scene) -> Extent:
         if not isinstance(node, FigureNode):
             depth += 1 if opens else -1
     return Extent(nodes, deepest)
-
-
-def ids_of(scene: Scene) -> set[str]:
-    """The ids of all agents of a string."""
-    return {node.id for opens, node in walk(scene) if opens and isinstance(node, AgentNode)}
