@@ -8,11 +8,8 @@ from minerva_bus.uncaught import install as _report_uncaught_errors
 
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
-    from minerva_bus.api.branching import branch
-    from minerva_bus.api.calibrating import Calibration, calibrate
     from minerva_bus.api.checking import check
     from minerva_bus.api.datasets import Dataset, export_dataset
-    from minerva_bus.api.evolving import evolve_strings
     from minerva_bus.api.exporting import Export, export
     from minerva_bus.api.graphs import Graph, graph
     from minerva_bus.api.live import Live, connect
@@ -28,7 +25,6 @@ if TYPE_CHECKING:
     from minerva_bus.api.run_result import Interrupted, Run
     from minerva_bus.api.running import run
     from minerva_bus.api.service_specs import each, service
-    from minerva_bus.api.studies import sweep
     from minerva_bus.api.world import World
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.appearance import Disc, Label, Line, Motion, Raster
@@ -64,10 +60,7 @@ if TYPE_CHECKING:
 __version__ = "0.6.0"
 
 _HOMES = {
-    "api.branching": "branch",
-    "api.calibrating": "Calibration calibrate",
     "api.datasets": "Dataset export_dataset",
-    "api.evolving": "evolve_strings",
     "api.exporting": "Export export",
     "api.graphs": "Graph graph",
     "api.live": "Live connect",
@@ -76,7 +69,6 @@ _HOMES = {
     "api.run_result": "Interrupted Run",
     "api.running": "run",
     "api.service_specs": "each service",
-    "api.studies": "sweep",
     "api.world": "World",
     "errors": "MinervaError",
     "grammar.events": "Event Events",
@@ -117,7 +109,6 @@ __all__ = [
     "Agent",
     "AgentKind",
     "BatchContext",
-    "Calibration",
     "Cells",
     "Context",
     "Dataset",
@@ -158,8 +149,6 @@ __all__ = [
     "Vocabulary",
     "World",
     "WorldInfo",
-    "branch",
-    "calibrate",
     "check",
     "connect",
     "count",
@@ -167,7 +156,6 @@ __all__ = [
     "diff",
     "each",
     "evolve",
-    "evolve_strings",
     "explain",
     "export",
     "export_dataset",
@@ -182,7 +170,6 @@ __all__ = [
     "resume",
     "run",
     "service",
-    "sweep",
     "view",
     "visualize",
 ]

@@ -39,7 +39,7 @@ LARGEST = 1 << 17
 PRELOADED = (
     *("minerva_bus.api", "minerva_bus.cli", "minerva_bus.collect", "minerva_bus.grammar"),
     *("minerva_bus.launch", "minerva_bus.log", "minerva_bus.runtime", "minerva_bus.semantics"),
-    *("minerva_bus.study", "minerva_bus.world", "minerva_services.input.each"),
+    *("minerva_study", "minerva_bus.world", "minerva_services.input.each"),
     *(
         "minerva_services.input.recorded",
         "minerva_services.options",

@@ -208,7 +208,7 @@ class Live:
             `World.load("meadow").start(record="run.mcap").branch(500, seeds=20)`
 
         """
-        from minerva_bus.api.branching import branch_live  # which imports studies and records
+        from minerva_study.branching import branch_live  # which imports studies and records
 
         known: dict[str, Any] = {} if self._world is None else {"world": self._world}
         return branch_live(self.status, frame, frames, grid, {**known, **arguments})

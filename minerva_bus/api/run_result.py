@@ -127,7 +127,7 @@ class Run:
             `run("meadow", frames=500, record="run.mcap").branch(400, seeds=20)`
 
         """
-        from minerva_bus.api.branching import branch_run  # which imports this module
+        from minerva_study.branching import branch_run  # which imports this module
 
         return branch_run(self, frame, grid, **arguments)
 

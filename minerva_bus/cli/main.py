@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 import typer
 
 from minerva_bus.cli.commands import (
-    calibrating,
     explaining,
     exporting,
     keys,
@@ -28,7 +27,6 @@ from minerva_bus.cli.commands import (
     operating,
     records,
     setting_up,
-    studies,
     worlds,
 )
 from minerva_bus.cli.options import examples_of
@@ -56,8 +54,7 @@ GROUPS: Final = {
     "Run": ("run", "worlds", "check", "graph", "attach", "bridge"),
     "Observe": ("list", "top", "logs", "echo", "explain", "metrics"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
-    "Records": ("info", "replay", "seek", "diff", "export", "plot", "recover", "map"),
-    "Studies": ("sweep", "branch", "calibrate", "evolve"),
+    "Records": ("info", "replay", "seek", "diff", "export", "recover", "map"),
     "Set up": ("new", "schema", "doctor", "keys", "version"),
 }
 """The kernel's commands by topic, in the order of the help."""
@@ -144,8 +141,6 @@ _MODULES: Final = (
     operating,
     records,
     exporting,
-    studies,
-    calibrating,
     explaining,
     setting_up,
 )

@@ -86,13 +86,11 @@ MovedWorld = Annotated[
         autocompletion=completing.worlds,
     ),
 ]
-ComparisonPlot = Annotated[Path | None, typer.Option(help="Plot a comparison of the runs.")]
 By = Annotated[str, typer.Option("--as", help="Your name, for norms, the log and the record.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)]
 Quiet = Annotated[bool, typer.Option(help="Print errors only.")]
 QuietRun = Annotated[bool, typer.Option(help="Print errors and the output of members only.")]
-QuietStudy = Annotated[bool, typer.Option(help="Print errors and the result only.")]
 
 
 @dataclass(frozen=True, slots=True)

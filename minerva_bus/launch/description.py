@@ -10,7 +10,7 @@ from minerva_bus.errors import MisuseError, WorldFileError, nearest
 from minerva_bus.frame.constraints import PlacementRules, Rule
 from minerva_bus.frame.description import World
 from minerva_bus.frame.senders import ID
-from minerva_bus.grammar.mutation.assignment import assigned
+from minerva_bus.grammar.assignment import assigned
 from minerva_bus.grammar.scene import AGENT_ID, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import called, load

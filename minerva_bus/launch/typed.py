@@ -7,7 +7,7 @@ from typing import Any, get_type_hints
 
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import WorldFileError
-from minerva_bus.grammar.mutation.assignment import names_nodes
+from minerva_bus.grammar.assignment import names_nodes
 from minerva_bus.launch.installed import SERVICES
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.world.services import Service

@@ -11,7 +11,6 @@ from minerva_bus import (
     Primitive,
     Range,
     World,
-    branch,
     check,
     connect,
     count,
@@ -30,9 +29,9 @@ from minerva_bus import (
     resume,
     run,
     service,
-    sweep,
     visualize,
 )
+from minerva_study import branch, sweep
 
 ODD = (None, 3, -1, 10**30, float("nan"), "x", b"x", "\ud800", "\0", [], {}, {1: 2}, object(), Frog)
 """Some of them are valid for some of the arguments."""

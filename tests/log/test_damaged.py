@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus.cli.plotting import plot_file
+from minerva_analysis.plot_command import plot_file
 from minerva_bus.errors import DamagedRecordWarning, MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm

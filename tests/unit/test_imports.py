@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import minerva_bus
-from minerva_bus.cli.calibrating import _objective
-from minerva_bus.cli.evolving import read_fitness
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
+from minerva_study.calibrate_command import _objective
+from minerva_study.evolve_command import read_fitness
 
 
 @pytest.mark.parametrize("name", minerva_bus.__all__)

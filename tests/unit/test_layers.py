@@ -29,7 +29,6 @@ ORDER = [
     "runtime",
     "settings",
     "launch",
-    "study",
     "api",
     "testing",
     "cli",
@@ -42,19 +41,10 @@ ONLY = {
 }
 
 INSIDE = {
-    "study": (
-        *("study", "api/studies.py", "api/calibrating.py", "api/evolving.py", "api/branching.py"),
-        "grammar/mutation",
-    ),
     "fast": ("compiled", "space"),
 }
 """Extensions that are still packages of the kernel."""
 TIES = {
-    "study": """
-        __init__ api.live api.run_result api.study_tables cli.branching cli.calibrating
-        cli.commands.studies cli.evolving cli.plotting cli.study_options cli.sweeping
-        launch.branching launch.description launch.typed
-    """,
     "fast": """
         launch.compiling world.agent world.compiled_rows world.compiled_views world.compiling
     """,

@@ -11,7 +11,6 @@ import typer
 from minerva_bus.cli import completing, startup
 from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import (
-    Collect,
     Force,
     Json,
     MovedWorld,
@@ -170,37 +169,6 @@ def diff(
     from minerva_bus.cli.recording import show_difference
 
     raise typer.Exit(show_difference(a, b, json))
-
-
-@examples(
-    "minerva plot run.mcap --output run.pdf",
-    "minerva plot run.mcap --collect 'mean(APerson.days)' --collect 'count(APerson)'",
-    "minerva plot sir.parquet --series sick,immune",
-)
-def plot(
-    file: Annotated[Path, typer.Argument(help="A record, .mcap, or a table, .parquet or .csv.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="A .png, .svg or .pdf.")
-    ] = None,
-    collect: Collect = None,
-    series: Annotated[
-        str, typer.Option(help="Columns to plot, separated by commas; default: all.")
-    ] = "",
-    x: Annotated[str, typer.Option(help="Column along the axis; default: time or frame.")] = "",
-    bars: Annotated[
-        bool, typer.Option("--bars", help="Histograms of the last frame, not over time.")
-    ] = False,
-    json: Json = False,
-    force: Force = False,
-) -> None:
-    """Plot trajectories of a run, or collected series.
-
-    Of a table, and of a record with --collect, it plots series and histograms over time: the mean
-    over seeds or agents, with a band for the middle 80 % of them.
-    """
-    from minerva_bus.cli.plotting import plot_file
-
-    plot_file(file, output, tuple(collect or ()), series, x, bars=bars, as_json=json)
 
 
 @examples(

@@ -40,7 +40,7 @@ from minerva_bus import (
 from minerva_bus.grammar.scene import FigureNode, agents
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.semantics.plane import PlaneGeometry, Pose
-from minerva_bus.study.outcome import Outcome
+from minerva_study.outcome import Outcome
 
 WIDTH, HEIGHT, BROOD = 24.0, 15.0, 6
 MAX_SPEED = 0.4  # metres per frame

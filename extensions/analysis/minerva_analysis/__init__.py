@@ -1,0 +1,1 @@
+"""Analysis of records: pictures of runs."""

@@ -1,0 +1,72 @@
+"""`minerva plot`: pictures of records and of tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from minerva_analysis.record_plot import plot
+from minerva_bus.api.exporting import export, read_plans
+from minerva_bus.cli.output import Done, print_answer
+from minerva_bus.cli.progress import progress_bar
+from minerva_bus.collect.plans import parse_entries, series_of
+from minerva_bus.collect.reading import read_table
+from minerva_bus.collect.series_plot import PlotOptions, plot_table
+from minerva_bus.errors import MisuseError
+from minerva_bus.log.reader import Record
+from minerva_bus.outputs import check_output
+from minerva_bus.plotting import check_picture
+
+_TABLES: Final = (".csv", ".parquet")
+
+
+def plot_file(
+    file: Path,
+    output: Path | None,
+    collect: tuple[str, ...],
+    series: str,
+    x: str,
+    *,
+    bars: bool,
+    as_json: bool,
+) -> None:
+    """Plot a record or a table to a file. Raises RecordError, MisuseError and VocabularyError."""
+    into = output or file.with_suffix(".png")
+    names = tuple(name.strip() for name in series.split(",") if name.strip())
+    # Before the file is read, which may take long.
+    check_output(into, "picture")
+    if file.suffix in _TABLES:
+        if collect:
+            raise MisuseError(f"--collect is of records; {file} is a table: choose with --series")
+        check_picture(into)
+        read_table(file).plot(*names, x=x, bars=bars).save(into)
+    elif collect:
+        check_picture(into)
+        _plot_collected(file, into, collect, PlotOptions(x, names, bars=bars))
+    elif names or x or bars:
+        raise MisuseError("--series, --x and --bars need a table, or a record with --collect")
+    else:
+        with Record(file) as record:
+            plot(record, into)
+    print_answer(Done(str(into), {"picture": str(into)}), as_json)
+
+
+def _plot_collected(file: Path, into: Path, collect: tuple[str, ...], options: PlotOptions) -> None:
+    entries = parse_entries(collect)
+    with Record(file) as record:
+        vocabulary = record.description.world.vocabulary
+    plans = read_plans(entries, vocabulary, option="--collect")
+    if len(plans) > 1:
+        raise MisuseError(
+            f"these are several tables ({', '.join(plan.name for plan in plans)}); plot one at a"
+            " time"
+        )
+    with progress_bar("plot") as progress:
+        table = export(file, collect=entries, progress=progress).table(plans[0].name)
+    units = series_of(plans[0], vocabulary)
+    if plans[0].symbol:
+        every = [*vocabulary.kinds.values(), *vocabulary.events.values()]
+        fields = next(each.fields for each in every if each.name == plans[0].symbol)
+        own = {field.name: field.type.unit for field in fields.all}
+        units |= {column: own[name] for column, name in plans[0].names.items()}
+    plot_table(table, PlotOptions(options.x, options.series, units, options.bars)).save(into)

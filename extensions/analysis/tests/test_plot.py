@@ -1,0 +1,191 @@
+"""`minerva plot`: the data of its figures, and drawing them."""
+
+import io
+import sys
+
+import numpy as np
+import pytest
+
+from minerva_analysis.plot_command import plot_file
+from minerva_analysis.tracks import story_of
+from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation, Vocabulary
+from minerva_bus.cli.main import app
+from minerva_bus.collect.reading import read_table
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.frame.description import World
+from minerva_bus.log.description import Description
+from minerva_bus.log.places import Surveyor
+from minerva_bus.log.writer import RecordWriter
+from tests.log.recorded_runs import bytes_of, happened, record_of, strings_of
+from tests.unit.test_series_plot import swept
+
+mcap = pytest.importorskip("mcap")
+
+TAt = Transformation(
+    "TAt", Motion("x", "y", "turn"), x=Metres, y=Metres, turn=Default(Degrees, 0.0)
+)
+
+
+class Walker(Agent, symbol="AWalker"):
+    x: Metres
+    y: Metres
+    heading: Degrees = 0.0
+
+
+class Mole(Agent, symbol="AMole"):
+    row: int
+    column: int
+    cell: float = 0.5
+    x0: float = 10.0
+
+
+class Name(Agent, symbol="AName"):
+    x: str = "here"
+    y: str = "there"
+
+
+class Wind(Agent, symbol="AWind"):
+    x: float
+    y: float
+    vx: float = 0.0
+    vy: float = 1.0
+
+
+WORLD = Vocabulary.of(TAt, Walker, Mole, Name, Wind)
+
+
+def where(text, most=0):
+    places = Surveyor(WORLD, most).places(WORLD.read(text))
+    return {
+        kind: [
+            tuple(round(v, 6) for v in row)
+            for row in zip(track.x, track.y, track.angle, strict=True)
+        ]
+        for kind, track in places.items()
+    }
+
+
+def test_places_by_the_names_of_attributes():
+    text = (
+        "AWalker#a<x=1, y=2, heading=30> · AMole#m<row=4, column=6> · AName#n · AWind#w<x=3, y=4>"
+    )
+    assert where(text) == {"AWalker": [(1, 2, 30)], "AMole": [(12, 3, 0)], "AWind": [(3, 4, 90)]}
+
+
+def test_transformations_around_an_agent_move_it():
+    text = "TAt<x=5, y=0, turn=90>(AWalker#a<x=1, y=2>(AWalker#b<x=0, y=0>)) · AWalker#c<x=0, y=0>"
+    assert where(text) == {"AWalker": [(3, 1, 90), (5, 0, 90), (0, 0, 0)]}
+    text = "TAt<x=5, y=0>(TAt<x=0, y=7>(AWalker#a<x=0, y=0>) · AWalker#b<x=1, y=0>)"
+    assert where(text) == {"AWalker": [(5, 7, 0), (6, 0, 0)]}
+
+
+def test_columns_are_the_agents_they_stand_for():
+    walkers = Walker.many("w", 40, x=np.arange(40.0), y=np.ones(40))
+    places = Surveyor(WORLD).places(walkers)["AWalker"]
+    single = Surveyor(WORLD).places(WORLD.read(str(walkers)))["AWalker"]
+    assert list(places.ids) == list(single.ids)
+    assert places.x.tolist() == single.x.tolist()
+    assert len(Surveyor(WORLD, 10).places(walkers)["AWalker"].ids) == 10
+
+
+def draw(record, output):
+    plot_file(record, output, (), "", "", bars=False, as_json=False)
+
+
+@pytest.mark.parametrize("name", ["meadow", "flock", "robot"])
+def test_tracks_are_where_agents_were(name, tmp_path):
+    strings = strings_of(name)
+    vocabulary = happened(name)[0].world.vocabulary
+    with record_of(bytes_of(name), tmp_path) as record:
+        story = story_of(record)
+    assert len(story.times) == len(strings)
+    followed = Surveyor(vocabulary).places(strings[-1])
+    assert followed
+    for columns in followed.values():
+        for agent, x, y in zip(columns.ids, columns.x, columns.y, strict=True):
+            track = story.tracks[agent]
+            assert (track.x[-1], track.y[-1], track.times[-1]) == (x, y, story.times[-1])
+            assert story.is_there(track)
+    assert len(story.events) == len(story.seconds) == len(strings) - 1
+
+
+def test_the_distance_to_the_objective(tmp_path):
+    with record_of(bytes_of("robot"), tmp_path) as record:
+        story = story_of(record)
+    [(agent, (times, metres))] = story.distances.items()
+    track = story.tracks[agent]
+    robot = next(node for node in strings_of("robot")[-1].nodes if getattr(node, "id", "") == agent)
+    places_of = {
+        node.scope.nodes[0].parameters["name"]: (node.parameters["x"], node.parameters["y"])
+        for node in strings_of("robot")[0].nodes
+        if node.symbol == "TPlace" and node.scope.nodes[0].symbol == "PMarker"
+    }
+    x, y = story.goals[agent]
+    assert (x, y) == places_of[robot.state["objective"]]
+    assert metres[-1] == pytest.approx(((track.x[-1] - x) ** 2 + (track.y[-1] - y) ** 2) ** 0.5)
+    assert len(times) == len(metres)
+
+
+@pytest.mark.parametrize("name", ["meadow", "flock", "robot"])
+def test_a_picture(name, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes_of(name, finished=False))
+    draw(path, None)
+    assert capsys.readouterr().out.strip() == str(tmp_path / "run.png")
+    assert (tmp_path / "run.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_picture_that_cannot_be_written(tmp_path):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes_of("robot"))
+    with pytest.raises(MinervaError, match="cannot write"):
+        draw(path, tmp_path / "none" / "run.png")
+    with pytest.raises(MinervaError, match="cannot be written"):
+        draw(path, tmp_path / "run.docx")
+
+
+def test_without_matplotlib(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes_of("robot"))
+    with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[plot\]'"):
+        draw(path, None)
+
+
+def test_a_world_without_places_or_frames(tmp_path):
+    pytest.importorskip("matplotlib")
+    world = World("names", WORLD.read("AName#n"), WORLD)
+    stream = io.BytesIO()
+    RecordWriter(stream, Description(world)).finish()
+    path = tmp_path / "run.mcap"
+    path.write_bytes(stream.getvalue())
+    draw(path, tmp_path / "run.svg")
+    assert (tmp_path / "run.svg").stat().st_size > 1000
+
+
+def test_a_notebook_displays_the_picture_of_a_table_that_the_command_writes(tmp_path):
+    swept().to_csv(tmp_path / "swept.csv")
+    words = ["plot", str(tmp_path / "swept.csv"), "--series", "n", "--x", "frame"]
+    app(words, standalone_mode=False)
+    plot = read_table(tmp_path / "swept.csv").plot("n", x="frame")
+    plot.save(tmp_path / "own.png")
+    written = (tmp_path / "swept.png").read_bytes()
+    assert (tmp_path / "own.png").read_bytes() == written
+    picture, size = plot._repr_png_()
+    assert size == {"width": 816, "height": 403}
+    # The file has a mark, the picture on the page has none.
+    assert picture[-1000:] == written[-1000:]
+    assert repr(plot) == "<Plot of swept: save(path) writes a .png, .svg, .pdf file>"
+    with pytest.raises(MisuseError, match="cannot be written"):
+        plot.save(tmp_path / "own.tab")
+
+
+def test_the_command_plots_a_table(tmp_path, capsys):
+    swept().to_csv(tmp_path / "t.csv")
+    app(["plot", str(tmp_path / "t.csv"), "--series", "n, size"], standalone_mode=False)
+    assert capsys.readouterr().out == f"{tmp_path}/t.png\n"
+    assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(MisuseError, match="--collect is of records"):
+        app(["plot", str(tmp_path / "t.csv"), "--collect", "count(A)"], standalone_mode=False)

@@ -1,0 +1,81 @@
+"""What may mutate in strings: the nodes and parameters that targets name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from minerva_bus.grammar.assignment import ANY, Domain, NodePath, Target, parse_target
+from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+
+@dataclass(frozen=True, slots=True)
+class Targets:
+    """What may mutate in the strings of a vocabulary; without any target, everything."""
+
+    vocabulary: Vocabulary
+    all: tuple[Target, ...] = ()
+
+    def whole(self, place: NodePath) -> bool:
+        """Whether a complete node may be removed, added or moved."""
+        return not self.all or any(not field.parameter and field.meets(place) for field in self.all)
+
+    def fields(self, place: NodePath) -> Iterator[tuple[int, Field, Domain]]:
+        """The parameters of a node that may change: index, field and domain."""
+        for n, field in enumerate(self.vocabulary.fields(place.node.symbol).all):
+            target = self._domain(place, field.name)
+            if target is not None:
+                yield n, field, target.domain
+
+    def _domain(self, place: NodePath, name: str) -> Target | None:
+        """The most specific target that allows a parameter to change."""
+        if not self.all:
+            return _EVERYTHING
+        met = [field for field in self.all if field.parameter in ("", name) and field.meets(place)]
+        return max(met, key=_exactness, default=None)
+
+    def idle(self, places: Sequence[NodePath]) -> list[int]:
+        """Indexes of targets that match neither these nodes nor nodes that may be added."""
+        may_come = set(self.symbols)
+        return [
+            number
+            for number, field in enumerate(self.all)
+            if _symbol(field) not in may_come and not any(self._is_of(field, it) for it in places)
+        ]
+
+    def _is_of(self, target: Target, place: NodePath) -> bool:
+        names = ("", *self.vocabulary.fields(place.node.symbol).names)
+        return target.parameter in names and target.meets(place)
+
+    @property
+    def symbols(self) -> Sequence[str]:
+        """The symbols of nodes that may be added."""
+        words = self.vocabulary
+        every = [*words.primitives, *words.transformations, *words.kinds]
+        named = {_symbol(field) for field in self.all if not field.parameter}
+        return every if not self.all else [target for target in every if target in named]
+
+    def domain(self, symbol: str, name: str) -> Domain:
+        """The domain of a parameter of a new node at any place."""
+        of_it = [field for field in self.all if (_symbol(field), field.parameter) == (symbol, name)]
+        return max(of_it, key=_exactness).domain if of_it else None
+
+
+_EVERYTHING: Final = Target((ANY,))
+
+
+def _symbol(target: Target) -> str:
+    return target.steps[-1].partition("#")[0]
+
+
+def _exactness(target: Target) -> tuple[bool, bool, int]:
+    # A target for one parameter precedes one for its node, bounds precede none, and a longer path
+    # precedes a shorter one.
+    return bool(target.parameter), target.domain is not None, len(target.steps)
+
+
+def parse_targets(texts: Sequence[str], vocabulary: Vocabulary) -> Targets:
+    """Targets from texts as in grammar/assignment.py. Raises MisuseError."""
+    return Targets(vocabulary, tuple([parse_target(text, vocabulary) for text in texts]))

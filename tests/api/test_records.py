@@ -1,0 +1,82 @@
+"""Checks, records, replays and sweeps as functions."""
+
+import pytest
+from frogs import Frog, eTick, pond
+
+from minerva_bus import (
+    Agent,
+    MinervaError,
+    World,
+    check,
+    diff,
+    each,
+    on,
+    record,
+    replay,
+    resume,
+    run,
+)
+from minerva_bus.errors import WorldFileError
+
+
+def frogs(options):
+    return Frog.many("f", options["n"])
+
+
+def many(**settings):
+    return World(
+        frogs, agents=[Frog], services=[each(eTick)], options={"n": 2}, name="many", **settings
+    )
+
+
+def test_a_record_of_a_world_is_replayed_compared_and_resumed(tmp_path):
+    a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    whole = run(pond(), frames=20, seed=5)
+    done = record(pond(), a, frames=10, seed=5)
+    assert done.frames == 10
+    assert replay(a, pond()).same
+    with pytest.raises(WorldFileError, match="name it"):
+        replay(a)
+    record(pond(), b, frames=10, seed=6)
+    difference = diff(a, b)
+    assert not difference.same
+    assert difference.frame == 0
+    assert diff(a, a).same
+    resumed = resume(a, pond(), frames=20)
+    assert (resumed.frames, resumed.digest) == (20, whole.digest)
+    with pytest.raises(MinervaError, match="over after 20 frames"):
+        resume(a, pond())
+
+
+def test_a_changed_agent_is_found_by_a_replay(tmp_path):
+    path = tmp_path / "a.mcap"
+
+    class Frog(Agent, symbol="AHopper"):
+        x: int = 0
+        step = 1
+
+        @on("eTick")
+        def live(self, tick, moment):
+            self.x += Frog.step
+
+    world = World("AHopper#a", agents=[Frog], services=[each(eTick)])
+    record(world, path, frames=5)
+    assert replay(path, world).same
+    Frog.step = 2
+    result = replay(path, world)
+    assert (result.same, result.frame) == (False, 0)
+
+
+def test_check_describes_worlds_and_files(tmp_path):
+    assert check(pond()).what == "a world of 2 processes, 4 symbols"
+    path = tmp_path / "pond.toml"
+    pond().save(path)
+    assert check(path).what == check(pond()).what
+    assert "frogs:Frog" in check(path, code=False).code
+    (tmp_path / "w.mnv").write_text("PWall · AFrog#a")
+    assert check(tmp_path / "w.mnv").what == "a string of L(M), 2 symbols"
+    assert check("robot").what.startswith("a world of ")
+    with pytest.raises(MinervaError, match="no world"):
+        check("rbot")
+    with pytest.raises(MinervaError, match="No such file"):
+        check(tmp_path / "none.mnv")

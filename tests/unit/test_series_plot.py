@@ -1,0 +1,117 @@
+"""Plots of tables: series with the spread over seeds, histograms, and wrong input."""
+
+import os
+import sys
+
+import numpy as np
+import pytest
+
+from minerva_bus.collect import series_plot
+from minerva_bus.collect.reading import read_table
+from minerva_bus.collect.series_plot import PlotOptions, plot_table
+from minerva_bus.collect.table import DataTable
+from minerva_bus.errors import MinervaError, MisuseError
+
+pytest.importorskip("matplotlib", reason="pip install 'minerva-bus[plot]'")
+
+
+def swept():
+    """Two options with three seeds each, of 5 frames; `n` is 10 * option + frame + seed."""
+    rows = [(birds, seed, frame) for birds in (1, 2) for seed in range(3) for frame in range(5)]
+    birds, seeds, frames = np.array(rows).T
+    columns = {
+        "birds": birds, "seed": seeds, "frame": frames, "time": 0.5 * frames,
+        "n": 10 * birds + frames + seeds, "gap": np.where(frames == 2, np.nan, 1.0),
+    } | {f"size_{bin_}": frames + bin_ for bin_ in range(4)}  # fmt: skip
+    types = {name: "float64" if name in ("time", "gap") else "int64" for name in columns}
+    return DataTable("swept", types, columns)
+
+
+def test_lines_have_the_mean_and_quantiles_over_seeds_for_each_option():
+    lines = series_plot._lines(swept(), "time", "n", "m")
+    assert [line.label for line in lines] == ["n, birds 1", "n, birds 2"]
+    assert lines[1].x.tolist() == [0, 0.5, 1, 1.5, 2]
+    assert lines[1].mean.tolist() == [21, 22, 23, 24, 25]
+    assert lines[1].low.tolist() == pytest.approx([20.2, 21.2, 22.2, 23.2, 24.2])
+    assert lines[1].high.tolist() == pytest.approx([21.8, 22.8, 23.8, 24.8, 25.8])
+    gap = series_plot._lines(swept(), "frame", "gap", "")[0]
+    assert np.isnan(gap.mean).tolist() == [False, False, True, False, False]
+
+
+def test_columns_are_series_or_bins_of_histograms():
+    table = swept()
+    bins = series_plot._histograms(table)
+    assert bins == {"size": ["size_0", "size_1", "size_2", "size_3"]}
+    assert series_plot._series_of(table, "time", bins) == ("n", "gap", "size")
+
+
+@pytest.mark.parametrize("options", [
+    PlotOptions(), PlotOptions(bars=True), PlotOptions("frame", ("n",), {"n": "m"}),
+    PlotOptions(series=("size",)),
+])  # fmt: skip
+def test_a_picture_is_written(tmp_path, options):
+    plot_table(swept(), options).save(tmp_path / "p.svg")
+    text = (tmp_path / "p.svg").read_text()
+    assert text.startswith("<?xml")
+    plot_table(swept(), options).save(tmp_path / "q.svg")
+    assert len((tmp_path / "q.svg").read_text()) == len(text)
+
+
+@pytest.mark.parametrize(("options", "problem"), [
+    (PlotOptions(series=("m",)), "the column 'm' does not exist"),
+    (PlotOptions("bird"), "did you mean 'birds'"),
+])  # fmt: skip
+def test_wrong_columns_are_reported(options, problem):
+    with pytest.raises(MisuseError, match=problem):
+        plot_table(swept(), options)
+    empty = DataTable("e", {"name": "text"}, {"name": np.array(["a"], object)})
+    with pytest.raises(MisuseError, match="no numbers to plot"):
+        plot_table(empty)
+
+
+def test_names_without_end_are_cut_and_a_dollar_sign_is_no_formula(tmp_path, recwarn):
+    numbers = np.arange(3.0)
+    columns = {"frame": numbers, "n" * 100_000: numbers, "$\\frac$": numbers * 5e307}
+    table = DataTable("t" * 100_000, dict.fromkeys(columns, "float64"), columns)
+    plot_table(table, PlotOptions(units={"$\\frac$": "m"})).save(tmp_path / "long.svg")
+    assert len((tmp_path / "long.svg").read_text()) < 200_000
+    assert not recwarn.list
+
+
+def test_without_the_library_a_plot_names_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MisuseError, match=r"plotting needs matplotlib: .*install.*\[plot\]"):
+        swept().plot()
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_tables_are_read_from_files_as_they_were_written(tmp_path, ending):
+    if ending == "parquet":
+        pytest.importorskip("pyarrow")
+    path = tmp_path / f"t.{ending}"
+    getattr(swept(), f"to_{ending}")(path)
+    table = read_table(path)
+    assert table.types == swept().types
+    for name in table.columns:
+        np.testing.assert_array_equal(table[name], swept()[name])
+
+
+def test_numbers_beyond_a_float_are_texts(tmp_path):
+    (tmp_path / "t.csv").write_text(f"n,m,k\n{10**400},{2**64},1\n1,,2\n")
+    table = read_table(tmp_path / "t.csv")
+    assert table.types == {"n": "text", "m": "float64", "k": "int64"}
+
+
+def test_a_pipe_is_no_table(tmp_path):
+    os.mkfifo(tmp_path / "t.csv")
+    with pytest.raises(MisuseError, match=r"t\.csv: no table can be read: it is a pipe"):
+        read_table(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("content", [b"", b"a,a\n1,2\n", b"a,b\n1\n", b"\xff\xfe\x00"])
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_damaged_tables_are_named(tmp_path, content, ending):
+    path = tmp_path / f"t.{ending}"
+    path.write_bytes(content)
+    with pytest.raises(MinervaError, match=f"t.{ending}: no table can be read"):
+        read_table(path)
