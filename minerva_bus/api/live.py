@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from threading import RLock
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -57,13 +57,15 @@ class Live:
 
     `World.start` and `connect` return one; leaving its context, or `close`, ends it, and so does
     the last reference to a world in other processes. A world of `connect` continues to run.
+
+    `world` is what runs, with its code; None for a world of `connect`.
     """
 
     def __init__(
         self, backend: _Backend, agents: Iterable[type[Agent]], world: World | None = None
     ) -> None:
         self._backend = backend
-        self._world = world
+        self.world = world
         self.views = WorldViews(backend.name, backend.vocabulary, agents)
         self._display: LiveDisplay | None = None
         # A notebook may handle a click in another thread than that of its cells.
@@ -185,34 +187,6 @@ class Live:
         """The data collected so far, as for `Run.table`; of a world in this process only."""
         return pick_table(self._backend.tables, name)
 
-    def branch(
-        self,
-        frames: int,
-        grid: Mapping[str, Iterable[Any]] | None = None,
-        *,
-        frame: int | None = None,
-        **arguments: Any,
-    ) -> DataTable:
-        """Continue the world in many ways from one frame of its record, while it stays as it is.
-
-        Args:
-            frames: the last frame of the branches.
-            grid: values by option of the world, or by PROCESS.KEY.
-            frame: branches begin with the string of this frame; None: the current one.
-            arguments: all others of `branch`: `seeds`, `collect`, `executor`, ...; for a world of
-                `connect`, `world` is the one with the agents' code, if the record names no file.
-
-        Raises MisuseError if the world has no record here, and as `branch` does.
-
-        Example:
-            `World.load("meadow").start(record="run.mcap").branch(500, seeds=20)`
-
-        """
-        from minerva_study.branching import branch_live  # which imports studies and records
-
-        known: dict[str, Any] = {} if self._world is None else {"world": self._world}
-        return branch_live(self.status, frame, frames, grid, {**known, **arguments})
-
     def explain(self, agent: str, attribute: str, frame: int | None = None) -> Explanation:
         """How an agent's attribute got its value, as the function `explain` does for a record.
 
@@ -233,7 +207,7 @@ class Live:
             `World.load("traffic").start(bus=True).explain("c21", "stop").origin`
 
         """
-        code = "" if self._world is None else self._world.read
+        code = "" if self.world is None else self.world.read
         name = agent.removeprefix("#")
         answer = explain_running_value(self.operator, code, name, attribute, frame)
         if not isinstance(answer, Explanation):

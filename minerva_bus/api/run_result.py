@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,8 +39,8 @@ class Run:
         views: draws strings of its world.
         kept: numbers of frames, and the strings with which they begin, for `film`.
         record: the file in which it was recorded; "": none.
-        world: what ran, with its code, for `branch`.
-        settings: with which it ran, for `branch`.
+        world: what ran, with its code; None: it is not known.
+        settings: with which it ran.
 
     """
 
@@ -108,28 +108,6 @@ class Run:
         if not self.kept:
             raise MisuseError("no film was kept: run(world, film=10) keeps every 10th frame")
         return self.views.film(self.kept, event, width)
-
-    def branch(
-        self, frame: int, grid: Mapping[str, Iterable[Any]] | None = None, **arguments: Any
-    ) -> DataTable:
-        """Continue the run from one of its frames in many ways; see `branch`.
-
-        A run without a record is repeated once, in this process, and its digest compared.
-
-        Args:
-            frame: branches begin with the string of this frame.
-            grid: values by option of the world, or by PROCESS.KEY.
-            arguments: all others of `branch`: `seeds`, `collect`, `frames`, ...
-
-        Raises MisuseError if the run has no record and cannot be repeated.
-
-        Example:
-            `run("meadow", frames=500, record="run.mcap").branch(400, seeds=20)`
-
-        """
-        from minerva_study.branching import branch_run  # which imports this module
-
-        return branch_run(self, frame, grid, **arguments)
 
     @property
     def _facts(self) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_bus.api.live import Live
 from minerva_bus.api.records import world_of_record
 from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import run_file
@@ -40,7 +41,7 @@ class Branches:
     world: World
 
     @staticmethod
-    def read(record: str | Path, frame: int, world: World | str | Path = "") -> Branches:
+    def read(record: str | Path, frame: int | None, world: World | str | Path = "") -> Branches:
         """Read a frame; see `branch`. Raises MinervaError."""
         own, frame = world_of_record(record, world), whole_number("frame", frame)
         return Branches(read_branch_point(path_of("record", record), frame, own.read), own)
@@ -93,8 +94,8 @@ class Branches:
 
 
 def branch(
-    record: str | Path,
-    frame: int,
+    source: str | Path | Run | Live,
+    frame: int | None = None,
     grid: Mapping[str, Iterable[Any]] | None = None,
     *,
     seeds: int | Iterable[int] = 1,
@@ -114,13 +115,16 @@ def branch(
     branch has its strings.
 
     Args:
-        record: the file, .mcap.
-        frame: branches begin with the string of this frame.
+        source: a record, .mcap; a run, which is repeated once in this process if it has no record;
+            or a running world with a record on this machine, which stays as it is.
+        frame: branches begin with the string of this frame; None: the current one of a running
+            world.
         grid: values by option of the world, or by PROCESS.KEY, as for `sweep`. They apply from
             that frame on.
         seeds: the number of seeds, of which the first is that of the record, or the seeds.
-        world: the world with the agents' code; "": the world file that the record names.
-        frames: the last frame; default: that of the record.
+        world: the world with the agents' code; "": that of the run or the running world, or the
+            world file that the record names.
+        frames: the last frame; default: that of the record. A running world needs it.
         collect: as for `run`, from that frame on; without it, the table has the outcomes.
         table: which table of collected data; "": that of frames, or the only one.
         folder: stores finished runs, so that the same call continues after a kill. "": none.
@@ -134,7 +138,8 @@ def branch(
 
     Raises:
         RecordError: the record cannot be read, or has no checkpoints.
-        MisuseError: there is no such frame, an argument is wrong, or all runs failed.
+        MisuseError: there is no such frame, an argument is wrong, all runs failed, or the run or
+            the running world has no record and cannot be repeated.
         MinervaError: the record is of another world, or the run is over at that frame.
         KeyboardInterrupt: after Ctrl-C; finished runs are in the folder.
 
@@ -143,7 +148,7 @@ def branch(
         ...        collect={"rabbits": "count(ARabbit)"})
 
     """
-    branches = Branches.read(record, frame, world)
+    branches = _branches_of(source, frame, world, frames)
     numbers = tuple(branches.seeds(seeds) if isinstance(seeds, int) else seeds)
     if not numbers:
         raise MisuseError(f"seeds={seeds!r:.40}: expected at least one seed")
@@ -159,29 +164,33 @@ def branch(
     )
 
 
-def branch_run(
-    run: Run, frame: int, grid: Mapping[str, Iterable[Any]] | None = None, **arguments: Any
-) -> DataTable:
-    """Branches of a run in Python; see `Run.branch`. Raises MinervaError."""
-    known: dict[str, Any] = {} if run.world is None else {"world": run.world}
-    if run.record:
-        return branch(run.record, frame, grid, **{**known, **arguments})
-    if run.world is None:
+def _branches_of(
+    source: str | Path | Run | Live,
+    frame: int | None,
+    world: World | str | Path,
+    frames: int | None,
+) -> Branches:
+    """The frame of a source from which runs branch. Raises MinervaError."""
+    if not isinstance(source, Run | Live):
+        return Branches.read(source, frame, world)
+    code = source.world if world == "" and source.world is not None else world
+    if isinstance(source, Live):
+        return Branches.read(*_recorded(source.status, frame, frames), code)
+    if source.record:
+        return Branches.read(source.record, frame, code)
+    if source.world is None:
         raise MisuseError('the run has no record: run(world, record="run.mcap")')
     with temporary_folder("branch") as folder:
         record = folder / "run.mcap"
-        _repeat(run, run.world, record)
-        return branch(record, frame, grid, **{**known, **arguments})
+        _repeat(source, source.world, record)
+        return Branches.read(record, frame, code)
 
 
-def branch_live(
-    status: WorldStatus,
-    frame: int | None,
-    frames: int,
-    grid: Mapping[str, Iterable[Any]] | None,
-    arguments: Mapping[str, Any],
-) -> DataTable:
-    """Branches of a running world; see `Live.branch`. Raises MinervaError."""
+def _recorded(status: WorldStatus, frame: int | None, frames: int | None) -> tuple[Path, int]:
+    """The record of a running world, and the frame with which branches begin.
+
+    Raises MisuseError if they cannot.
+    """
     files = [file for file in status.files if file.name == RECORD and not file.problem]
     if not files or not Path(files[0].path).exists():
         raise MisuseError(
@@ -189,14 +198,15 @@ def branch_live(
             ' record="run.mcap", or by minerva run --record run.mcap'
         )
     path, begin = Path(files[0].path), status.frame if frame is None else frame
+    if frames is None:
+        raise MisuseError(f"{status.world}: branches of a running world need frames=N, the last")
     if begin >= frames:
         raise MisuseError(
             f"{status.world}: branches that begin with frame {begin} cannot end with frame"
             f" {frames}; expected a later one, or frame=N, an earlier beginning"
         )
     wait_for_frame(path, min(begin, status.frame))
-    given: dict[str, Any] = {**arguments, "frames": frames}
-    return branch(path, begin, grid, **given)
+    return path, begin
 
 
 def _repeat(run: Run, world: World, record: Path) -> None:

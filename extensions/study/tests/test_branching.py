@@ -7,10 +7,11 @@ from dataclasses import replace
 import pytest
 from typer.testing import CliRunner
 
-from minerva_bus import Agent, MinervaError, World, branch, each, on, run
+from minerva_bus import Agent, MinervaError, World, each, on, run
 from minerva_bus.cli.main import app
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.settings.overrides import Overrides
+from minerva_study import branch
 from minerva_study.branch_command import grid_of_branches
 from minerva_study.branching import Branches
 
@@ -36,7 +37,7 @@ def traffic(tmp_path_factory):
 
 
 def test_a_branch_without_a_change_has_the_strings_of_the_record(traffic):
-    table = traffic.branch(20, {"norms": [True, False]}, seeds=2, workers=1, quiet=True)
+    table = branch(traffic, 20, {"norms": [True, False]}, seeds=2, workers=1, quiet=True)
     assert table.columns[:2] == ("norms", "seed")
     rows = list(zip(table["norms"].tolist(), table["seed"].tolist(), strict=True))
     assert rows == [(True, 1), (True, 2), (False, 1), (False, 2)]
@@ -51,7 +52,7 @@ def test_a_branch_without_a_change_has_the_strings_of_the_record(traffic):
 
 def test_a_branch_collects_from_its_frame_on(traffic):
     collect = {"fast": "mean(ACar.speed)"}
-    table = traffic.branch(20, seeds=[1], collect=collect, workers=1, quiet=True)
+    table = branch(traffic, 20, seeds=[1], collect=collect, workers=1, quiet=True)
     whole = run("traffic", frames=30, cars=8, collect=collect).table()
     assert table["frame"].tolist() == list(range(20, 31))
     assert table["fast"].tolist() == whole["fast"].tolist()[20:]
@@ -59,16 +60,16 @@ def test_a_branch_collects_from_its_frame_on(traffic):
 
 def test_physics_continues_in_a_branch(tmp_path):
     done = run("robot", frames=12, record=tmp_path / "robot.mcap", laser_noise=0.01)
-    table = done.branch(8, seeds=2, workers=1, quiet=True)
+    table = branch(done, 8, seeds=2, workers=1, quiet=True)
     assert table["digest"][0] == done.digest != table["digest"][1]
 
 
 def test_branches_run_in_an_executor(traffic):
     with ProcessPoolExecutor(1) as executor:
         given = {"executor": executor, "quiet": True, "collect": {"cars": "count(ACar)"}}
-        there = traffic.branch(24, {"norms": [True, False]}, **given)
-        outcomes = traffic.branch(24, executor=executor, quiet=True)
-    here = traffic.branch(24, {"norms": [True, False]}, workers=1, **{**given, "executor": None})
+        there = branch(traffic, 24, {"norms": [True, False]}, **given)
+        outcomes = branch(traffic, 24, executor=executor, quiet=True)
+    here = branch(traffic, 24, {"norms": [True, False]}, workers=1, **{**given, "executor": None})
     assert list(there.rows()) == list(here.rows())
     assert outcomes["digest"].tolist() == [traffic.digest]
 
@@ -77,18 +78,18 @@ def test_a_running_world_branches_and_goes_on(tmp_path):
     world = _growing("AReed#a · AReed#b")
     with world.start(seed=3, record=tmp_path / "run.mcap") as live:
         live.step(6)
-        now = live.branch(9, seeds=2, workers=1, quiet=True)
-        before = live.branch(9, frame=2, workers=1, quiet=True)
+        now = branch(live, frames=9, seeds=2, workers=1, quiet=True)
+        before = branch(live, 2, frames=9, workers=1, quiet=True)
         assert live.frame == 6
         live.step(3)
         assert now["seed"].tolist() == [3, 4]
         assert now["digest"][0] == before["digest"][0] == live.digest != now["digest"][1]
         with pytest.raises(MinervaError, match="frames 0 to 9, not 12"):
-            live.branch(20, frame=12)
+            branch(live, 12, frames=20)
         with pytest.raises(MinervaError, match="begin with frame 9 cannot end with frame 7"):
-            live.branch(7)
+            branch(live, frames=7)
     with world.start() as live, pytest.raises(MinervaError, match="has no record on this machine"):
-        live.branch(20)
+        branch(live, frames=20)
 
 
 def test_the_record_is_read_once(tmp_path):
@@ -175,11 +176,11 @@ def test_a_run_without_a_record_is_repeated(tmp_path):
     # Its own seed and settings, and a table that a repetition must not replace.
     done = run(world, frames=9, seed=4, collect={"n": "count(AReed)"}, into=tmp_path / "n.csv")
     (tmp_path / "n.csv").write_text("kept")
-    table = done.branch(6, seeds=2, workers=1, quiet=True)
+    table = branch(done, 6, seeds=2, workers=1, quiet=True)
     assert table["seed"].tolist() == [4, 5]
     assert table["digest"][0] == done.digest != table["digest"][1]
     assert (tmp_path / "n.csv").read_text() == "kept"
     with pytest.raises(MinervaError, match="cannot be repeated"):
-        replace(done, digest="0" * 32).branch(6, quiet=True)
+        branch(replace(done, digest="0" * 32), 6, quiet=True)
     with pytest.raises(MinervaError, match="has no record"):
-        replace(done, world=None).branch(6)
+        branch(replace(done, world=None), 6)
