@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from minerva_bus.errors import GrammarError, MisuseError, SceneError, nearest
+from minerva_bus.grammar.columns import has_columns, packed
+from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.fields import Field
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.packing import has_columns, packed
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import (
     AGENT_ID,
