@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_analysis.tracks import Story, Track, story_of
+from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.reader import Record
