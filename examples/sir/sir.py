@@ -1,4 +1,4 @@
-"""An epidemic among 200 people who move: a world, a run and its curve (docs/python.md)."""
+"""An epidemic among 200 people who move: a world, a run and its curves."""
 
 import numpy as np
 

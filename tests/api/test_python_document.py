@@ -9,10 +9,12 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)
 EXAMPLE = (ROOT / "examples" / "sir" / "sir.py").read_text(encoding="utf-8")
+TUTORIAL = (ROOT / "docs" / "tutorials" / "2-epidemic.md").read_text(encoding="utf-8")
 
 
 def test_the_first_block_is_the_example_with_a_curve_in_thirty_lines():
     assert BLOCKS[0] == EXAMPLE
+    assert f"```python\n{EXAMPLE}```" in TUTORIAL
     code = [line for line in EXAMPLE.splitlines() if line.strip() and not line.startswith('"""')]
     assert len(code) <= 30
 
