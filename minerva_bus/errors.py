@@ -7,7 +7,7 @@
     ├── Unfit                    a value does not fit its declared type          grammar.conversion
     ├── WorldFileError           a world file or an option that replaces its settings is wrong
     │   └── UnknownOption        a world has no option of this name
-    ├── TomlError                a text is not TOML                              launch.toml
+    ├── TomlError                a text is not TOML                              launch.toml_tables
     ├── MisuseError              the caller of the library asks for something impossible
     │   ├── StateError           an attribute of an agent has an invalid value
     │   │   └── Unsound          an attribute of one row is not finite           world.assembling

@@ -15,12 +15,9 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import file_text, find_world
-from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.restless import restless
 from minerva_bus.launch.specs import load
-from minerva_bus.launch.structure import structure_of
-from minerva_bus.launch.unplaced import unplaced, unpublished
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_checks import restless, structure_of
+from minerva_bus.launch.world_files import WorldFile, read_world_file, unplaced, unpublished
 from minerva_bus.wording import counted
 from minerva_bus.world.service_inputs import WorldInfo
 

@@ -14,7 +14,8 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.traversal import kind_counts
-from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.world.agent import Agent
 

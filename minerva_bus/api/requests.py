@@ -12,9 +12,7 @@ from minerva_bus.arguments import path_of
 from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.collect.writers import check_ending
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.collecting import Collecting
-from minerva_bus.launch.distribution import several_hosts
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import Collecting, WorldFile, several_hosts
 from minerva_bus.settings.overrides import Overrides
 
 if TYPE_CHECKING:

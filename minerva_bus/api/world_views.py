@@ -14,7 +14,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import find_service
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.views import visualize
 

@@ -19,9 +19,9 @@ from minerva_bus.frame.member import Member, WorldRestarted
 from minerva_bus.launch.compiling import compile_agents, compile_classes, no_progress
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
-from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
-from minerva_bus.launch.typed import typed_options
+from minerva_bus.launch.typed_text import typed_options
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.arrival import ARRIVAL
 from minerva_bus.runtime.diagnosis import check_reachable
 from minerva_bus.runtime.endpoints import check_endpoint

@@ -27,8 +27,8 @@ from minerva_bus.cli.output import (
 from minerva_bus.cli.running import run_world
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.layouts import LAYOUTS, Layout, laid_out, left_out
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_checks import LAYOUTS, Layout, laid_out, left_out
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.comparison import Difference, compare
 from minerva_bus.log.reader import Record
 from minerva_bus.wording import counted

@@ -118,21 +118,22 @@ def _exchange() -> str:
 
 
 def _registry() -> str:
-    from minerva_bus.launch.registry import running
-    from minerva_bus.launch.runtime_folder import runtime_folder
+    from minerva_bus.launch.registry import running, runtime_folder
 
     worlds = ", ".join(each.world for each in running()) or "none"
     return f"{worlds}; noted in {runtime_folder()}"
 
 
 def _memory() -> Finding:
-    from minerva_bus.launch.memory import FOLDER
+    from minerva_bus.launch.machine_resources import SHARED_MEMORY
 
     try:
-        free = shutil.disk_usage(FOLDER).free >> 20
+        free = shutil.disk_usage(SHARED_MEMORY).free >> 20
     except OSError:
         return Finding("shared memory", False, "none; large messages go through sockets")
-    return Finding("shared memory", free >= 256, f"{free} MB free in {FOLDER}; 64 for each process")
+    return Finding(
+        "shared memory", free >= 256, f"{free} MB free in {SHARED_MEMORY}; 64 for each process"
+    )
 
 
 def _screen() -> Finding:

@@ -15,10 +15,9 @@ from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.member_process import NOTHING, Profiling
-from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.settings.overrides import Overrides
 
 

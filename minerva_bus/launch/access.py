@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import BusError, KeysError
-from minerva_bus.launch.runtime_folder import runtime_folder
-from minerva_bus.launch.table import Table
+from minerva_bus.launch.registry import runtime_folder
+from minerva_bus.launch.toml_tables import Table
 from minerva_bus.runtime.admission import LOCAL_KIND, Security
 from minerva_bus.runtime.endpoints import check_endpoint, check_listening
 from minerva_bus.security.credentials import Rights, family_start, rights_of

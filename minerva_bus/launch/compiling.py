@@ -7,7 +7,7 @@ from pathlib import Path
 
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.worldfile import Process
+from minerva_bus.launch.process_specs import Process
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.compiling import IF_POSSIBLE, Mode, compile_all

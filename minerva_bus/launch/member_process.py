@@ -12,7 +12,8 @@ from typing import Any, Final
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.frame.member import Unready
 from minerva_bus.launch.child_processes import UNREADY, ReportPipe
-from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.member import MemberProcess

@@ -12,11 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.launch import capacity, child_processes
+from minerva_bus.launch import child_processes, machine_resources
 from minerva_bus.launch.child_processes import ChildProcess, Pipes, ReportPipe
 from minerva_bus.launch.coordinator_process import CoordinatorStart, run_coordinator
 from minerva_bus.launch.member_process import MemberStart, Profiling, run_member
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile
 
 
 class Machine:
@@ -28,7 +28,7 @@ class Machine:
 
     def cores(self) -> int:
         """Number of cores for the processes of a world."""
-        return capacity.cores()
+        return machine_resources.cores()
 
     # --- pipes ---
 

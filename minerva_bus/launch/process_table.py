@@ -20,8 +20,7 @@ from minerva_bus.launch.child_processes import (
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
-from minerva_bus.launch.shared_processes import SERVICES, by_process
-from minerva_bus.launch.worldfile import Process
+from minerva_bus.launch.process_specs import SERVICES, Process, by_process
 from minerva_bus.runtime.member import RAISED_BY_CHANCE
 from minerva_bus.wording import duration
 

@@ -28,7 +28,7 @@ from minerva_bus.launch.resuming import (
     no_frame,
     read_source,
 )
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.path_text import text_of_path
 from minerva_bus.runtime.control import COMMANDS
 from minerva_bus.runtime.coordinator import Coordinator

@@ -21,11 +21,9 @@ from minerva_bus.frame.goal import GIVEN_UP
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.table import Table
-from minerva_bus.launch.toml import TomlError, read_toml, toml_value_text
-from minerva_bus.launch.typed import of_nodes
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.toml_tables import Table, TomlError, read_toml, toml_value_text
+from minerva_bus.launch.typed_text import of_nodes
+from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.path_text import path_of_text
 from minerva_bus.settings.overrides import Overrides, plain_value
 from minerva_bus.wire.vocabulary import plain_vocabulary

@@ -5,31 +5,42 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
+import sys
 import traceback
 from collections.abc import Callable, Mapping
+from importlib.machinery import (
+    BYTECODE_SUFFIXES,
+    EXTENSION_SUFFIXES,
+    SOURCE_SUFFIXES,
+    ExtensionFileLoader,
+    FileFinder,
+    SourceFileLoader,
+    SourcelessFileLoader,
+)
 from importlib.util import find_spec
 from pathlib import Path, PurePath
 from types import ModuleType
 from typing import Any, cast, get_type_hints
 
 from minerva_bus.blame import report
+from minerva_bus.entry_points import entries
 from minerva_bus.errors import MinervaError, MisuseError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.installed import (
     AGENTS,
     SERVICES,
     WORLDS,
-    entries,
     help_line,
     installed_views,
 )
-from minerva_bus.launch.table import Table
-from minerva_bus.launch.user_modules import search
+from minerva_bus.launch.toml_tables import Table
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.service_attributes import check_attributes
 from minerva_bus.world.services import Service
+
+_folders: set[Path] = set()
 
 
 def load(spec: str, folder: Path | None = None) -> Any:
@@ -265,3 +276,48 @@ def _is_installed(cls: type[Service]) -> bool:
     """Whether a class belongs to a package with installed services."""
     package = cls.__module__.partition(".")[0]
     return any(each.value.partition(".")[0] == package for each in entries(SERVICES).values())
+
+
+class _ExactLoader(SourceFileLoader):
+    """A loader whose compiled files have the time of their source in microseconds."""
+
+    def path_stats(self, path: str) -> Mapping[str, Any]:
+        """Time and size of a source file; Python stores the lower 32 bits of the time."""
+        stat = Path(path).stat()
+        return {"mtime": stat.st_mtime_ns // 1000, "size": stat.st_size}
+
+
+_LOADERS = (
+    (ExtensionFileLoader, EXTENSION_SUFFIXES),
+    (_ExactLoader, SOURCE_SUFFIXES),
+    (SourcelessFileLoader, BYTECODE_SUFFIXES),
+)
+
+
+def search(folder: Path) -> None:
+    """Search a folder first for modules, so that an installed one does not hide one beside it.
+
+    Every edit of these modules is noticed. Python compares the time of a source file with that of
+    its compiled file in whole seconds, so an edit within a second that keeps the size would run the
+    former code (`importlib`, PEP 552).
+    """
+    folder = Path(folder)
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
+    if folder in _folders:
+        return
+    if not _folders:
+        sys.path_hooks.insert(0, _finder)
+    _folders.add(folder)
+    # A finder without exact times may be known already, if the folder was in `sys.path`.
+    sys.path_importer_cache.pop(str(folder), None)
+
+
+def _finder(path: str) -> FileFinder:
+    """A path hook for the folders, and packages in them. Raises ImportError for other paths."""
+    place = Path(path)
+    # An environment beside a world file has compiled files that other programs use, too.
+    installed = "site-packages" in place.parts
+    if installed or not place.is_dir() or _folders.isdisjoint((place, *place.parents)):
+        raise ImportError(f"{path} is not beside a world file")
+    return FileFinder(path, *_LOADERS)

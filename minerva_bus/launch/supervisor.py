@@ -13,7 +13,6 @@ from select import PIPE_BUF
 from typing import Any, Final
 
 from minerva_bus.frame.description import World
-from minerva_bus.launch.capacity import check_capacity
 from minerva_bus.launch.child_processes import (
     CLOSED,
     END_OF_STACKS,
@@ -27,14 +26,12 @@ from minerva_bus.launch.child_processes import (
     how_ended,
     parse_report,
 )
-from minerva_bus.launch.collecting import check_tables, complete_tables
 from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line, starting_line
-from minerva_bus.launch.coordinator_process import CoordinatorStart
+from minerva_bus.launch.coordinator_process import CoordinatorStart, discard_journal, journal_path
 from minerva_bus.launch.interrupts import caught
-from minerva_bus.launch.journaling import discard_journal, journal_path
+from minerva_bus.launch.machine_resources import check_capacity, prepare, remove_orphans
 from minerva_bus.launch.member_process import NOTHING, Profiling
-from minerva_bus.launch.memory import prepare, remove_orphans
 from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
 from minerva_bus.launch.process_table import (
     FAILURE_REPORT,
@@ -44,10 +41,10 @@ from minerva_bus.launch.process_table import (
     ProcessTable,
     SupervisedProcess,
 )
-from minerva_bus.launch.recording import check_record
 from minerva_bus.launch.registry import WorldLock
+from minerva_bus.launch.run_outputs import check_record, check_tables, complete_tables
 from minerva_bus.launch.summary import EndReport, RunSummary, Startup
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.runtime.monitor import MORE_TIME

@@ -17,13 +17,14 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
-from minerva_bus.launch.recording import recording
+from minerva_bus.launch.process_specs import Process
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.rerunning import Rerun, Without
 from minerva_bus.launch.resuming import WorldSource, no_frame
+from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
-from minerva_bus.launch.typed import typed_options
-from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.launch.typed_text import typed_options
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference
 from minerva_bus.log.reader import Record
 from minerva_bus.log.readings import RecordedReadings

@@ -22,7 +22,7 @@ from typing import Final, Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.launch.runtime_folder import make_runtime_folder, runtime_folder
+from minerva_bus.launch.registry import make_runtime_folder, runtime_folder
 from minerva_bus.outputs import open_itself
 from minerva_bus.runtime.endpoints import is_wildcard
 

@@ -60,7 +60,7 @@ class Overrides:
         return Overrides(
             {**lower.options, **self.options},
             # The upper layer comes last: of two settings of one key, the later one counts
-            # (`by_process`).
+            # (`settings_by_process`).
             (*lower.settings, *self.settings),
             (*lower.views, *self.views),
             self.collect or lower.collect,

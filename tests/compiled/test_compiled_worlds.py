@@ -13,7 +13,7 @@ pytest.importorskip("numba")
 
 from minerva_bus import run
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 
 MODULE = """
 import numpy as np

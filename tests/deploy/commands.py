@@ -9,8 +9,8 @@ import typer.main
 from minerva_bus.cli.main import app
 from minerva_bus.entry_points import entries
 from minerva_bus.launch.installed import WORLDS, find_world
-from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_service
+from minerva_bus.launch.world_files import read_world_file
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 

@@ -6,7 +6,7 @@ import pytest
 
 from minerva_bus.entry_points import entries
 from minerva_bus.launch.installed import WORLDS, find_world
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from tests.deploy.commands import in_markdown, wrong_with
 from tests.deploy.deployed import COMPOSE, CONTAINERS, FLEET, README, UNITS
 

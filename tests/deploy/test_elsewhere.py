@@ -8,7 +8,7 @@ from urllib.error import HTTPError
 
 import pytest
 
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
 from tests.runtime.running import Run, World, eventually, here, write_world
 

@@ -30,10 +30,10 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.overruns import Overruns
-from minerva_bus.launch.journaling import find_past
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.coordinator_process import find_past
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.web_access import WebAccess
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.journal import Journal
 from minerva_bus.runtime.arrival import Arrival
 from minerva_bus.runtime.member import MemberProcess

@@ -8,7 +8,7 @@ from pathlib import Path
 from minerva_bus import Event, Scene
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.events import single
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
 from tests.one_process import run_file
 

@@ -24,8 +24,8 @@ from minerva_bus import (
 )
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_service
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
 from tests.one_process import run_file
 

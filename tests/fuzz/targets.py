@@ -35,7 +35,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.parser import parse
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.log.reader import Record

@@ -31,7 +31,7 @@ from minerva_bus.errors import (
 )
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.parser import parse
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.world.readings import Battery, Image, Odometry, Scan

@@ -8,8 +8,7 @@ from typing import Any
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.description import Description
 from minerva_bus.log.reader import Record

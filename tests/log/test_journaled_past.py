@@ -10,7 +10,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch import journaled_past
 from minerva_bus.launch.explaining import explain_running_value
-from minerva_bus.launch.recording import description_of
+from minerva_bus.launch.run_outputs import description_of
 from minerva_bus.log import journal
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.description import encode_description

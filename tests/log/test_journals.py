@@ -7,7 +7,7 @@ from harbour import harbour
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.launch.journaling import next_epoch
+from minerva_bus.launch.coordinator_process import next_epoch
 from minerva_bus.log import journal
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal

@@ -30,9 +30,9 @@ from pathlib import Path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.launch.recording import recording
+from minerva_bus.launch.run_outputs import recording
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 
 _, world, path, flush, durable = sys.argv
 how = {"flush": float(flush), "durable": durable == "yes"}

@@ -5,8 +5,8 @@ import json
 import pytest
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.recording import recording
+from minerva_bus.launch.run_outputs import recording
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
 from tests.runtime.running import Run, World, eventually, here, minerva, summary, write_world
 

@@ -13,8 +13,8 @@ import pytest
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
-from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.recording import recording
+from minerva_bus.launch.run_outputs import recording
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log import channels as c
 from minerva_bus.log import queues
 from minerva_bus.log.reader import Record

@@ -12,7 +12,7 @@ from benchmarks.models import flock, schelling
 from minerva_bus import Agent, Scene
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.order import Order
 from tests.one_process import run_file, run_world

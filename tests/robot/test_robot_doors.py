@@ -15,7 +15,7 @@ from minerva_agents.robot.clearance import Narrows, is_passable, passable_width
 from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap
 from minerva_agents.robot.world import RobotOptions, notes, scene
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
 
 ROBOT = Path(minerva_agents.robot.__file__).with_name("robot.toml")

@@ -23,7 +23,7 @@ steps = "eStep"
 """
 IMPATIENT = """
 import sys
-from minerva_bus.launch import collecting
+from minerva_bus.launch import run_outputs as collecting
 from minerva_bus.log import journal
 from minerva_bus.collect import writers
 {settings}

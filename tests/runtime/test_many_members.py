@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from running import MINERVA, World, alive, environment, eventually
 
-from minerva_bus.launch.capacity import MIN_CHECKED, cores
+from minerva_bus.launch.machine_resources import MIN_CHECKED, cores
 from minerva_bus.launch.process_table import SLOT_SECONDS, STARTS_PER_CORE
 
 CHECKED = 1

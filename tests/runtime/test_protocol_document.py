@@ -21,7 +21,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import patched
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.printer import value_text
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.wire import codec
 from minerva_bus.wire.columns import plain_patch
 from minerva_bus.wire.limits import DEFAULT

@@ -7,7 +7,12 @@ import signal
 import numpy as np
 
 from minerva_bus import parse
-from minerva_bus.launch.memory import FOLDER, column_bytes, has_room, remove_orphans
+from minerva_bus.launch.machine_resources import (
+    SHARED_MEMORY,
+    column_bytes,
+    has_room,
+    remove_orphans,
+)
 from tests.runtime.running import MEMBERS, World, eventually, minerva, summary, write_world
 from tests.runtime.yard import Walker
 
@@ -16,7 +21,7 @@ BIG = "PDot<x=1> · " * 60_000
 
 def left():
     """The shared-memory files without a lock; locked ones are in use by other sessions."""
-    return {path for path in FOLDER.glob("*.zenoh") if not locked(path)}
+    return {path for path in SHARED_MEMORY.glob("*.zenoh") if not locked(path)}
 
 
 def locked(path):

@@ -10,7 +10,7 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch import coordinator_process as sizes
-from minerva_bus.launch.worldfile import Process
+from minerva_bus.launch.process_specs import Process
 from minerva_bus.world.agent import Agent
 
 

@@ -17,6 +17,7 @@ from minerva_bus.launch.child_processes import (
     next_ended,
 )
 from minerva_bus.launch.os_interface import Machine
+from minerva_bus.launch.process_specs import Process
 from minerva_bus.launch.process_table import (
     HEALTHY_FRAMES,
     HEALTHY_SECONDS,
@@ -25,14 +26,13 @@ from minerva_bus.launch.process_table import (
     SupervisedProcess,
 )
 from minerva_bus.launch.supervisor import CoordinatorReports
-from minerva_bus.launch.worldfile import Process
 from tests.patience import patience
 
 FAILING = """
 import os, sys
 from pathlib import Path
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.launch.supervisor import Supervisor
 
 class Broken(Console):

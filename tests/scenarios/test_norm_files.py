@@ -4,7 +4,7 @@ import pytest
 from street import eFine
 
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.description import plain_norm, read_norms
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT

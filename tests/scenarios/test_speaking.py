@@ -17,7 +17,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.description import Description, decode_description, encode_description
 from minerva_bus.world.when import When
 

@@ -17,7 +17,7 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.file_marks import is_own
 from minerva_bus.input_files import read_text
 from minerva_bus.launch.installed import declared_options, file_text
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log import scanning
 from minerva_bus.log.chunks import Chunks
 from minerva_bus.log.exporting import new_folder

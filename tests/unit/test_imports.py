@@ -11,8 +11,8 @@ import pytest
 import minerva_bus
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
+from minerva_bus.launch.world_files import read_world_file
 from minerva_study.calibrate_command import _objective
 from minerva_study.evolve_command import read_fitness
 
@@ -82,7 +82,7 @@ def test_a_file_with_the_name_of_another_module_is_named(tmp_path, name, monkeyp
 INSTALLED = """
 import sys
 from pathlib import Path
-from minerva_bus.launch.user_modules import search
+from minerva_bus.launch.specs import search
 search(Path(sys.argv[1]))
 sys.path.insert(0, sys.argv[2])
 import tool

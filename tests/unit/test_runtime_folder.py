@@ -12,8 +12,13 @@ from minerva_bus.errors import BusError
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.registry import WorldLock, find, running
-from minerva_bus.launch.runtime_folder import make_runtime_folder, runtime_folder
+from minerva_bus.launch.registry import (
+    WorldLock,
+    find,
+    make_runtime_folder,
+    running,
+    runtime_folder,
+)
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.runtime.world_status import status_of
@@ -46,7 +51,7 @@ def test_a_folder_of_another_user_is_refused(place, monkeypatch):
     place.mkdir(mode=0o700)
     before = os.getuid()
     monkeypatch.setattr(os, "getuid", lambda: before + 1)
-    monkeypatch.setattr("minerva_bus.launch.runtime_folder.runtime_folder", lambda: place)
+    monkeypatch.setattr("minerva_bus.launch.registry.runtime_folder", lambda: place)
     monkeypatch.setattr("minerva_bus.launch.registry.runtime_folder", lambda: place)
     refused("belongs to another user")
 

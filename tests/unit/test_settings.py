@@ -10,10 +10,9 @@ from minerva_bus.cli.commands import worlds
 from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import Settings, Views
 from minerva_bus.errors import MisuseError, WorldFileError
-from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.table import Table
-from minerva_bus.launch.toml import read_toml
-from minerva_bus.launch.typed import by_process, read_view, toml_value, typed_options
+from minerva_bus.launch.toml_tables import Table, read_toml
+from minerva_bus.launch.typed_text import read_view, settings_by_process, toml_value, typed_options
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.declaring import settings_of
 from minerva_bus.settings.kinds import (
     ADDRESS,
@@ -271,13 +270,13 @@ def test_given_values_override_defaults(path):
 
 def test_settings_are_sorted_by_process():
     given = ("a.x=1", "b.x=true", "a.y=two words", "a.x=2")
-    assert by_process(given) == {"a": {"x": 2, "y": "two words"}, "b": {"x": True}}
+    assert settings_by_process(given) == {"a": {"x": 2, "y": "two words"}, "b": {"x": True}}
 
 
 @pytest.mark.parametrize("setting", ["a=1", "a.b", "a"])
 def test_a_setting_names_a_process_and_a_key(setting):
     with pytest.raises(WorldFileError, match=r"expected PROCESS.KEY=VALUE"):
-        by_process((setting,))
+        settings_by_process((setting,))
 
 
 @pytest.mark.parametrize(("text", "view"), [

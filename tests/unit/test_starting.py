@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from minerva_bus import Agent, Device, EventType, Generator, Vocabulary, World, on, run
 from minerva_bus.api.requests import request_of
 from minerva_bus.errors import MisuseError, WorldFileError
-from minerva_bus.launch import distribution
-from minerva_bus.launch.capacity import (
+from minerva_bus.launch import world_files as distribution
+from minerva_bus.launch.machine_resources import (
     BASE_FILES,
     BYTES_PER_PROCESS,
     FILES_PER_PROCESS,
@@ -22,9 +22,14 @@ from minerva_bus.launch.capacity import (
     cores,
     shortage,
 )
-from minerva_bus.launch.distribution import AGENT_SECONDS, HOST_SECONDS, ROW_SECONDS, hosts_for
 from minerva_bus.launch.process_table import SLOT_SECONDS, StartQueue
-from minerva_bus.launch.reading import read_world_text
+from minerva_bus.launch.world_files import (
+    AGENT_SECONDS,
+    HOST_SECONDS,
+    ROW_SECONDS,
+    hosts_for,
+    read_world_text,
+)
 from minerva_bus.settings.overrides import Overrides
 
 

@@ -16,7 +16,7 @@ from minerva_bus import View, WorldInfo, visualize
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.semantics.picture import Lists
 from minerva_bus.settings.overrides import Overrides

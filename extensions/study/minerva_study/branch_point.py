@@ -23,8 +23,8 @@ from minerva_bus.launch.resuming import (
     last_views,
     toward,
 )
-from minerva_bus.launch.typed import of_nodes
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.typed_text import of_nodes
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.world_files import Collecting
 from minerva_bus.launch.written_frames import wait_for_frame
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.world.operator import WorldStatus

@@ -190,8 +190,8 @@ def sweep(
     """
     from minerva_bus.launch.console import Console
     from minerva_bus.launch.installed import find_world
-    from minerva_bus.launch.reading import read_world_file
-    from minerva_bus.launch.toml import read_toml
+    from minerva_bus.launch.toml_tables import read_toml
+    from minerva_bus.launch.world_files import read_world_file
     from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
     from minerva_study.code_digests import identity, named_objects
     from minerva_study.grid import parse_grid

@@ -14,7 +14,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.assignment import Extent, places
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.overrides import Overrides
 from minerva_study.evaluation import EvaluationCache, Evaluator, Fitness
 from minerva_study.evolution import Evolution, Generation, Plan

@@ -18,9 +18,8 @@ from typing import Any, Final
 
 import minerva_bus
 from minerva_bus.errors import MinervaError
-from minerva_bus.launch.reading import read_world_text
-from minerva_bus.launch.toml import read_toml
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.toml_tables import read_toml
+from minerva_bus.launch.world_files import WorldFile, read_world_text
 from minerva_bus.settings.overrides import Overrides
 from minerva_study.code_digests import changed, code_digests, named_objects
 

@@ -15,11 +15,10 @@ from minerva_bus.arguments import named, path_of, whole_number
 from minerva_bus.collect.plans import Entries, TablePlan
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.temporary_folder import temporary_folder
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import Collecting, WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_study.code_digests import identity, named_objects
 from minerva_study.executor_pool import ExecutorSource, Workers, open_pool

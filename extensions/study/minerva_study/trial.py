@@ -24,7 +24,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun, never
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers

@@ -18,7 +18,6 @@ from types import TracebackType
 from typing import Any, Final, Protocol, Self
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.launch.capacity import cores
 from minerva_bus.launch.child_processes import (
     ChildProcess,
     LineReader,
@@ -32,8 +31,9 @@ from minerva_bus.launch.child_processes import (
 )
 from minerva_bus.launch.in_process import never
 from minerva_bus.launch.interrupts import caught
+from minerva_bus.launch.machine_resources import cores
 from minerva_bus.launch.temporary_folder import temporary_folder
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.overrides import Overrides
 
 MAX_LINES: Final = 9

@@ -6,8 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.rng import stream
 from minerva_study.mutation.mutable import parse_targets

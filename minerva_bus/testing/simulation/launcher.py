@@ -9,7 +9,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.member_process import NOTHING
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.testing.simulation.links import Weather
 from minerva_bus.testing.simulation.machine import SimulatedMachine

@@ -9,8 +9,8 @@ from typing import Final
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
-from minerva_bus.launch.journaling import journal_path
-from minerva_bus.launch.shared_processes import SERVICES
+from minerva_bus.launch.coordinator_process import journal_path
+from minerva_bus.launch.process_specs import SERVICES
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator

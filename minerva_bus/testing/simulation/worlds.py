@@ -36,7 +36,8 @@ from minerva_bus import (
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.traversal import walk
-from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.tables import BusSettings
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order

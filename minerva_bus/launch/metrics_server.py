@@ -132,7 +132,7 @@ class Exporter:
 
     def collect(self) -> Iterator[Metric]:
         """Collect metrics, as Prometheus requires of a collector."""
-        from minerva_bus.launch.metrics import down_metrics, world_metrics
+        from minerva_bus.launch.prometheus_metrics import down_metrics, world_metrics
 
         try:
             status, totals = self._status(), read_totals(self._ask("totals").get("totals"))

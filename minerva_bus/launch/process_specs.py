@@ -1,12 +1,15 @@
-"""The tables [process.NAME] of a world file, and the views that the command line adds."""
+"""The processes of a world: the tables [process.NAME], and the views of the command line.
+
+Where cores are few, services share a process of the operating system.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import shutil
-from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final
@@ -16,26 +19,63 @@ from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.distribution import names_of
-from minerva_bus.launch.norms import PEOPLE
-from minerva_bus.launch.options import beside
 from minerva_bus.launch.specs import bind, find_agent, find_service, find_view
-from minerva_bus.launch.table import Table
-from minerva_bus.launch.typed import by_process, read_view
-from minerva_bus.launch.worldfile import Process
+from minerva_bus.launch.toml_tables import Table
+from minerva_bus.launch.typed_text import beside, read_view, settings_by_process
 from minerva_bus.runtime.waiting import Patience
 from minerva_bus.settings.declaring import settings_of
 from minerva_bus.settings.kinds import AUTO
-from minerva_bus.settings.tables import PatienceSettings, ProcessSettings
+from minerva_bus.settings.tables import (
+    PatienceSettings,
+    ProcessSettings,
+)
 from minerva_bus.wire.keys import COORDINATOR, checked_name
+from minerva_bus.world.agent import Agent
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.services import Service
+
+PEOPLE: Final = "people"
+"""In `applies`: the people who send events from a terminal or a window; `people:NAME` is one."""
 
 _RESERVED: Final = {
     COORDINATOR: "it is that of the process that runs the frames; choose another name",
     PEOPLE: "norms and logs call those who send events by it; choose another name",
 }
 """Names that no process may have, and why."""
+
+SERVICES: Final = "services"
+"""Name of the process that services share."""
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """One process of a world, and the policy for its failure: restart, stop or ignore.
+
+    `elsewhere`: the world waits for it, but it is started on another machine, by hand or by a
+    service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
+    in whose name a generator may send events. `table`: the name of its table in the
+    world file, empty for a view of the command line. `automatic`: it stands for as many processes
+    as `distributed` chooses. `shared`: it shares a process of the operating system with others.
+    """
+
+    name: str
+    make_service: Callable[[], Service] | None = None
+    agents: tuple[type[Agent], ...] = ()
+    command: tuple[str, ...] = ()
+    folder: Path = field(default_factory=Path)
+    on_failure: str = "restart"
+    restarts: int = 5
+    elsewhere: bool = False
+    table: str = ""
+    speaks_for: tuple[str, ...] = ()
+    patience: Patience | None = None
+    automatic: bool = False
+    shared: bool = False
+
+    def participant(self) -> Member:
+        """The member that this process runs."""
+        service = self.make_service() if self.make_service is not None else None
+        return Member(self.name, service, self.agents)
 
 
 def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
@@ -44,7 +84,7 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
     Raises WorldFileError.
     """
     reader = _ProcessReader(top, path)
-    table, settings = top.table("process"), by_process(top.overrides.settings)
+    table, settings = top.table("process"), settings_by_process(top.overrides.settings)
     processes: list[Process] = []
     for name in list(table.data):
         processes += reader.processes(name, table.table(name), settings.pop(name, {}))
@@ -205,3 +245,53 @@ def _invalid_topic(hello: Hello) -> str:
     except MisuseError as error:
         return str(error)
     return ""
+
+
+def names_of(name: str, count: int) -> list[str]:
+    """The names of the processes of a table."""
+    return [name] if count == 1 else [f"{name}-{number + 1}" for number in range(count)]
+
+
+DEFAULT: Final = Process("")
+
+
+def by_process(processes: Iterable[Process]) -> dict[str, tuple[Process, ...]]:
+    """The processes that run here, by name of the process of the operating system."""
+    members: dict[str, list[Process]] = {}
+    for process in processes:
+        if not process.elsewhere:
+            members.setdefault(SERVICES if process.shared else process.name, []).append(process)
+    return {name: tuple(each) for name, each in members.items()}
+
+
+def sharing(
+    processes: Sequence[Process], members: Iterable[Member], cores: int
+) -> tuple[Process, ...]:
+    """The processes; services share one if all of them and the coordinator exceed the cores.
+
+    `members` are those of the first process of each table.
+    """
+    hellos = {member.name: member.hello() for member in members if member.service is not None}
+    tables = {
+        process.table: hellos[process.name] for process in processes if process.name in hellos
+    }
+    alike = [
+        process
+        for process in processes
+        if process.table in tables
+        and not process.elsewhere
+        # They are restarted together.
+        and (process.on_failure, process.restarts) == (DEFAULT.on_failure, DEFAULT.restarts)
+        and _may_share(tables[process.table])
+    ]
+    enough = len(by_process(processes)) < cores
+    if enough or len(alike) < 2 or SERVICES in {process.name for process in processes}:
+        return tuple(processes)
+    return tuple(
+        replace(process, shared=True) if process in alike else process for process in processes
+    )
+
+
+def _may_share(hello: Hello) -> bool:
+    """Whether a member may share a process: frames wait for it, or nobody does."""
+    return hello.coupled or not hello.draws

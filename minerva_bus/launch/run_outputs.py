@@ -1,26 +1,35 @@
-"""Record of a running world, written in the process of its coordinator."""
+"""What a run writes: its record, and the tables of the data that it collects."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.resuming import Resumed, differing, option_text
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.world_files import Collecting, WorldFile
+from minerva_bus.log.errors import RecordError
 from minerva_bus.path_text import text_of_path
+from minerva_bus.runtime.runner import Sink
 from minerva_bus.settings.kinds import ALL
 from minerva_bus.world.operator import FileStatus, PersonOperation
 
 if TYPE_CHECKING:
+    from minerva_bus.collect.parts import TableParts
+    from minerva_bus.collect.plans import TablePlan
+    from minerva_bus.collect.table import DataTable
+    from minerva_bus.collect.writers import Writer
     from minerva_bus.log.description import Description
     from minerva_bus.log.reader import Record
     from minerva_bus.log.recorder import Recorder
+
+SAVE_SECONDS: Final = 5.0
+"""Time after which rows are written that still wait for more."""
 
 
 class RunRecord:
@@ -40,7 +49,6 @@ class RunRecord:
 
         Raises RecordError, and MisuseError if mcap is not installed.
         """
-        from minerva_bus.log.errors import RecordError
         from minerva_bus.log.reader import Record
 
         self._algorithm = algorithm
@@ -226,3 +234,115 @@ def check_record(file: WorldFile) -> None:
         from minerva_bus.log.errors import check_installed
 
         check_installed()
+
+
+class CollectSink(Sink):
+    """Collects the frames of an algorithm, beginning with the string that it has now.
+
+    `say` is called with a line for the user. `again`: this coordinator succeeds one that was
+    killed, and is going to repeat the frames of its journal: it continues the tables. Raises
+    MisuseError and VocabularyError.
+    """
+
+    def __init__(
+        self,
+        collecting: Collecting,
+        algorithm: FrameAlgorithm,
+        say: Callable[[str], None],
+        *,
+        again: bool = False,
+    ) -> None:
+        from minerva_bus.collect.collector import Collector
+        from minerva_bus.collect.history import SeriesHistory
+        from minerva_bus.collect.plans import plans_of
+        from minerva_bus.collect.table import Gathered
+
+        world = algorithm.world
+        plans = plans_of(collecting.entries, world.vocabulary)
+        self._gathered: dict[str, Gathered] = {}
+        into, frame = collecting.into, algorithm.frame
+        self._parts = _parts(Path(into), plans, frame, say, again=again) if into else None
+
+        self.history = SeriesHistory(plans, world.vocabulary)
+
+        def open_table(plan: TablePlan) -> Writer:
+            if self._parts is not None:
+                return self.history.watched(plan, self._parts.open(plan))
+            gathered = self._gathered[plan.name] = Gathered(plan.name, plan.columns)
+            return self.history.watched(plan, gathered)
+
+        self._algorithm = algorithm
+        self._saved_at = time.monotonic()
+        self.collector = Collector(plans, world.vocabulary, world.dt, open_table)
+        self.collector.begin(algorithm.frame, algorithm.scene)
+
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Collect the data of a frame that has ended."""
+        self.collector.done(notice.frame, notice.events, self._algorithm.scene)
+        if time.monotonic() >= self._saved_at + SAVE_SECONDS:
+            self.save()
+
+    def save(self) -> None:
+        """Write the rows so far, so that they survive this process."""
+        if self._parts is not None:
+            self._parts.save()
+        self._saved_at = time.monotonic()
+
+    def close(self) -> None:
+        """Finish all tables."""
+        self.collector.close(self._algorithm.closing_events)
+        if self._parts is not None:
+            self._parts.join()
+
+    @property
+    def tables(self) -> dict[str, DataTable]:
+        """The tables in memory, by name; empty if they go into a file."""
+        return {name: gathered.table for name, gathered in self._gathered.items()}
+
+
+def _parts(
+    path: Path, plans: Sequence[TablePlan], frame: int, say: Callable[[str], None], *, again: bool
+) -> TableParts:
+    """The parts of a run's tables, or those of the killed coordinator `again`."""
+    from minerva_bus.collect.parts import TableParts, has_parts
+
+    tables = {plan.name: plan.columns for plan in plans}
+    if again and has_parts(path, tables):
+        return TableParts(path, tables, again=True)
+    # A world that was stopped and continues has finished its former tables.
+    if again and frame:
+        path = path.with_name(f"{path.stem}-from-{frame}{path.suffix}")
+        say(f"the data collected from frame {frame} on are in {path}")
+        return TableParts(path, tables, again=has_parts(path, tables))
+    return TableParts(path, tables)
+
+
+def check_tables(into: str) -> None:
+    """Raise MisuseError if there are tables of a killed run, which this one would not continue."""
+    from minerva_bus.collect.parts import check_no_parts
+
+    if into:
+        check_no_parts(Path(into))
+
+
+def complete_tables(into: str, say: Callable[[str], None]) -> None:
+    """Join the parts that a run has left because its last coordinator was killed or failed."""
+    from minerva_bus.collect.parts import has_parts, parts_of, read_parts
+
+    path = Path(into)
+    if into and has_parts(path):
+        files = read_parts(parts_of(path)).join()
+        say(f"the data collected up to the end are in {', '.join(map(str, files.values()))}")
+
+
+def collect_sink(
+    collecting: Collecting,
+    algorithm: FrameAlgorithm,
+    say: Callable[[str], None],
+    *,
+    again: bool = False,
+) -> CollectSink | None:
+    """The sink that collects data; None if there are none to collect."""
+    if not collecting.entries:
+        return None
+    return CollectSink(collecting, algorithm, say, again=again)
