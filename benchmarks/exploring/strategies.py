@@ -10,8 +10,22 @@ import numpy as np
 
 from minerva_agents.robot.control import PLANNERS, search_and_approach
 from minerva_agents.robot.exploration import Goal, SearchState
-from minerva_agents.robot.grid import UNKNOWN, expanses, free, frontier, out_of_view
+from minerva_agents.robot.grid import FREE, UNKNOWN, Mask, expanses, free, grown_to_sides
 from minerva_agents.robot.planning import Wave
+from minerva_bus import Cells
+
+
+def frontier(grid: Cells) -> Mask:
+    """Free cells adjacent to unknown ones.
+
+    Gaps between two beams do not count as unknown.
+    """
+    return free(grid) & grown_to_sides(expanses(grid == UNKNOWN))
+
+
+def out_of_view(grid: Cells) -> Mask:
+    """Free cells that the camera has not seen, without specks."""
+    return expanses(grid == FREE)
 
 
 def nearest(known: SearchState) -> Goal | None:

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from robot_steps import after, changed, robot
 
+from benchmarks.exploring.strategies import frontier, out_of_view
 from minerva_agents.robot.grid import (
     FREE,
     MARKER,
     SEEN,
     UNKNOWN,
     forget_looks,
-    frontier,
     look,
-    out_of_view,
 )
 from minerva_agents.robot.pose import GridPose
 from minerva_agents.robot.vocabulary import eCamera

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -62,7 +63,7 @@ def imports(path):
         if isinstance(node, ast.Import):
             names += [name.name for name in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            names.append(node.module)
+            names += [node.module, *(f"{node.module}.{name.name}" for name in node.names)]
     return names
 
 
@@ -151,6 +152,13 @@ def test_services_and_agents_do_not_know_each_other():
     for folder, other in (("services", "minerva_agents"), ("agents", "minerva_services")):
         for path in files(folder):
             assert other not in {name.split(".")[0] for name in imports(path)}, path
+
+
+@pytest.mark.parametrize("folder", ["agents"])
+def test_modules_import_each_other_in_no_circle(folder):
+    of = {path: path.relative_to(ROOT / folder).with_suffix("") for path in files(folder)}
+    graph = {".".join(name.parts): imports(path) for path, name in of.items()}
+    TopologicalSorter(graph).prepare()
 
 
 def test_the_bus_knows_no_robots():

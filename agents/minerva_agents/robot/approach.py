@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -45,18 +45,15 @@ from minerva_agents.robot.clearance import (
 from minerva_agents.robot.grid import MARKER, SEEN, UNKNOWN, Mask, free, obstacles
 from minerva_agents.robot.planning import STEP, Wave
 from minerva_agents.robot.pose import STAY, Cell, Move, cell_of, centre_of, towards
+from minerva_agents.robot.state import RobotState
 from minerva_agents.robot.vocabulary import eUnreachable
 from minerva_bus import Context, portable
-
-if TYPE_CHECKING:
-    from minerva_agents.robot.robot import ARobot
-
 
 # A corner at this distance, in cells, has been reached.
 _TOLERANCE: Final = 1e-4
 
 
-def pass_corners(robot: ARobot) -> None:
+def pass_corners(robot: RobotState) -> None:
     """Drop the corners that the robot has reached."""
     way = robot.way
     while way and portable.dist(way[0], robot.position) < _TOLERANCE:
@@ -65,7 +62,7 @@ def pass_corners(robot: ARobot) -> None:
         robot.set_way(way, robot.purpose, robot.is_narrow)
 
 
-def is_open(robot: ARobot) -> bool:
+def is_open(robot: RobotState) -> bool:
     """True if the robot has a path and no new obstacle blocks it."""
     way = (robot.position, *robot.way)
     if len(way) == 1:
@@ -75,7 +72,7 @@ def is_open(robot: ARobot) -> bool:
     return is_clear(robot.grid, way, robot.room)
 
 
-def step(robot: ARobot, dt: float) -> Move:
+def step(robot: RobotState, dt: float) -> Move:
     """Next move along the path."""
     if not robot.plan_rows:
         return STAY
@@ -107,7 +104,7 @@ RELAX_FAILURES: Final = 3
 """Consecutive failures after which a robot accepts a worse approach."""
 
 
-def has_arrived(robot: ARobot, place: Cell) -> bool:
+def has_arrived(robot: RobotState, place: Cell) -> bool:
     """True if the robot is at the marker, or as close to it as it can get."""
     dist = portable.dist(robot.position, centre_of(place)) * robot.cell
     # The path has ended: the robot can come no closer.
@@ -116,13 +113,13 @@ def has_arrived(robot: ARobot, place: Cell) -> bool:
     return dist <= REACH and _sees(robot, place)
 
 
-def is_near(robot: ARobot, place: Cell) -> bool:
+def is_near(robot: RobotState, place: Cell) -> bool:
     """True if the robot is close enough given that it can come no closer."""
     dist = portable.dist(robot.position, centre_of(place)) * robot.cell
     return dist <= NEAR and (_sees(robot, place) or robot.failures >= RELAX_FAILURES)
 
 
-def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
+def good_places(robot: RobotState, place: Cell) -> Iterator[Mask]:
     """Masks of cells from which the marker counts as reached, best first.
 
     Cells without line of sight come last and only after `RELAX_FAILURES` failures, because they
@@ -138,7 +135,7 @@ def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
             yield _around(walls, place, dist / robot.cell)
 
 
-def make_way(robot: ARobot, place: Cell) -> None:
+def make_way(robot: RobotState, place: Cell) -> None:
     """Plan a path out of the way of other robots heading for the marker, if there is space."""
     robot.forget_plan()
     grid, cell = robot.grid, robot.cell
@@ -160,7 +157,7 @@ def make_way(robot: ARobot, place: Cell) -> None:
         robot.set_way(straightened(grid, robot.position, path, robot.room), MAKE_WAY)
 
 
-def make_way_again(robot: ARobot) -> None:
+def make_way_again(robot: RobotState) -> None:
     """Plan another path out of the way: a robot that stops half-way may hide the nearest marker."""
     places = np.argwhere(robot.grid >= MARKER)
     squares = ((places + 0.5 - robot.position) ** 2).sum(axis=1)
@@ -184,7 +181,7 @@ def _around(walls: Mask, place: Cell, reach: float) -> Mask:
     return (rows - place[0]) ** 2 + (columns - place[1]) ** 2 <= reach * reach
 
 
-def _sees(robot: ARobot, place: Cell) -> bool:
+def _sees(robot: RobotState, place: Cell) -> bool:
     return sees(obstacles(robot.grid), robot.position, centre_of(place))
 
 
@@ -211,7 +208,7 @@ _CROSSINGS: Final = 10.0
 _MIN_SPEED: Final = 0.01
 
 
-def gives_up(robot: ARobot, moment: Context) -> bool:
+def gives_up(robot: RobotState, moment: Context) -> bool:
     """Give up the objective, report why and clear it, if there is no prospect left."""
     why = _why(robot, moment)
     if not why:
@@ -224,14 +221,7 @@ def gives_up(robot: ARobot, moment: Context) -> bool:
     return True
 
 
-def begin_search(robot: ARobot) -> None:
-    """Begin the first search for an objective, with full patience."""
-    robot.failures = robot.searches = robot.most_known = 0
-    robot.stale = 0.0
-    robot.been = robot.dull = ()
-
-
-def restart_search(robot: ARobot) -> None:
+def restart_search(robot: RobotState) -> None:
     """Begin another search for the same objective: its news pay for driving again."""
     robot.been = robot.dull = ()
     robot.searches += 1
@@ -239,7 +229,7 @@ def restart_search(robot: ARobot) -> None:
     robot.stale = 0.0
 
 
-def patience(robot: ARobot) -> float:
+def patience(robot: RobotState) -> float:
     """Seconds without news, or without arriving at a marker that is known, before giving up.
 
     They are ten crossings of the grid, in the first search five minutes more.
@@ -252,7 +242,7 @@ def patience(robot: ARobot) -> float:
     return crossings if robot.searches else _MIN_SECONDS + crossings
 
 
-def _why(robot: ARobot, moment: Context) -> str:
+def _why(robot: RobotState, moment: Context) -> str:
     if robot.objective_cell() is not None:
         if robot.failures >= MAX_FAILURES:
             return f"no way to it after {robot.failures} attempts"
@@ -271,7 +261,7 @@ def _why(robot: ARobot, moment: Context) -> str:
     return ""
 
 
-def _count_news(robot: ARobot, moment: Context) -> None:
+def _count_news(robot: RobotState, moment: Context) -> None:
     """Count the time, less what newly known and newly inspected cells pay for."""
     robot.stale += moment.dt
     if moment.number % COUNT_FRAMES:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -58,20 +58,18 @@ from minerva_agents.robot.pose import (
     turn_to,
     wrapped,
 )
+from minerva_agents.robot.state import RobotState
 from minerva_agents.robot.vocabulary import eReached
 from minerva_bus import Context, portable
 
-if TYPE_CHECKING:
-    from minerva_agents.robot.robot import ARobot
 
-
-def notice(robot: ARobot) -> None:
+def notice(robot: RobotState) -> None:
     """Record what the camera sees in this frame while the robot searches for its objective."""
     if robot.objective and robot.objective_cell() is None:
         look(robot.writable("grid"), robot.pose, robot.fov, robot.sight / robot.cell)
 
 
-def next_move(robot: ARobot, moment: Context) -> Move:
+def next_move(robot: RobotState, moment: Context) -> Move:
     """The robot's next move.
 
     At the objective it emits eReached once and clears the objective; on an errand it performs the
@@ -100,7 +98,7 @@ def next_move(robot: ARobot, moment: Context) -> Move:
     return PLANNERS[robot.planner](robot, moment)
 
 
-def _stand_or_make_way(robot: ARobot, dt: float) -> Move:
+def _stand_or_make_way(robot: RobotState, dt: float) -> Move:
     if robot.purpose == MAKE_WAY and robot.plan_rows and not is_open(robot):
         make_way_again(robot)
     if robot.purpose != MAKE_WAY or not is_open(robot):
@@ -125,7 +123,7 @@ _FACING: Final = 0.01
 
 
 def search_and_approach(
-    robot: ARobot, moment: Context, choose: Callable[[SearchState], Goal | None] = next_goal
+    robot: RobotState, moment: Context, choose: Callable[[SearchState], Goal | None] = next_goal
 ) -> Move:
     """Next move towards the objective or in search of it; `choose` selects the next viewpoint."""
     if robot.pause > 0:
@@ -142,7 +140,7 @@ def search_and_approach(
     return step(robot, moment.dt)
 
 
-def _record_look(robot: ARobot) -> None:
+def _record_look(robot: RobotState) -> None:
     """Record the outcome of a finished look, or of the path to one."""
     if robot.plan_rows or robot.purpose not in (SEARCH, LOOK):
         return
@@ -159,7 +157,7 @@ def _record_look(robot: ARobot) -> None:
     robot.forget_plan()
 
 
-def _holds_good(robot: ARobot, place: Cell | None, moment: Context) -> bool:
+def _holds_good(robot: RobotState, place: Cell | None, moment: Context) -> bool:
     """True if the plan still leads to the goal and its path is clear."""
     if robot.purpose == LOOK:
         # A turn needs no clear path, and ends as soon as the marker has been seen.
@@ -181,7 +179,10 @@ def _holds_good(robot: ARobot, place: Cell | None, moment: Context) -> bool:
 
 
 def _make_plan(
-    robot: ARobot, place: Cell | None, moment: Context, choose: Callable[[SearchState], Goal | None]
+    robot: RobotState,
+    place: Cell | None,
+    moment: Context,
+    choose: Callable[[SearchState], Goal | None],
 ) -> None:
     closed = blocked(robot.grid, robot.position, robot.room)
     here = cell_of(robot.position)
@@ -208,7 +209,7 @@ def _make_plan(
         _recover(robot, closed, here, goal, moment)
 
 
-def _plan_look(robot: ARobot, goal: Goal | None) -> bool:
+def _plan_look(robot: RobotState, goal: Goal | None) -> bool:
     """Plan to drive or turn to the next viewpoint; False if there is none."""
     if goal is None:
         return False
@@ -220,19 +221,19 @@ def _plan_look(robot: ARobot, goal: Goal | None) -> bool:
     return True
 
 
-def _plan_approach(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> bool:
+def _plan_approach(robot: RobotState, closed: Mask, here: Cell, place: Cell) -> bool:
     path = _path_to(robot, closed, here, place)
     return path is not None and _set_out(robot, path.cells, APPROACH)
 
 
-def _plan_narrow_approach(robot: ARobot, narrows: Narrows, place: Cell) -> bool:
+def _plan_narrow_approach(robot: RobotState, narrows: Narrows, place: Cell) -> bool:
     """Plan a path with minimal clearance to the objective."""
     ways = (narrows.way_to(targets) for targets in good_places(robot, place))
     way = next((way for way in ways if way is not None), None)
     return way is not None and _go_along(robot, way, APPROACH, is_narrow=True)
 
 
-def _plan_narrow_look(robot: ARobot, narrows: Narrows, goal: Goal | None) -> bool:
+def _plan_narrow_look(robot: RobotState, narrows: Narrows, goal: Goal | None) -> bool:
     """Plan a path with minimal clearance to the next viewpoint."""
     if goal is None or not goal.cells:
         return _plan_look(robot, goal)
@@ -242,20 +243,22 @@ def _plan_narrow_look(robot: ARobot, narrows: Narrows, goal: Goal | None) -> boo
     return way is not None and _go_along(robot, way, SEARCH, is_narrow=True)
 
 
-def _set_out(robot: ARobot, cells: Sequence[Cell], purpose: str) -> bool:
+def _set_out(robot: RobotState, cells: Sequence[Cell], purpose: str) -> bool:
     """Follow a path of cells; False if it is empty or blocked."""
     way = straightened(robot.grid, robot.position, cells, robot.room)
     return _go_along(robot, way, purpose)
 
 
-def _go_along(robot: ARobot, way: list[Position], purpose: str, is_narrow: bool = False) -> bool:
+def _go_along(
+    robot: RobotState, way: list[Position], purpose: str, is_narrow: bool = False
+) -> bool:
     """Follow a path of positions; False if it is empty or blocked."""
     robot.set_way(way, purpose, is_narrow)
     pass_corners(robot)
     return is_open(robot)
 
 
-def _search_state(robot: ARobot) -> SearchState:
+def _search_state(robot: RobotState) -> SearchState:
     """Input of the search; no cell is closed until the caller replaces `closed`."""
     wide = robot.grid.shape[1]
     return SearchState(
@@ -272,7 +275,7 @@ def _search_state(robot: ARobot) -> SearchState:
     )
 
 
-def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> GridPath | None:
+def _path_to(robot: RobotState, closed: Mask, here: Cell, place: Cell) -> GridPath | None:
     # The marker's own cell if it can be reached, otherwise a cell from which it counts as reached.
     if not closed[place]:
         path = shortest_path(closed, here, place)
@@ -282,7 +285,9 @@ def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> GridPath |
     return next((path for path in paths if path is not None), None)
 
 
-def _recover(robot: ARobot, closed: Mask, here: Cell, goal: Goal | None, moment: Context) -> None:
+def _recover(
+    robot: RobotState, closed: Mask, here: Cell, goal: Goal | None, moment: Context
+) -> None:
     """Handle a failed plan: wait, step aside, drop the viewpoint `goal` or restart the search."""
     robot.forget_plan()
     robot.failures += 1
@@ -307,7 +312,7 @@ def _recover(robot: ARobot, closed: Mask, here: Cell, goal: Goal | None, moment:
         _set_out(robot, path.cells, ASIDE)
 
 
-def _path_aside(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> GridPath | None:
+def _path_aside(robot: RobotState, closed: Mask, here: Cell, moment: Context) -> GridPath | None:
     """A path to a random cell one to two metres away."""
     rows, columns = np.ogrid[: closed.shape[0], : closed.shape[1]]
     squares = (rows - here[0]) ** 2 + (columns - here[1]) ** 2
@@ -330,7 +335,7 @@ _MAX_LEG: Final = 6.0
 _MAX_TRIES: Final = 12
 
 
-def wander(robot: ARobot, moment: Context) -> Move:
+def wander(robot: RobotState, moment: Context) -> Move:
     """Next move of a robot that wanders."""
     if not _go_straight_there(robot) and not is_open(robot):
         robot.forget_plan()
@@ -340,7 +345,7 @@ def wander(robot: ARobot, moment: Context) -> Move:
     return step(robot, moment.dt)
 
 
-def _go_straight_there(robot: ARobot) -> bool:
+def _go_straight_there(robot: RobotState) -> bool:
     """Follow the straight path to the marker if it is clear; True while the robot is on it."""
     place = robot.objective_cell()
     if place is None:
@@ -360,7 +365,7 @@ def _go_straight_there(robot: ARobot) -> bool:
     return True
 
 
-def _random_way(robot: ARobot, moment: Context) -> Position | None:
+def _random_way(robot: RobotState, moment: Context) -> Position | None:
     """The end of a random straight path, or None if no free one was drawn.
 
     Draws a length, then headings until that length is free; halves the length after `_MAX_TRIES`
@@ -378,7 +383,7 @@ def _random_way(robot: ARobot, moment: Context) -> Position | None:
     return None
 
 
-PLANNERS: Final[Mapping[str, Callable[[ARobot, Context], Move]]] = {
+PLANNERS: Final[Mapping[str, Callable[[RobotState, Context], Move]]] = {
     "astar": search_and_approach,
     "random": wander,
 }

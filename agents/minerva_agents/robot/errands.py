@@ -22,9 +22,10 @@ that it has interrupted.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from minerva_agents.robot.pose import Cell, Position, centre_of
+from minerva_agents.robot.state import RobotState
 from minerva_agents.robot.vocabulary import (
     PParcel,
     TPlace,
@@ -37,15 +38,11 @@ from minerva_agents.robot.vocabulary import (
 )
 from minerva_bus import Agent, Context, Degrees, Event, Metres, Scene, on, portable, view
 
-if TYPE_CHECKING:
-    from minerva_agents.robot.robot import ARobot
-
-
 _REPLY_FRAMES: Final = 2
 """Frames from a request to its answers: events emitted by agents belong to the next frame."""
 
 
-def begin(robot: ARobot, source: str, target: str, moment: Context) -> None:
+def begin(robot: RobotState, source: str, target: str, moment: Context) -> None:
     """Start an errand; an invalid one is refused with eGivenUp."""
     unknown = [marker for marker in (source, target) if marker not in robot.markers]
     if unknown:
@@ -60,12 +57,12 @@ def begin(robot: ARobot, source: str, target: str, moment: Context) -> None:
     moment.emit(eGivenUp(source, target, why))
 
 
-def is_fetching(robot: ARobot) -> bool:
+def is_fetching(robot: RobotState) -> bool:
     """True if the robot is driving to the source or asking there."""
     return bool(robot.target) and robot.objective != robot.target
 
 
-def attend(robot: ARobot, place: Cell, moment: Context) -> bool:
+def attend(robot: RobotState, place: Cell, moment: Context) -> bool:
     """Perform the errand's step at the objective's marker; False if there is no errand."""
     if is_fetching(robot):
         _fetch(robot, moment)
@@ -82,26 +79,26 @@ def attend(robot: ARobot, place: Cell, moment: Context) -> bool:
     return True
 
 
-def notice_rival(robot: ARobot, marker: str, moment: Context) -> None:
+def notice_rival(robot: RobotState, marker: str, moment: Context) -> None:
     """Abort the approach to a source that another robot has just emptied."""
     # A robot that has asked, too, waits for its answers: the parcels join whoever asked first.
     if is_fetching(robot) and robot.objective == marker and not robot.waits:
         _go_on(robot, "another robot has come first", moment)
 
 
-def give_up(robot: ARobot, why: str, moment: Context) -> None:
+def give_up(robot: RobotState, why: str, moment: Context) -> None:
     """Abort an errand and report why; the robot keeps its load."""
     moment.emit(eGivenUp(robot.objective, robot.target, why))
     _end(robot)
 
 
-def carry(robot: ARobot, position: Position, moment: Context) -> None:
+def carry(robot: RobotState, position: Position, moment: Context) -> None:
     """Send the parcels on board their next position."""
     if robot.load:
         moment.emit(eCarry(*robot.metres(position), receivers=robot.load))
 
 
-def _fetch(robot: ARobot, moment: Context) -> None:
+def _fetch(robot: RobotState, moment: Context) -> None:
     """Ask the parcels at this marker to come along; continue once all have answered."""
     if not robot.waits:
         moment.emit(eTake(robot.objective))
@@ -112,7 +109,7 @@ def _fetch(robot: ARobot, moment: Context) -> None:
         _go_on(robot, "nothing stands there", moment)
 
 
-def _go_on(robot: ARobot, why: str, moment: Context) -> None:
+def _go_on(robot: RobotState, why: str, moment: Context) -> None:
     """Bring the load to the target; give up if there is none."""
     if robot.load:
         robot.seek(robot.target, robot.target)
@@ -120,7 +117,7 @@ def _go_on(robot: ARobot, why: str, moment: Context) -> None:
         give_up(robot, why, moment)
 
 
-def _end(robot: ARobot) -> None:
+def _end(robot: RobotState) -> None:
     robot.seek(robot.later)
     robot.later = ""
 

@@ -353,19 +353,6 @@ def forget_looks(grid: Cells) -> None:
     grid[grid == SEEN] = FREE
 
 
-def frontier(grid: Cells) -> Mask:
-    """Free cells adjacent to unknown ones.
-
-    Gaps between two beams do not count as unknown.
-    """
-    return free(grid) & grown_to_sides(expanses(grid == UNKNOWN))
-
-
-def out_of_view(grid: Cells) -> Mask:
-    """Free cells that the camera has not seen, without specks."""
-    return expanses(grid == FREE)
-
-
 # --- masks and sums -------------------------------------------------------------------------------
 
 
