@@ -1,5 +1,6 @@
 """The documentation site: it builds without warnings, its links lead somewhere, its search finds."""
 
+import re
 import shutil
 import tomllib
 from html import escape
@@ -19,7 +20,7 @@ from pages import ROOT
 from site_links import broken, broken_in_markdown, build, page
 
 import minerva_bus
-from minerva_bus.cli.main import GROUPS, app
+from minerva_bus.cli.main import GROUPS, app, topics
 
 ROBOT = ROOT / "agents" / "minerva_agents" / "robot" / "robot.toml"
 
@@ -156,6 +157,16 @@ def test_a_reader_finds_a_page_by_search_without_a_server(site, page_name):
         view.wait_for_url("**/security.html*")
         assert "Security" in view.locator("h1").first.inner_text()
         browser.close()
+
+
+def test_the_guides_are_grouped_as_the_commands_and_each_is_listed_once():
+    folder = ROOT / "docs" / "howto"
+    text = (folder / "index.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (.+)$", text, re.M) == list(topics())
+    listed = [name for name in re.findall(r"^([\w/-]+)$", text, re.M) if "/" not in name]
+    assert sorted(listed) == sorted(
+        path.stem for path in folder.glob("*.md") if path.stem != "index"
+    )
 
 
 @pytest.mark.parametrize("path", MARKDOWN, ids=lambda path: str(path.relative_to(ROOT)))
