@@ -17,7 +17,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.replaying import Replay
+from minerva_bus.launch.replays import Replay
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import Collecting, WorldFile, read_world_file
 from minerva_bus.runtime.coordinator import Coordinator

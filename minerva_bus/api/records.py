@@ -12,9 +12,9 @@ from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import check_film, run_request
 from minerva_bus.api.world import World, world_of
 from minerva_bus.arguments import path_of, text, text_list, whole_number
-from minerva_bus.launch.replaying import explained, recomputed
-from minerva_bus.launch.resuming import WorldSource, find_file, option_text
-from minerva_bus.launch.swapping import Swap, Swapped, run_swapped
+from minerva_bus.launch.past import WorldSource, find_file
+from minerva_bus.launch.replays import Swap, Swapped, explained, recomputed, run_swapped
+from minerva_bus.launch.typed_text import option_text
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.log.comparison import Difference, compare
 from minerva_bus.log.explanation import Explanation

@@ -16,8 +16,8 @@ from minerva_bus.launch.world_files import Collecting, WorldFile, several_hosts
 from minerva_bus.settings.overrides import Overrides
 
 if TYPE_CHECKING:
-    from minerva_bus.launch.replaying import Replay
-    from minerva_bus.launch.resuming import WorldSource
+    from minerva_bus.launch.past import WorldSource
+    from minerva_bus.launch.replays import Replay
 
 Processes: TypeAlias = int | Literal["auto"] | None
 """Number of processes for each kind of agents; None: as the world says, without a bus."""
@@ -38,8 +38,8 @@ class Past:
     def read(self, world: WorldSource, overrides: Overrides) -> Replay:
         """The world of the run and its coordinator. Raises RecordError and MinervaError."""
         # Only here: the library of records is an extra.
-        from minerva_bus.launch.replaying import Replay, read_replay
-        from minerva_bus.launch.resuming import read_resumed
+        from minerva_bus.launch.past import read_resumed
+        from minerva_bus.launch.replays import Replay, read_replay
         from minerva_bus.runtime.coordinator import Coordinator
 
         path = path_of("record", self.record)

@@ -19,9 +19,8 @@ from minerva_bus.cli.output import (
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.replaying import read_replay
+from minerva_bus.launch.replays import Swap, read_replay
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.swapping import Swap
 from minerva_bus.settings.overrides import Overrides
 
 

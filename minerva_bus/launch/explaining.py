@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.child_processes import ENDS
 from minerva_bus.launch.halts import Halt, explain_halt
-from minerva_bus.launch.replaying import explained_in
+from minerva_bus.launch.replays import explained_in
 from minerva_bus.world.operator import LogLine, Operator, WorldStatus
 
 if TYPE_CHECKING:
-    from minerva_bus.launch.resuming import WorldSource
+    from minerva_bus.launch.past import WorldSource
     from minerva_bus.log.explanation import Explanation
     from minerva_bus.log.observation import Observation
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from minerva_bus.launch.replaying import explained_in
-from minerva_bus.launch.resuming import WorldSource
+from minerva_bus.launch.past import WorldSource
+from minerva_bus.launch.replays import explained_in
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.log.causes import MAX_LINKS, RECENT
 from minerva_bus.log.errors import RecordError

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
-from minerva_bus.launch.resuming import Resumed, differing, option_text
+from minerva_bus.launch.past import Resumed, differing
+from minerva_bus.launch.typed_text import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
 from minerva_bus.log.errors import RecordError
 from minerva_bus.path_text import text_of_path

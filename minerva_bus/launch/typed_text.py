@@ -17,8 +17,9 @@ from minerva_bus.errors import UnknownOption, WorldFileError, nearest
 from minerva_bus.grammar.assignment import names_nodes
 from minerva_bus.launch.installed import SERVICES, is_file
 from minerva_bus.launch.specs import called
-from minerva_bus.launch.toml_tables import Table, TomlError, read_toml
+from minerva_bus.launch.toml_tables import Table, TomlError, read_toml, toml_value_text
 from minerva_bus.settings.kinds import fits, phrase_of
+from minerva_bus.settings.overrides import plain_value
 from minerva_bus.world.services import Service
 
 
@@ -188,3 +189,8 @@ def _option(name: str, options: Mapping[str, Any], path: Path) -> Any:
         hint = nearest(name, list(options), "declare it under [options]")
         raise WorldFileError(f"{path}: ${{{name}}} is not an option{hint}")
     return options[name]
+
+
+def option_text(value: Any) -> str:
+    """An option as on a command line: a text is unchanged, any other value is in TOML."""
+    return value if isinstance(value, str) else toml_value_text(plain_value(value))

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.rerunning import Rerun, Without
+from minerva_bus.launch.replays import Rerun, Without
 from minerva_bus.log.cursor import Cursor
 from minerva_bus.log.reader import Record
 from minerva_bus.runtime.direct import InProcessRunner

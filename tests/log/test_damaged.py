@@ -16,8 +16,8 @@ from minerva_analysis.plot_command import plot_file
 from minerva_bus.errors import DamagedRecordWarning, MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.replaying import read_replay
-from minerva_bus.launch.resuming import read_resumed
+from minerva_bus.launch.past import read_resumed
+from minerva_bus.launch.replays import read_replay
 from minerva_bus.log import channels as c
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.info import info_of

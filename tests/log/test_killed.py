@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus.launch.replaying import recomputed
-from minerva_bus.launch.resuming import read_resumed
+from minerva_bus.launch.past import read_resumed
+from minerva_bus.launch.replays import recomputed
 from minerva_bus.log.comparison import compare
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.info import info_of

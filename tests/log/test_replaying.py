@@ -12,8 +12,8 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.replaying import OVER, RecordedSource
-from minerva_bus.launch.rerunning import recompute
-from minerva_bus.launch.resuming import kinds_in
+from minerva_bus.launch.past import kinds_in
+from minerva_bus.launch.replays import recompute
 from minerva_bus.log.cursor import Cursor
 from minerva_bus.runtime.direct import InProcessRunner
 from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file

@@ -9,9 +9,9 @@ import pytest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.launch.resuming import option_text, read_resumed
+from minerva_bus.launch.past import read_resumed
 from minerva_bus.launch.run_outputs import recording
-from minerva_bus.launch.typed_text import toml_value
+from minerva_bus.launch.typed_text import option_text, toml_value
 from minerva_bus.log import channels as c
 from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
 from minerva_bus.log.chunks import Chunks

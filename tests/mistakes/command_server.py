@@ -10,7 +10,7 @@ from contextlib import redirect_stdout, suppress
 
 import minerva_bus.cli.checking
 import minerva_bus.cli.running
-import minerva_bus.launch.resuming  # noqa: F401  (so that forks need not import it all)
+import minerva_bus.launch.past  # noqa: F401  (so that forks need not import it all)
 from minerva_bus.cli.main import app, main
 
 

@@ -6,7 +6,7 @@ import pytest
 from running import ALL_KINDS, World, eventually, here, minerva, summary, write_world
 
 from minerva_bus import EventType, Vocabulary
-from minerva_bus.launch.resuming import differing_vocabulary
+from minerva_bus.launch.past import differing_vocabulary
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

@@ -15,13 +15,13 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.assignment import assigned
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.replaying import world_file_of
-from minerva_bus.launch.resuming import (
+from minerva_bus.launch.past import (
     WorldSource,
     check_unfinished,
     completed,
     last_views,
     toward,
+    world_file_of,
 )
 from minerva_bus.launch.typed_text import of_nodes
 from minerva_bus.launch.world_files import WorldFile

@@ -8,7 +8,7 @@ from statistics import fmean
 from typing import Any, Final
 
 from minerva_bus.collect.table import SEED
-from minerva_bus.launch.resuming import option_text
+from minerva_bus.launch.typed_text import option_text
 from minerva_bus.plotting import COLORS, INK, draw, show_grid
 from minerva_study.results import ResultTable
 

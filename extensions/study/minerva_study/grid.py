@@ -12,8 +12,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.collect.table import SEED
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.resuming import option_text
-from minerva_bus.launch.typed_text import toml_value
+from minerva_bus.launch.typed_text import option_text, toml_value
 from minerva_bus.settings.overrides import Overrides
 
 MAX_COMBINATIONS: Final = 1_000_000

@@ -12,7 +12,7 @@ from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
 from minerva_bus.collect.reading import plain_value
 from minerva_bus.collect.table import DataTable, Gathered, typed_column
 from minerva_bus.collect.writers import path_of, read_columns
-from minerva_bus.launch.resuming import option_text
+from minerva_bus.launch.typed_text import option_text
 from minerva_study.grid import Combination, Grid
 from minerva_study.results import ResultTable
 from minerva_study.sweep_runs import Sweep

@@ -118,7 +118,7 @@ def replay(
     with uncollected():
         from minerva_bus.cli.recording import show_frames
         from minerva_bus.cli.replaying import recompute_record, replay_record, replay_with
-        from minerva_bus.launch.swapping import Swap
+        from minerva_bus.launch.replays import Swap
 
     if no_code:
         code = {"--swap": swap, "--recompute": recompute, "--view": overrides.views, "WORLD": world}

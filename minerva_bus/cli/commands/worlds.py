@@ -61,7 +61,7 @@ def run(
     """
     with uncollected():
         from minerva_bus.cli.running import read_world, run_world
-        from minerva_bus.launch.resuming import read_resumed
+        from minerva_bus.launch.past import read_resumed
 
         words = context.args
         # The parser takes unknown options for arguments, so the first may be in place of WORLD.

@@ -1,4 +1,4 @@
-"""Resumes a run at the end of its record: `minerva run --resume FILE`.
+"""The past of a run with the code of its world, and worlds that continue it: `run --resume FILE`.
 
 A record has strings, events and checkpoints, but no code. The code is that of the world file, which
 must have the same vocabulary and rules. Options, seed, name, rate and end are those of the record
@@ -21,11 +21,12 @@ from minerva_bus.frame.goal import GIVEN_UP
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.toml_tables import Table, TomlError, read_toml, toml_value_text
-from minerva_bus.launch.typed_text import of_nodes
+from minerva_bus.launch.toml_tables import Table, TomlError, read_toml
+from minerva_bus.launch.typed_text import of_nodes, option_text
 from minerva_bus.launch.world_files import WorldFile, read_world_file
+from minerva_bus.log.errors import RecordError
 from minerva_bus.path_text import path_of_text
-from minerva_bus.settings.overrides import Overrides, plain_value
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.wording import named_some
 from minerva_bus.world.agent import Agent
@@ -40,6 +41,9 @@ if TYPE_CHECKING:
 
 WorldSource: TypeAlias = str | Callable[[Overrides], WorldFile]
 """A world with the code of a record: its file or installed name ("": as recorded), or a reader."""
+
+CODE: Final = Overrides(only_code=True)
+"""Recorded events take the place of the services, whose backends may be gone."""
 
 MAX_NAMED: Final = 5
 """Names of each difference in a message."""
@@ -143,6 +147,19 @@ def read_source(
     return read_world_file(find_file(world, description, wanted), given)
 
 
+def world_file_of(
+    path: Path, world: WorldSource, description: Description, given: Overrides
+) -> WorldFile:
+    """The world file with the code of a record's agents."""
+    wanted = f"minerva replay {path} WORLD"
+    file = read_source(world, description, wanted, completed(given, description))
+    # Only the vocabulary must agree: seed, rules and norms are those of the record.
+    what = differing_vocabulary(file.world.vocabulary, description.world.vocabulary)
+    if what:
+        raise MinervaError(f"{path}: it is the record of another world: {what}")
+    return file
+
+
 def completed(overrides: Overrides, description: Description) -> Overrides:
     """The settings of the command line, over those of the record.
 
@@ -174,11 +191,6 @@ def _options(description: Description) -> dict[str, str]:
         for name, own in declared.items()
         if name in description.options and description.options[name] != own
     }
-
-
-def option_text(value: Any) -> str:
-    """An option as on a command line: a text is unchanged, any other value is in TOML."""
-    return value if isinstance(value, str) else toml_value_text(plain_value(value))
 
 
 def check_same(world: World, recorded: World, path: Path) -> None:
@@ -258,8 +270,6 @@ def kinds_in(file: WorldFile) -> Kinds:
 
 def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> list[ViewShown]:
     """The last views of coupled devices, as keyframes."""
-    from minerva_bus.log.errors import RecordError
-
     kinds, halted = kinds_in(file), checkpoint.saved.get(HALTED, {})
     views: list[ViewShown] = []
     recorded = record.last_events(_coupled(file), checkpoint.frame)

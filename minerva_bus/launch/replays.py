@@ -1,0 +1,576 @@
+"""Replays a record: in any view, recomputed, or with one member replaced (`minerva replay FILE`).
+
+In a view (`--view svg`), bus, views and launcher are those of any world; only the coordinator reads
+its frames from a record. The world file provides the code of agents, which their views need.
+
+A recomputed run (`--recompute`) feeds a frame algorithm with the logged inputs of each frame,
+except those of members that take part here; the hosts here compute the evolution. Each frame is
+compared with the recorded one. Time is simulated, and everything runs in this process.
+
+With one member replaced (`--swap MEMBER=SPEC`), agents run again, too, and the new member generates
+its own events. Thus two planners, or two views, can be compared in the same world.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from minerva_bus.errors import MinervaError, MisuseError, ProtocolError, WorldStopped, nearest
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.compatibility import incompatibility
+from minerva_bus.frame.description import World
+from minerva_bus.frame.event_sources import AGENTS
+from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
+from minerva_bus.frame.member import Member
+from minerva_bus.frame.phases import Phase
+from minerva_bus.frame.replaying import RecordedSource
+from minerva_bus.grammar.events import AnyEvent, Events
+from minerva_bus.launch.past import (
+    CODE,
+    WorldSource,
+    damage_of,
+    kinds_in,
+    no_frame,
+    world_file_of,
+)
+from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.run_outputs import recording
+from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
+from minerva_bus.launch.typed_text import typed_options
+from minerva_bus.launch.world_files import WorldFile
+from minerva_bus.log.comparison import Difference, apart, same_events
+from minerva_bus.log.cursor import Cursor
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.reader import Record
+from minerva_bus.log.readings import RecordedReadings
+from minerva_bus.path_text import text_of_path
+from minerva_bus.runtime.control import COMMANDS
+from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.operated import Operated
+from minerva_bus.runtime.runner import Notice
+from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.runtime.world_status import status_of
+from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.tables import RecordSettings
+from minerva_bus.wire.keys import checked_name
+from minerva_bus.wire.plain import as_int
+from minerva_bus.wire.status import plain_status
+from minerva_bus.wording import frames_up_to
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.operator import FileStatus
+from minerva_bus.world.order import collect
+from minerva_bus.world.services import Generator, Service
+
+if TYPE_CHECKING:
+    from minerva_bus.log.description import Description
+    from minerva_bus.log.explanation import Explanation
+    from minerva_bus.log.observation import Observation
+
+SIDES: Final = ("the record", "this run")
+RECORDED: Final = "~record"
+"""Source of recorded events if the record does not have the inputs of each member."""
+
+_HOST: Final = "~host"
+
+READERS: Final = ("record", "recorded", "~record")
+"""Names for the member that publishes recorded readings; the first free one is used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A record to be replayed: its views as a world file, and the factory of its coordinator."""
+
+    file: WorldFile
+    coordinator: Callable[..., Coordinator]
+
+
+def replay_coordinator(
+    path: Path, kinds: Kinds, stay: bool, world: World, watchers: Watchers, **options: Any
+) -> Coordinator:
+    """A coordinator that takes its frames from a record. Raises RecordError."""
+
+    def listening(endpoint: str) -> None:
+        watchers.listening(endpoint)
+        coordinator.inbox.put(s.Begin())  # There may be no view to wait for.
+
+    def seek(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+        frame, algorithm = as_int(asked.get("frame"), "the frame"), running.algorithm
+        if frame > cursor.end:
+            raise ProtocolError(f"the record ends before frame {cursor.end}, not {frame}")
+        if algorithm.phase is not Phase.READY:
+            raise ProtocolError(f"not now: {algorithm.phase.value}")
+        running.runner.handle(s.Seek(frame))
+        return {"frame": algorithm.frame}
+
+    def status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+        now = status_of(running, as_int(asked.get("since", 0), "since"))
+        return {"status": plain_status(replace(now, end=cursor.end))}
+
+    cursor = Cursor(Record(path))
+    cursor.seek(world.past.frame)
+    source = partial(RecordedSource, cursor=cursor, kinds=kinds, stay=stay)
+    options["algorithm"] = FrameAlgorithm(world, source)
+    # Recorded frames are fixed, so commands that would change them are rejected.
+    commands = {**COMMANDS, **dict.fromkeys(("pub", "order", "restart"), _reject), "seek": seek}
+    commands["status"] = status
+    record = FileStatus("record", text_of_path(path.absolute()))
+    watching = replace(watchers, listening=listening, files=lambda: (record,))
+    coordinator = Coordinator(world, watching, commands=commands, **options)
+    return coordinator
+
+
+def _reject(_: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    raise ProtocolError("this is a replay: recorded frames cannot change")
+
+
+def read_replay(
+    path: Path, world: WorldSource, overrides: Overrides, *, begin: int = 0, speed: float = 1.0
+) -> Replay:
+    """A replay from frame `begin`, `speed` times as fast as real time; 0: as fast as possible.
+
+    `world` names the world file if it has moved. Raises RecordError and WorldFileError, and
+    MinervaError if the file is of another world or the frame does not exist.
+    """
+    if not 0 <= speed < float("inf"):
+        raise MisuseError(f"--speed must be a number from 0, not {speed:g}")
+    with Record(path) as record:
+        description = record.description
+        damage = tuple(damage_of(record))
+        file = world_file_of(path, world, description, CODE.over(overrides))
+        cursor = Cursor(record)
+        if not cursor.end:
+            raise no_frame(record)
+        if not 0 <= begin < cursor.end:
+            raise MisuseError(f"{path}: it has {frames_up_to(cursor.end)}, not {begin}")
+        played = replace(description.world, scene=cursor.seek(begin), past=Checkpoint(begin))
+    # The record ends the replay, not the world's goal, which its last string may not have reached.
+    played = replace(played, frames=cursor.end, until="", name=_name(overrides, description))
+    # `read_processes` puts the views of the command line last.
+    views = file.processes[len(file.processes) - len(overrides.views) :]
+    # Such a view can still be used at the end of the record, for example to seek.
+    stay = any(view.make_service is not None and view.make_service().interactive for view in views)
+    shown = replace(
+        file,
+        world=replace(played, expected=frozenset(view.name for view in views)),
+        rate=speed / played.dt,
+        processes=views,
+        record=replace(file.record, path=""),
+        notes=(f"replays {path} from frame {begin}", *damage),
+    )
+    return Replay(shown, partial(replay_coordinator, path, kinds_in(file), stay))
+
+
+def _name(overrides: Overrides, description: Description) -> str:
+    # Another name, because the original world may run on this machine.
+    return checked_name(
+        overrides.values.get("name") or f"{description.world.name}-replay", "a world"
+    )
+
+
+def recomputed(path: Path, world: WorldSource, progress: Callable[[int, int], None]) -> Difference:
+    """Run λ again on a record; `progress` receives the number of frames done and their total.
+
+    Raises RecordError and WorldFileError, and ActivityError if user code fails.
+    """
+    with Record(path) as record:
+        file = world_file_of(path, world, record.description, CODE)
+        last = record.last()[0]
+        return recompute(record, kinds_in(file), lambda done: progress(done, last))
+
+
+def explained(
+    path: Path, world: WorldSource, name: str, attribute: str, frame: int | None
+) -> Explanation:
+    """How an agent's attribute got its value in a recorded run; see `explain_value`.
+
+    Raises RecordError and WorldFileError, and ActivityError if user code fails.
+    """
+    from minerva_bus.log.causes import explain_value
+
+    with Record(path) as record:
+        return explain_value(record, _kinds_for(record, world), name, attribute, frame)
+
+
+def explained_in(
+    record: Record, world: WorldSource | None, name: str, attribute: str, frame: int | None
+) -> Explanation | Observation:
+    """As `explained`, of an open record; without a world no code runs.
+
+    Without an attribute, it is the agent with what it received; see `observe_agent`.
+    """
+    from minerva_bus.log.causes import explain_value
+    from minerva_bus.log.observation import observe_agent
+
+    kinds: Kinds = {} if world is None else _kinds_for(record, world)
+    if not attribute:
+        return observe_agent(record, kinds, name, frame)
+    return explain_value(record, kinds, name, attribute, frame)
+
+
+def _kinds_for(record: Record, world: WorldSource) -> Kinds:
+    return kinds_in(world_file_of(record.path, world, record.description, CODE))
+
+
+@dataclass(frozen=True, slots=True)
+class Without:
+    """The inputs that are not fed: those of `members`, and views that only they request.
+
+    A record without inputs does not name the sender of an event, so `types` are left out.
+    """
+
+    members: frozenset[str] = frozenset()
+    draws: frozenset[str] = frozenset()
+    types: frozenset[str] = frozenset()
+
+    def inputs(self, frame: RecordedFrame) -> FrameInputs:
+        """The inputs of the algorithm for a recorded frame."""
+        inputs = frame.inputs
+        if inputs is None:
+            sent = [rest for event in frame.events for rest in self._of_members(event)]
+            return FrameInputs(frame.number, (), {}, {RECORDED: sent} if sent else {}, (), (), {})
+        return replace(
+            inputs,
+            due=tuple(name for name in inputs.due if name not in self.draws),
+            ticked={k: reply for k, reply in inputs.ticked.items() if k not in self.members},
+            taken={k: events for k, events in inputs.taken.items() if k not in self.members},
+        )
+
+    def _of_members(self, event: AnyEvent) -> Collection[AnyEvent]:
+        """The part of an event, or batch, that no agent sent: agents run again."""
+        if event.type in self.types:
+            return ()
+        if not isinstance(event, Events):
+            return () if event.sender else (event,)
+        if event.senders is None:
+            return (event,)
+        return [row for row in event if not row.sender]
+
+
+class Rerun:
+    """A recorded run that is computed again, frame by frame, from its beginning.
+
+    `compare` is a sink of the runner that runs `algorithm`. `difference` describes the first frame
+    that differs. Raises RecordError if a frame is missing.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        algorithm: FrameAlgorithm,
+        without: Without | None = None,
+    ) -> None:
+        self.algorithm = algorithm
+        self.difference: Difference | None = None
+        self._record = record
+        self._cursor = Cursor(record, state=True, inputs=True)
+        self._without = without or Without()
+
+    def step(self, runner: InProcessRunner) -> bool:
+        """Compute one frame; False if the run is over. Raises any exception of user code."""
+        algorithm, frame = self.algorithm, self._cursor.ahead
+        if runner.ended is not None or frame is None:
+            return False
+        if frame.number != algorithm.frame:
+            raise RecordError(
+                f"{self._record.path}: frame {algorithm.frame} is not in the record, so the run"
+                " cannot be computed beyond it"
+            )
+        runner.handle(s.Begin(inputs=self._without.inputs(frame)))
+        # All members reply within `handle`, so a frame that is incomplete now stays incomplete.
+        if algorithm.frame == frame.number and runner.ended is None:
+            awaited = ", ".join(algorithm.waiting_for()) or "agents that no process here runs"
+            raise MinervaError(f"it waits for {awaited}")
+        return True
+
+    def result(self) -> Difference:
+        """The first difference; if there is none, what of the record could not be compared."""
+        damage = self._record.damage()
+        frames = self.algorithm.frame
+        return self.difference or Difference(None, frames, damage=(damage,) if damage else ())
+
+    def compare(self, notice: Notice) -> None:
+        """Compare digest, events, and the events that agents sent for the next frame."""
+        frame, cursor = self._cursor.ahead, self._cursor
+        if frame is None or not isinstance(notice, s.FrameDone):
+            return
+        # Also after a difference, because `step` takes the inputs of the next frame from the
+        # cursor.
+        recorded, scene = cursor.advance(), self.algorithm.scene
+        if self.difference is not None:
+            return
+        events = frame.events, notice.events
+        if same_events(*events) and cursor.checkpoint is not None:
+            sent = cursor.checkpoint.emitted, self.algorithm.checkpoint.emitted
+            # In the order of a frame's collection: a difference in the order before it has no
+            # effect, and records of earlier versions may have one.
+            order = self._record.description.world.order
+            first, second = (collect(order, {AGENTS: each}) for each in sent)
+            events = first, second
+        # Events that agents emit reach the string in the next frame only; comparing them finds the
+        # cause a frame earlier.
+        same = scene.digest == frame.digest
+        if not same or not same_events(*events):
+            strings = None if same else (recorded, scene)
+            vocabulary = self._record.description.world.vocabulary
+            self.difference = apart(vocabulary, frame, strings, events, SIDES)
+
+
+def recompute(record: Record, kinds: Kinds, progress: Callable[[int], None]) -> Difference:
+    """Run λ again on the recorded inputs, up to the first frame that differs.
+
+    `progress` receives the number of frames done. Raises RecordError, and ActivityError if user
+    code fails.
+    """
+    world = record.description.world
+    world = replace(world, frames=record.last()[0], expected=frozenset((_HOST,)))
+    algorithm = FrameAlgorithm(world)
+    rerun = Rerun(record, algorithm)
+    host = Member(_HOST, None, kinds.values())
+    runner = InProcessRunner(algorithm, [host], rerun.compare, deliver=_deliver_without_views)
+    runner.start()
+    while rerun.difference is None and rerun.step(runner):
+        progress(algorithm.frame)
+    return rerun.result()
+
+
+def _deliver_without_views(
+    member: Member, message: m.ToMember | m.Readings
+) -> Iterable[m.FromMember | m.Readings]:
+    """Let a host evolve its agents without views, because there is no device."""
+    if isinstance(message, m.EvolveRequest):
+        message = replace(message, visual=())
+    return member.receive(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Swap:
+    """The member to replace, its replacement, and the options of that.
+
+    `spec` is a class, an installed name or `module:Class`; `options` are texts, as on a command
+    line.
+    """
+
+    member: str
+    spec: str | type[Agent] | type[Service]
+    options: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    @classmethod
+    def read(cls, text: str, options: Mapping[str, str]) -> Swap:
+        """`MEMBER=SPEC`. Raises MisuseError."""
+        member, equals, spec = text.partition("=")
+        if not (member and equals and spec):
+            raise MisuseError(f"--swap {text}: expected MEMBER=SPEC, such as planner=module:Class")
+        return cls(member.strip(), spec.strip(), options)
+
+    def __str__(self) -> str:
+        return self.spec if isinstance(self.spec, str) else self.spec.__name__
+
+    def find(self, folder: Path) -> type[Agent] | type[Service]:
+        """The new class; the world file's `folder` is searched, too. Raises WorldFileError."""
+        if not isinstance(self.spec, str):
+            return _checked(self.spec)
+        folder = folder_of(self.spec, folder)
+        if names_agents(self.spec, folder):
+            return find_agent(self.spec, folder)
+        return find_service(self.spec, folder)
+
+
+@dataclass(frozen=True, slots=True)
+class Swapped:
+    """Result of a run with a replaced member: its first difference, and its end."""
+
+    difference: Difference
+    frames: int
+    digest: str
+    ended: str
+    recorded: int
+    figures: Mapping[str, bool | int | float | str]
+
+    def plain(self) -> dict[str, Any]:
+        """The result as a JSON object."""
+        ended = {"frames": self.frames, "digest": self.digest, "ended": self.ended}
+        compared = {"recorded": self.recorded, "figures": dict(self.figures)}
+        return {**ended, **compared, "difference": self.difference.plain()}
+
+    def lines(self) -> list[str]:
+        """The result as lines of text."""
+        over = f"{self.ended}: {self.frames:,} frames of {self.recorded:,}, digest {self.digest}"
+        figures = [f"{name} {value}" for name, value in self.figures.items()]
+        return [*self.difference.lines(), over, *([", ".join(figures)] if figures else [])]
+
+
+def _checked(cls: object) -> type[Agent] | type[Service]:
+    """A class that was given in Python. Raises MisuseError if it is not that of a member."""
+    if inspect.isclass(cls) and issubclass(cls, Agent | Service):
+        return cls
+    raise MisuseError(f"{cls!r:.60} is not a class of agents, generators or devices")
+
+
+def run_swapped(
+    path: Path, world: WorldSource, swap: Swap, into: str, progress: Callable[[int, int], None]
+) -> Swapped:
+    """Compute a recorded run again with one member replaced; `into` names a record of it.
+
+    Raises RecordError and WorldFileError; MisuseError if the member or its replacement cannot be
+    used; WorldStopped if user code fails.
+    """
+    # The new record would replace the file while it is read.
+    if into and Path(into).resolve() == path.resolve():
+        raise MisuseError(f"--record {into}: it is the record that is replayed; name another file")
+    with Record(path) as record:
+        description = record.description
+        file = world_file_of(path, world, description, Overrides())
+        last = record.last()[0]
+        if not last:
+            raise no_frame(record)
+        members, without = _members(record, file, swap)
+        expected = frozenset(member.name for member in members)
+        played = replace(description.world, frames=last, expected=expected)
+        settings = RecordSettings(into) if into else RecordSettings()
+        if into and not into.endswith(".mcap"):
+            raise MisuseError(f"a record is a file .mcap, not {into!r}")
+        again = replace(
+            file, world=played, record=settings, text=description.file, rate=description.rate
+        )
+        return _run(record, again, members, without, progress)
+
+
+# --- members ---
+
+
+def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member], Without]:
+    """Hosts, the new member and recorded readings; and the inputs that they replace."""
+    old = _replaced(file, swap.member)
+    others = [process for process in file.processes if process not in old]
+    types = frozenset(event for process in old for event in _generated(process))
+    # The member that publishes recorded readings needs a name that no process has.
+    names = {process.name for process in file.processes}
+    reader = Member(next(name for name in READERS if name not in names), RecordedReadings(record))
+    new = [_new_member(process, swap, file) for process in old]
+    for member in new:
+        _check_new(member, file, reader.hello().publishes, swap)
+    hosts = [process.participant() for process in others if process.agents]
+    drawn = {event for process in others for event in _drawn(process)}
+    draws = frozenset(event for process in old for event in _drawn(process)) - drawn
+    without = Without(frozenset(process.name for process in old), draws, types)
+    return [reader, *new, *hosts], without
+
+
+def _replaced(file: WorldFile, member: str) -> list[Process]:
+    """The processes of that name, or NAME-1, NAME-2 ... Raises MisuseError if there are none."""
+    processes = [process for process in file.processes if process.name == member]
+    processes = processes or [
+        process
+        for process in file.processes
+        if process.name.rpartition("-")[0] == member and process.name.rpartition("-")[2].isdecimal()
+    ]
+    if not processes:
+        known = [process.name for process in file.processes]
+        hint = nearest(member, known, f"it has {', '.join(known)}")
+        raise MisuseError(f"swap {member}: {file.path.name} has no process {member!r}{hint}")
+    return processes
+
+
+def _new_member(old: Process, swap: Swap, file: WorldFile) -> Member:
+    cls = swap.find(file.path.parent)
+    if issubclass(cls, Service):
+        options = typed_options(cls, swap.options)
+        return Member(old.name, bind(cls, options, old.name)())
+    if swap.options:
+        raise MisuseError(f"swap {swap.member}: {swap} names agents, which have no options")
+    kept = [agent for agent in old.agents if agent.kind.name != cls.kind.name]
+    if len(kept) == len(old.agents):
+        kinds = ", ".join(agent.kind.name for agent in old.agents) or "no agents"
+        raise MisuseError(f"swap {swap.member}: {old.name} runs {kinds}, not {cls.kind.name}")
+    return Member(old.name, None, (*kept, cls))
+
+
+def _generated(process: Process) -> tuple[str, ...]:
+    return () if process.command else process.participant().hello().generates
+
+
+def _drawn(process: Process) -> tuple[str, ...]:
+    return () if process.command else process.participant().hello().draws
+
+
+def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:
+    """Raises MisuseError if a member cannot take part."""
+    where, service = f"swap {swap.member}", new.service
+    reason = incompatibility(new.hello(), file.world.vocabulary)
+    if reason:
+        raise MisuseError(f"{where}: {swap}: {reason}")
+    if isinstance(service, Generator) and not new.when.is_awaited:
+        raise MisuseError(f"{where}: {swap} runs freely, by the clock; here time is simulated")
+    for topic in sorted(set(new.topics).difference(topics, new.hello().publishes)):
+        raise MisuseError(
+            f"{where}: {swap} listens to {topic!r}, which is not in the record; record it with"
+            " --record-topics"
+        )
+
+
+# --- the run ---
+
+
+def _run(
+    record: Record,
+    file: WorldFile,
+    members: list[Member],
+    without: Without,
+    progress: Callable[[int, int], None],
+) -> Swapped:
+    algorithm = FrameAlgorithm(file.world)
+    rerun = Rerun(record, algorithm, without)
+    problems: list[str] = []
+    sink = recording(file, algorithm, problems.append)
+
+    def watch(notice: Notice) -> None:
+        if isinstance(notice, s.Notify):
+            sink.said(notice.member, notice.text)
+        elif isinstance(notice, s.FrameDone):
+            sink.frame(notice)
+            progress(notice.frame + 1, file.world.frames)
+
+    on_readings = sink.sensed if sink.topics else None
+    runner = InProcessRunner(algorithm, members, rerun.compare, watch, on_readings=on_readings)
+    try:
+        _run_to_end(rerun, runner)
+    finally:
+        # Services may hold files or devices, so they are closed after a failure, too.
+        sink.close()
+        for member in members:
+            if member.service is not None:
+                member.service.close()
+    # The run and its comparison are complete, but the requested record is not.
+    if problems:
+        raise MinervaError(problems[0])
+    ended = runner.ended
+    return Swapped(
+        rerun.result(),
+        algorithm.frame,
+        algorithm.scene.digest.hex(),
+        ended.reason if ended is not None else "",
+        file.world.frames,
+        dict(ended.figures) if ended is not None else {},
+    )
+
+
+def _run_to_end(rerun: Rerun, runner: InProcessRunner) -> None:
+    try:
+        runner.start()
+        while rerun.step(runner):
+            pass
+    except MinervaError as error:
+        raise WorldStopped(f"frame {rerun.algorithm.frame}: {error}") from error
+    except Exception as error:
+        problem = f"{type(error).__name__}: {error}"
+        raise WorldStopped(f"frame {rerun.algorithm.frame}: {problem}") from error
