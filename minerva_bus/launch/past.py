@@ -36,6 +36,7 @@ from minerva_bus.world.views import visualize
 
 if TYPE_CHECKING:
     from minerva_bus.log.description import Description
+    from minerva_bus.log.entries import Keyframe
     from minerva_bus.log.reader import Record
 
 
@@ -76,30 +77,29 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
         file = read_source(world, description, wanted, given)
         check_same(file.world, description.world, path)
         damage = tuple(damage_of(record))
-        checkpoint, scene = record.end()
-        checkpoint = toward(checkpoint, file.world, description.world)
-        shown = last_views(record, file, checkpoint)
-        past = replace(file.world, scene=scene, past=checkpoint, shown=shown)
-        check_unfinished(past, path)
+        world = continued(file.world, Past(record, file).state(), description.world)
+        check_unfinished(world, path)
     # Without --record the run is recorded in the same file.
     kept = replace(file.record, path=file.record.path or str(path))
-    notes = (f"continuing from frame {checkpoint.frame} of {path}", *damage)
-    notes += tuple(_unused(checkpoint, file))
+    notes = (f"continuing from frame {world.past.frame} of {path}", *damage)
+    notes += tuple(_unused(world.past, file))
     notes += file.notes
     # `replace` cannot make an object of another class.
     settings: dict[str, Any] = {f.name: getattr(file, f.name) for f in fields(WorldFile)}
-    settings.update(world=past, notes=notes, record=kept, origin=path)
+    settings.update(world=world, notes=notes, record=kept, origin=path)
     return Resumed(**settings)
 
 
-def toward(checkpoint: Checkpoint, world: World, recorded: World) -> Checkpoint:
-    """The checkpoint of a recorded world for one that may have another goal `until`."""
+def continued(world: World, state: Keyframe, recorded: World) -> World:
+    """A world that continues from a state of a recorded one, maybe toward another goal `until`."""
+    world = state.begins(world)
     if world.until == recorded.until:
-        return checkpoint
+        return world
     # Agents that have sent the old `until`, or have given up, have not sent the new one.
-    saved = {name: data for name, data in checkpoint.saved.items() if name != GIVEN_UP}
+    saved = {name: data for name, data in world.past.saved.items() if name != GIVEN_UP}
     nobody: frozenset[str] = frozenset()
-    return replace(checkpoint, saved=saved, reached=nobody, reaching=nobody)
+    past = replace(world.past, saved=saved, reached=nobody, reaching=nobody)
+    return replace(world, past=past)
 
 
 def damage_of(record: Record) -> Iterator[str]:
@@ -257,7 +257,53 @@ def check_unfinished(world: World, path: Path) -> None:
         )
 
 
-# --- views ---
+# --- states ---
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """A record, and the world file with the code of its agents."""
+
+    record: Record
+    file: WorldFile
+
+    def state(self, frame: int | None = None) -> Keyframe:
+        """The state with which a frame begins, by default the last known one.
+
+        It has the last views of coupled devices. Raises RecordError if the record lacks the
+        checkpoint.
+        """
+        from minerva_bus.log.cursor import Cursor
+        from minerva_bus.log.entries import Keyframe
+
+        if frame is None:
+            past, scene = self.record.end()
+        else:
+            cursor = Cursor(self.record, state=True)
+            scene = cursor.seek(frame)
+            past = cursor.checkpoint if frame else Checkpoint()
+            if past is None:
+                raise RecordError(
+                    f"{self.record.path}: it has no checkpoint of frame {frame}; choose another"
+                )
+        return Keyframe(past.frame, scene, past, self._views(past))
+
+    def _views(self, past: Checkpoint) -> list[ViewShown]:
+        """The last views of coupled devices, as keyframes."""
+        kinds, halted = kinds_in(self.file), past.saved.get(HALTED, {})
+        views: list[ViewShown] = []
+        recorded = self.record.last_events(_coupled(self.file), past.frame)
+        for event_type, (frame, events) in sorted(recorded.items()):
+            drawn = [event for event in events if event.type == event_type]
+            try:
+                string = self.record.string(frame)
+            except RecordError:  # A damaged record: the device waits for the next view.
+                continue
+            # Only a view of the last frame has halted agents.
+            still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
+            view = visualize(string, drawn, kinds, frame)
+            views.append(ViewShown(event_type, frame, past.frame, {}, view, halted=still))
+        return views
 
 
 def kinds_in(file: WorldFile) -> Kinds:
@@ -266,24 +312,6 @@ def kinds_in(file: WorldFile) -> Kinds:
     for process in file.processes:
         classes.update(dict.fromkeys(process.agents))
     return kinds_of(list(classes))
-
-
-def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> list[ViewShown]:
-    """The last views of coupled devices, as keyframes."""
-    kinds, halted = kinds_in(file), checkpoint.saved.get(HALTED, {})
-    views: list[ViewShown] = []
-    recorded = record.last_events(_coupled(file), checkpoint.frame)
-    for event_type, (frame, events) in sorted(recorded.items()):
-        drawn = [event for event in events if event.type == event_type]
-        try:
-            string = record.string(frame)
-        except RecordError:  # A damaged record: the device waits for the next view.
-            continue
-        # Only a view of the last frame has halted agents.
-        still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
-        view = visualize(string, drawn, kinds, frame)
-        views.append(ViewShown(event_type, frame, checkpoint.frame, {}, view, halted=still))
-    return views
 
 
 def _coupled(file: WorldFile) -> frozenset[str]:

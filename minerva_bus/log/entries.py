@@ -16,11 +16,12 @@ the delta of the string (deltas.py) and the digest, 16 bytes, of the string afte
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.description import World
 from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
@@ -60,6 +61,11 @@ class Keyframe:
     scene: Scene
     checkpoint: Checkpoint | None = None
     views: Sequence[m.ViewShown] = ()
+
+    def begins(self, world: World) -> World:
+        """A world that begins in this state, which has a checkpoint."""
+        assert self.checkpoint is not None
+        return replace(world, scene=self.scene, past=self.checkpoint, shown=self.views)
 
 
 # --- encoding ---

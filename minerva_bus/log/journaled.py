@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -180,8 +180,7 @@ def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled 
     # Only keyframes of records may lack one.
     if keyframe.checkpoint is None:
         raise RecordError(f"{path}: this journal is damaged: its keyframe has no checkpoint")
-    before = replace(world, scene=keyframe.scene, past=keyframe.checkpoint, shown=keyframe.views)
-    journaled = Journaled(as_int(epoch, "the epoch"), before, keyframe)
+    journaled = Journaled(as_int(epoch, "the epoch"), keyframe.begins(world), keyframe)
     for entry in entries:
         _take(entry, journaled, decoder)
     return journaled

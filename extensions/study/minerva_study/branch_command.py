@@ -66,11 +66,11 @@ def branch_record(
     point, row = branches.point, branches.unchanged(sweep)
     if files.tree is not None:
         unchanged = None if row is None else row.combination
-        draw_branches(sweep, point.path.name, point.past.frame, unchanged, files.tree)
+        draw_branches(sweep, point.path.name, point.state.number, unchanged, files.tree)
         console.note(f"tree saved to {files.tree}")
     continues = None if row is None else branches.continues(row)
     if as_json:
-        own = {"frame": point.past.frame, "recorded": point.end, "continues": continues}
+        own = {"frame": point.state.number, "recorded": point.end, "continues": continues}
         print_json({**plain_sweep(sweep, files.table, code), **own})
     else:
         lines = lines_of_sweep(sweep, files.table, code)

@@ -11,25 +11,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.assignment import assigned
-from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.past import (
+    Past,
     WorldSource,
     check_unfinished,
     completed,
-    last_views,
-    toward,
+    continued,
     world_file_of,
 )
 from minerva_bus.launch.typed_text import of_nodes
 from minerva_bus.launch.world_files import WorldFile
+from minerva_bus.log.entries import Keyframe
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 
 if TYPE_CHECKING:
     from minerva_bus.log.description import Description
-    from minerva_bus.log.reader import Record
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +37,7 @@ class BranchPoint:
         path: of the record.
         world: the source of the world with the code.
         description: of the recorded world.
-        scene: the string with which the frame begins.
-        past: the rest of the state; its `frame` is the number of the frame.
-        shown: the last views of coupled devices.
+        state: the state with which the frame begins.
         end: the number of recorded frames, where branches end by default.
 
     """
@@ -50,9 +45,7 @@ class BranchPoint:
     path: Path
     world: WorldSource
     description: Description
-    scene: Scene
-    past: Checkpoint
-    shown: tuple[ViewShown, ...]
+    state: Keyframe
     end: int
     _files: dict[str, WorldFile] = field(
         default_factory=dict[str, "WorldFile"], compare=False, repr=False
@@ -63,10 +56,10 @@ class BranchPoint:
         # A frame may have nodes that the world's first string does not have.
         nodes = tuple(filter(of_nodes, overrides.settings))
         file = self._read(_without(nodes, overrides))
-        scene = assigned(self.scene, file.world.vocabulary, nodes)
+        scene = assigned(self.state.scene, file.world.vocabulary, nodes)
         seed = completed(overrides, self.description).values.get("seed", file.world.seed)
-        past = toward(self.past, file.world, self.description.world)
-        world = replace(file.world, seed=seed, scene=scene, past=past, shown=self.shown)
+        world = continued(file.world, self.state, self.description.world)
+        world = replace(world, seed=seed, scene=scene)
         check_unfinished(world, self.path)
         return replace(file, world=world)
 
@@ -108,23 +101,8 @@ def read_branch_point(path: Path, frame: int, world: WorldSource) -> BranchPoint
         end, _ = record.last()
         if not 0 <= frame <= end:
             raise MisuseError(f"{path}: runs can branch at frames 0 to {end}, not {frame}")
-        scene, past = _state(record, frame)
         file = world_file_of(path, world, record.description, AS_WRITTEN)
-        shown = tuple(last_views(record, file, past))
-        return BranchPoint(path, world, record.description, scene, past, shown, end)
-
-
-def _state(record: Record, frame: int) -> tuple[Scene, Checkpoint]:
-    """The string and the checkpoint with which a frame begins. Raises RecordError."""
-    from minerva_bus.log.cursor import Cursor
-    from minerva_bus.log.errors import RecordError
-
-    cursor = Cursor(record, state=True)
-    scene = cursor.seek(frame)
-    past = cursor.checkpoint if frame else Checkpoint()
-    if past is None:
-        raise RecordError(f"{record.path}: it has no checkpoint of frame {frame}; choose another")
-    return scene, past
+        return BranchPoint(path, world, record.description, Past(record, file).state(frame), end)
 
 
 def recorded_digest(path: Path, frame: int) -> str:

@@ -67,7 +67,7 @@ class Branches:
         """
         given, point = Overrides(rate=0.0).over(given), self.point
         runs = sweep_of(self.world, grid, given, point, collect or Collecting())
-        own = {**runs.identity, "branch": point.past.frame}
+        own = {**runs.identity, "branch": point.state.number}
         to = SentBranch.of(sent_world(self.world), point) if sent else None
         return replace(runs, path=point.path, in_process=in_process, identity=own, sent=to)
 
