@@ -29,5 +29,5 @@ def run_world(world, members, watch=lambda done, scene: None, before=()):
 
 def run_file(file, *guests, watch=lambda done, scene: None):
     """Run a world file to its end, with more members."""
-    members = [process.participant() for process in file.processes]
+    members = [process.make_member() for process in file.processes]
     return run_world(file.world, [*members, *guests], watch)

@@ -99,7 +99,7 @@ def golden_values(name: str) -> dict[str, str]:
             wire.add(instruction.record)
             digests.append(instruction.record.digest.hex())
 
-    members: Any = [Tapped(process.participant(), wire) for process in file.processes]
+    members: Any = [Tapped(process.make_member(), wire) for process in file.processes]
     runner = InProcessRunner(algorithm, members, watch)
     runner.start()
     while runner.ended is None:

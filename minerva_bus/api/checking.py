@@ -81,7 +81,7 @@ def _checked_services(file: WorldFile) -> list[Member]:
         if process.make_service is None or process.table in tables - {""}:
             continue
         tables.add(process.table)
-        members.append(process.participant())
+        members.append(process.make_member())
         service = members[-1].service
         if service is None or not service.checked:
             continue

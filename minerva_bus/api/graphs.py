@@ -14,7 +14,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.traversal import kind_counts
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.world.agent import Agent
@@ -199,14 +199,14 @@ def graph_of(file: WorldFile) -> Graph:
     )
 
 
-def _hello(process: Process) -> Hello | None:
+def _hello(process: ProcessSpec) -> Hello | None:
     """What a process announces when it joins; None for a program, which is not asked."""
-    return None if process.command else process.participant().hello()
+    return None if process.command else process.make_member().hello()
 
 
-def _processes(hellos: Iterable[tuple[Process, Hello | None]]) -> Iterable[ProcessEntry]:
+def _processes(hellos: Iterable[tuple[ProcessSpec, Hello | None]]) -> Iterable[ProcessEntry]:
     """One entry for each table of the world file."""
-    tables: dict[str, list[tuple[Process, Hello | None]]] = {}
+    tables: dict[str, list[tuple[ProcessSpec, Hello | None]]] = {}
     for process, hello in hellos:
         tables.setdefault(process.table or process.name, []).append((process, hello))
     for name, members in tables.items():

@@ -175,4 +175,4 @@ def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> tup
         raise WorldFileError(f"{process} is a command: run it itself, with MINERVA_CONNECT set")
     # Before it joins, because the world waits for its members in each frame.
     compile_agents([replace(known[process], elsewhere=False)], no_progress)
-    return file.world.name, replace(known[process], name=name or process).participant()
+    return file.world.name, replace(known[process], name=name or process).make_member()

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.compiling import IF_POSSIBLE, Mode, compile_all
 
 
-def apply_mode(processes: Sequence[Process], mode: Mode, path: Path) -> list[str]:
+def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, path: Path) -> list[str]:
     """Mark methods and views of all agent classes as `[world] compiled` asks; returns lines.
 
     Raises WorldFileError if one cannot be compiled and `mode` is True.
@@ -35,7 +35,7 @@ def apply_mode(processes: Sequence[Process], mode: Mode, path: Path) -> list[str
 
 
 def compile_agents(
-    processes: Iterable[Process], progress: Callable[[str, int, int, str], None]
+    processes: Iterable[ProcessSpec], progress: Callable[[str, int, int, str], None]
 ) -> None:
     """Compile the methods of the agents that run on this machine, and the rules of their spaces.
 
@@ -60,7 +60,7 @@ def no_progress(name: str, done: int, total: int, rest: str) -> None:
     """Show no progress."""
 
 
-def _classes(processes: Iterable[Process]) -> list[type[Agent]]:
+def _classes(processes: Iterable[ProcessSpec]) -> list[type[Agent]]:
     """The agent classes of processes, each once."""
     return list(dict.fromkeys(cls for process in processes for cls in process.agents))
 

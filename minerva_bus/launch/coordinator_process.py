@@ -26,7 +26,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.access import security
 from minerva_bus.launch.child_processes import LineBuffer, ReportPipe
 from minerva_bus.launch.metrics_server import exported
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.registry import runtime_folder
 from minerva_bus.launch.run_outputs import (
     CollectSink,
@@ -294,7 +294,7 @@ def handle_command(line: str, coordinator: Coordinator) -> None:
         coordinator.inbox.put(s.End("interrupted", hurried=True))
 
 
-def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process]) -> None:
+def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[ProcessSpec]) -> None:
     """Raise WorldFileError if a host would receive a message that it cannot read.
 
     It would fail at each restart. Fragments of the same kinds are distributed among all processes
@@ -316,7 +316,7 @@ def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process])
                 raise WorldFileError(_text(f"the agent {name} with its scope is", own, "", "Start"))
 
 
-def _offered(process: Process) -> frozenset[str]:
+def _offered(process: ProcessSpec) -> frozenset[str]:
     hello = Member(process.name, None, process.agents).hello()
     return frozenset(kind.name for kind in hello.kinds)
 

@@ -344,7 +344,7 @@ def members_of(file: WorldFile) -> list[Member]:
             raise MinervaError(f"{process.name} is a command of its own: run without --in-process")
         if process.elsewhere:
             raise MinervaError(f"{process.name} runs elsewhere: run without --in-process")
-    return [process.participant() for process in file.processes]
+    return [process.make_member() for process in file.processes]
 
 
 def recorded(record: RunRecord) -> Callable[[Notice], None]:

@@ -12,7 +12,7 @@ from typing import Any, Final
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.frame.member import Unready
 from minerva_bus.launch.child_processes import UNREADY, ReportPipe
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.runtime.arrival import STARTED_HERE
@@ -25,7 +25,7 @@ class MemberStart:
     """Arguments of a process: its name, its members, and the endpoint of their world."""
 
     name: str
-    members: tuple[Process, ...]
+    members: tuple[ProcessSpec, ...]
     world: str
     endpoint: str
     shared: bool
@@ -55,7 +55,7 @@ def _process(start: MemberStart) -> MemberProcess:
     # With STARTED_HERE members wait for their greetings without limit: the launcher takes into
     # account how many processes start at the same time, and kills late ones.
     return MemberProcess(
-        [member.participant() for member in start.members],
+        [member.make_member() for member in start.members],
         start.world,
         start.endpoint,
         log,

@@ -318,5 +318,5 @@ def _coupled(file: WorldFile) -> frozenset[str]:
     """Visual event types whose views can influence later frames."""
     if any(process.command for process in file.processes):  # Their views are unknown here.
         return frozenset(e.name for e in file.world.vocabulary.events.values() if e.visual)
-    hellos = [process.participant().hello() for process in file.processes]
+    hellos = [process.make_member().hello() for process in file.processes]
     return frozenset(draws for hello in hellos if hello.coupled for draws in hello.draws)

@@ -48,8 +48,8 @@ SERVICES: Final = "services"
 
 
 @dataclass(frozen=True, slots=True)
-class Process:
-    """One process of a world, and the policy for its failure: restart, stop or ignore.
+class ProcessSpec:
+    """A process that a world needs, and the policy for its failure: restart, stop or ignore.
 
     `elsewhere`: the world waits for it, but it is started on another machine, by hand or by a
     service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
@@ -72,20 +72,20 @@ class Process:
     automatic: bool = False
     shared: bool = False
 
-    def participant(self) -> Member:
+    def make_member(self) -> Member:
         """The member that this process runs."""
         service = self.make_service() if self.make_service is not None else None
         return Member(self.name, service, self.agents)
 
 
-def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
+def read_processes(top: Table, path: Path) -> tuple[ProcessSpec, ...]:
     """The processes of a world file, in its order, followed by the views of the command line.
 
     Raises WorldFileError.
     """
     reader = _ProcessReader(top, path)
     table, settings = top.table("process"), settings_by_process(top.overrides.settings)
-    processes: list[Process] = []
+    processes: list[ProcessSpec] = []
     for name in list(table.data):
         processes += reader.processes(name, table.table(name), settings.pop(name, {}))
     for view in top.overrides.views:
@@ -93,7 +93,7 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
         name = _free_name(kind, {process.name for process in processes})
         cls = find_view(spec, path.parent)
         make = reader.maker(name, cls, options | settings.pop(name, {}))
-        processes.append(Process(name, make, on_failure="ignore"))
+        processes.append(ProcessSpec(name, make, on_failure="ignore"))
     if settings:
         name = next(iter(settings))
         known = list(dict.fromkeys(process.table or process.name for process in processes))
@@ -114,13 +114,13 @@ class _ProcessReader:
     top: Table
     path: Path
 
-    def processes(self, name: str, table: Table, settings: dict[str, Any]) -> list[Process]:
+    def processes(self, name: str, table: Table, settings: dict[str, Any]) -> list[ProcessSpec]:
         """The processes of one table, with the `settings` of the command line."""
         # Settings of the command line are checked like those of the file.
         table.data.update(settings)
         checked = table.named(name, "a process")
         own = table.read(ProcessSettings)
-        plain = Process(
+        plain = ProcessSpec(
             checked,
             table=name,
             on_failure=own.on_failure,
@@ -193,7 +193,9 @@ def read_patience(table: Table, defaults: PatienceSettings | None = None) -> Pat
     return Patience(settings.soft, settings.hard, settings.late)
 
 
-def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Path) -> list[Member]:
+def check_members(
+    processes: Iterable[ProcessSpec], vocabulary: Vocabulary, path: Path
+) -> list[Member]:
     """Check the hello of each member before any process starts.
 
     The processes of one table differ only in their names, so only the first one is checked.
@@ -214,7 +216,7 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
         first = process.table not in tables
         tables.update({process.table} - {""})
         if not process.command and first:
-            members.append(process.participant())
+            members.append(process.make_member())
             hello = members[-1].hello()
             reason = incompatibility(hello, vocabulary) or _invalid_topic(hello)
             if reason:
@@ -222,7 +224,7 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
     return members
 
 
-def check_hosts(processes: Iterable[Process], policy: Policy, path: Path) -> None:
+def check_hosts(processes: Iterable[ProcessSpec], policy: Policy, path: Path) -> None:
     """Raise WorldFileError for several hosts of agents under a policy that makes copies."""
     hosts = [process for process in processes if process.agents]
     if not policy.rules.makes_copies or len(hosts) < 2:
@@ -252,12 +254,12 @@ def names_of(name: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name}-{number + 1}" for number in range(count)]
 
 
-DEFAULT: Final = Process("")
+DEFAULT: Final = ProcessSpec("")
 
 
-def by_process(processes: Iterable[Process]) -> dict[str, tuple[Process, ...]]:
+def by_process(processes: Iterable[ProcessSpec]) -> dict[str, tuple[ProcessSpec, ...]]:
     """The processes that run here, by name of the process of the operating system."""
-    members: dict[str, list[Process]] = {}
+    members: dict[str, list[ProcessSpec]] = {}
     for process in processes:
         if not process.elsewhere:
             members.setdefault(SERVICES if process.shared else process.name, []).append(process)
@@ -265,8 +267,8 @@ def by_process(processes: Iterable[Process]) -> dict[str, tuple[Process, ...]]:
 
 
 def sharing(
-    processes: Sequence[Process], members: Iterable[Member], cores: int
-) -> tuple[Process, ...]:
+    processes: Sequence[ProcessSpec], members: Iterable[Member], cores: int
+) -> tuple[ProcessSpec, ...]:
     """The processes; services share one if all of them and the coordinator exceed the cores.
 
     `members` are those of the first process of each table.

@@ -20,7 +20,7 @@ from minerva_bus.launch.child_processes import (
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
-from minerva_bus.launch.process_specs import SERVICES, Process, by_process
+from minerva_bus.launch.process_specs import SERVICES, ProcessSpec, by_process
 from minerva_bus.runtime.member import RAISED_BY_CHANCE
 from minerva_bus.wording import duration
 
@@ -79,7 +79,7 @@ class SupervisedProcess:
     `waited`: seconds that frames have waited for it.
     """
 
-    members: tuple[Process, ...]
+    members: tuple[ProcessSpec, ...]
     machine: Machine = REAL
     child: ChildProcess | None = None
     output: LineReader | None = None
@@ -99,7 +99,7 @@ class SupervisedProcess:
         self.awaited = frozenset(self.names)
 
     @property
-    def spec(self) -> Process:
+    def spec(self) -> ProcessSpec:
         """The first member, whose restarts are those of all."""
         return self.members[0]
 
@@ -394,7 +394,7 @@ class FailureLog:
         self._shown.add(place)
         return not known
 
-    def repeated(self, process: Process, code: int, cause: str) -> bool:
+    def repeated(self, process: ProcessSpec, code: int, cause: str) -> bool:
         """Whether this process, or another host, has failed for the same cause before.
 
         The cause names the frame and the event: the same input fails again.

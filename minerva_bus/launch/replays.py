@@ -41,7 +41,7 @@ from minerva_bus.launch.past import (
     no_frame,
     world_file_of,
 )
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
 from minerva_bus.launch.typed_text import typed_options
@@ -459,14 +459,14 @@ def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member],
     new = [_new_member(process, swap, file) for process in old]
     for member in new:
         _check_new(member, file, reader.hello().publishes, swap)
-    hosts = [process.participant() for process in others if process.agents]
+    hosts = [process.make_member() for process in others if process.agents]
     drawn = {event for process in others for event in _drawn(process)}
     draws = frozenset(event for process in old for event in _drawn(process)) - drawn
     without = Without(frozenset(process.name for process in old), draws, types)
     return [reader, *new, *hosts], without
 
 
-def _replaced(file: WorldFile, member: str) -> list[Process]:
+def _replaced(file: WorldFile, member: str) -> list[ProcessSpec]:
     """The processes of that name, or NAME-1, NAME-2 ... Raises MisuseError if there are none."""
     processes = [process for process in file.processes if process.name == member]
     processes = processes or [
@@ -481,7 +481,7 @@ def _replaced(file: WorldFile, member: str) -> list[Process]:
     return processes
 
 
-def _new_member(old: Process, swap: Swap, file: WorldFile) -> Member:
+def _new_member(old: ProcessSpec, swap: Swap, file: WorldFile) -> Member:
     cls = swap.find(file.path.parent)
     if issubclass(cls, Service):
         options = typed_options(cls, swap.options)
@@ -495,12 +495,12 @@ def _new_member(old: Process, swap: Swap, file: WorldFile) -> Member:
     return Member(old.name, None, (*kept, cls))
 
 
-def _generated(process: Process) -> tuple[str, ...]:
-    return () if process.command else process.participant().hello().generates
+def _generated(process: ProcessSpec) -> tuple[str, ...]:
+    return () if process.command else process.make_member().hello().generates
 
 
-def _drawn(process: Process) -> tuple[str, ...]:
-    return () if process.command else process.participant().hello().draws
+def _drawn(process: ProcessSpec) -> tuple[str, ...]:
+    return () if process.command else process.make_member().hello().draws
 
 
 def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:

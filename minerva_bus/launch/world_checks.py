@@ -17,7 +17,7 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.access import Access
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.toml_tables import Table
 from minerva_bus.launch.typed_text import filled, read_options
 from minerva_bus.launch.world_files import WorldFile, open_tables
@@ -100,7 +100,7 @@ def _shown(file: WorldFile) -> Iterator[tuple[str, frozenset[str]]]:
     """The coupled devices, with the visual event types that they draw."""
     for process in file.processes:
         if process.make_service is not None:
-            hello = process.participant().hello()
+            hello = process.make_member().hello()
             if hello.coupled:
                 yield process.name, frozenset(hello.draws)
 
@@ -144,7 +144,7 @@ def left_out(file: WorldFile) -> dict[str, str]:
     return {name: reason for name, reason in reasons.items() if reason}
 
 
-def _reason(process: Process) -> str:
+def _reason(process: ProcessSpec) -> str:
     if process.make_service is None:
         return ""
     service = process.make_service()
@@ -184,6 +184,6 @@ def laid_out(
     )
 
 
-def _names(process: Process, hosts: int) -> list[str]:
+def _names(process: ProcessSpec, hosts: int) -> list[str]:
     several = [f"{process.name}-of-{hosts}-{number}" for number in range(2, hosts + 1)]
     return [process.name, *several] if process.agents else [process.name]

@@ -39,7 +39,7 @@ from minerva_bus.launch.machine_resources import cores
 from minerva_bus.launch.process_specs import (
     PEOPLE,
     SERVICES,
-    Process,
+    ProcessSpec,
     check_hosts,
     check_members,
     names_of,
@@ -111,7 +111,7 @@ class WorldFile:
     path: Path
     world: World
     rate: float
-    processes: tuple[Process, ...]
+    processes: tuple[ProcessSpec, ...]
     bus: BusSettings = field(default_factory=BusSettings)
     access: Access = field(default_factory=Access)
     patience: Patience = field(default_factory=Patience)
@@ -288,7 +288,7 @@ def read_description(
     settings: WorldSettings,
     path: Path,
     options: Mapping[str, Any],
-    processes: Sequence[Process],
+    processes: Sequence[ProcessSpec],
 ) -> World:
     """The world, without its norms.
 
@@ -330,7 +330,7 @@ def read_description(
 
 
 def _check_kinds(
-    processes: Sequence[Process], vocabulary: Vocabulary, path: Path, spec: str
+    processes: Sequence[ProcessSpec], vocabulary: Vocabulary, path: Path, spec: str
 ) -> None:
     """Check that the vocabulary has all agents of the processes, before it reads the string."""
     for process in processes:
@@ -343,7 +343,7 @@ def _check_kinds(
                 )
 
 
-def _check_speakers(processes: Sequence[Process], vocabulary: Vocabulary, path: Path) -> None:
+def _check_speakers(processes: Sequence[ProcessSpec], vocabulary: Vocabulary, path: Path) -> None:
     """Check that generators represent kinds of the vocabulary, or valid ids."""
     for process in processes:
         for agent in process.speaks_for:
@@ -649,7 +649,7 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
     """
     if not any(process.automatic for process in file.processes):
         return file
-    processes, notes = list[Process](), list[str]()
+    processes, notes = list[ProcessSpec](), list[str]()
     for process in file.processes:
         own = list(_hosts(process, file.world)) if process.automatic else [process]
         processes += own
@@ -667,7 +667,7 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
     )
 
 
-def _hosts(process: Process, world: World) -> Iterator[Process]:
+def _hosts(process: ProcessSpec, world: World) -> Iterator[ProcessSpec]:
     counts = kind_counts(*world.scene.pieces)
     work = sum(counts[cls.kind.name] * _seconds(cls) for cls in process.agents)
     count = 1 if world.policy.rules.makes_copies else hosts_for(work, cores())
@@ -687,7 +687,7 @@ def _seconds(cls: type[Agent]) -> float:
     return ROW_SECONDS if cls.activities.keys() <= cls.population.keys() else AGENT_SECONDS
 
 
-def several_hosts(processes: Iterable[Process]) -> bool:
+def several_hosts(processes: Iterable[ProcessSpec]) -> bool:
     """Whether the agents of a table have more than one process."""
     tables = [process.table for process in processes if process.agents]
     return len(set(tables)) < len(tables)
@@ -743,6 +743,6 @@ def _problems(file: WorldFile, kind: str, rule: Rule) -> Iterator[str]:
         yield f"near: there is no process {rule.near!r}{nearest(rule.near, members, known)}"
 
 
-def _may_host(process: Process, kind: str) -> bool:
+def _may_host(process: ProcessSpec, kind: str) -> bool:
     # What a program in another language hosts is known only when it joins.
     return bool(process.command) or any(agent.kind.name == kind for agent in process.agents)

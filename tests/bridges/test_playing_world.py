@@ -66,7 +66,7 @@ def lasers_of_each_frame(file, readings=()):
             events = instruction.record.events
             frames.append([(e.dist, e.angle) for e in single(events) if e.type == "eLaser"])
 
-    members = {process.name: process.participant() for process in file.processes}
+    members = {process.name: process.make_member() for process in file.processes}
     runner = InProcessRunner(algorithm, members.values(), told)
     runner.start()
     for number in range(FRAMES):
@@ -79,7 +79,7 @@ def lasers_of_each_frame(file, readings=()):
 def test_a_simulated_and_a_replayed_laser_run_together(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     file = read_world_file(world_in(tmp_path), Overrides(frames=FRAMES))
-    (log,) = [process.participant().service for process in file.processes if process.name == "log"]
+    (log,) = [process.make_member().service for process in file.processes if process.name == "log"]
     recording = log.recording()
     readings = [(x.topic, x.reading) for x in recording.readings() if x.topic == "log_scan"]
     recording.close()

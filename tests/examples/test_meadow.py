@@ -155,7 +155,7 @@ class Run:
         file = read_world_file(WORLD, overrides)
         self.algorithm = FrameAlgorithm(file.world)
         self.heard: Counter[str] = Counter()
-        participants = [process.participant() for process in file.processes]
+        participants = [process.make_member() for process in file.processes]
         self._runner = InProcessRunner(self.algorithm, participants, self._watch)
         self._runner.start()
 

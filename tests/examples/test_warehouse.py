@@ -112,7 +112,7 @@ class Run:
         file = read_world_file(WORLD, overrides)
         self.algorithm = FrameAlgorithm(file.world)
         self.messages = []
-        participants = [process.participant() for process in file.processes]
+        participants = [process.make_member() for process in file.processes]
         runner = InProcessRunner(self.algorithm, participants, self._watch)
         runner.start()
         while runner.ended is None:

@@ -46,7 +46,7 @@ def run(file, watch):
         if isinstance(instruction, s.FrameDone):
             watch(instruction.record, algorithm.scene, algorithm.checkpoint)
 
-    runner = InProcessRunner(algorithm, [process.participant() for process in file.processes], told)
+    runner = InProcessRunner(algorithm, [process.make_member() for process in file.processes], told)
     runner.start()
     while runner.ended is None:
         runner.handle(s.Begin())

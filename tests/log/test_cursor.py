@@ -39,7 +39,7 @@ def futures(record, number, file, seed):
     cursor = Cursor(record, state=True)
     scene = cursor.seek(number)
     world = replace(file.world, scene=scene, past=cursor.checkpoint, seed=seed)
-    members, digests = [process.participant() for process in file.processes], []
+    members, digests = [process.make_member() for process in file.processes], []
     run_world(world, members, lambda done, scene: digests.append(scene.digest))
     return digests
 
@@ -100,7 +100,7 @@ def test_a_missing_frame_ends_a_rerun(tmp_path):
     with record_of(bytes_of("meadow"), tmp_path) as record:
         algorithm = FrameAlgorithm(file.world)
         rerun = Rerun(record, algorithm)
-        runner = InProcessRunner(algorithm, [process.participant() for process in file.processes])
+        runner = InProcessRunner(algorithm, [process.make_member() for process in file.processes])
         runner.start()
         algorithm.frame = 3
         with pytest.raises(Exception, match="frame 3 is not in the record, so the run cannot"):

@@ -428,7 +428,7 @@ def test_a_damaged_record_is_gone_on_from(chunk, tmp_path):
             lived[message.frame + 1] = algorithm.scene
 
     runner = InProcessRunner(
-        algorithm, [process.participant() for process in resumed.processes], watch
+        algorithm, [process.make_member() for process in resumed.processes], watch
     )
     runner.start()
     while runner.ended is None:

@@ -47,7 +47,7 @@ def running(tmp_path_factory):
                 if done.frame < 40:
                     record.frame(done, algorithm.scene, 0.0, {}, Kept.of(algorithm.checkpoint))
 
-        members = [process.participant() for process in file.processes]
+        members = [process.make_member() for process in file.processes]
         runner = InProcessRunner(algorithm, members, watch)
         runner.start()
         for _ in range(FRAMES):

@@ -45,7 +45,7 @@ def watch(told):
         record.frame(told)
         print(record._recorder.frames, flush=True)
 
-runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
+runner = InProcessRunner(algorithm, [one.make_member() for one in file.processes], watch)
 runner.start()
 while True:
     runner.handle(s.Begin())

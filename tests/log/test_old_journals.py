@@ -36,7 +36,7 @@ def write(path):
 
     algorithm = FrameAlgorithm(world(FRAMES + 1))
     journal = Journal(path, 1, algorithm)
-    members = [process.participant() for process in processes({}, count(1))]
+    members = [process.make_member() for process in processes({}, count(1))]
     runner = InProcessRunner(algorithm, members, watch)
     runner.start()
     for _ in range(FRAMES):

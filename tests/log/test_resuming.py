@@ -58,7 +58,7 @@ def lived(file, stop=None):
             digests[message.frame] = message.record.digest
 
     runner = InProcessRunner(
-        algorithm, [process.participant() for process in file.processes], watch
+        algorithm, [process.make_member() for process in file.processes], watch
     )
     runner.start()
     while runner.ended is None and algorithm.frame != stop:
@@ -269,7 +269,7 @@ def test_waiting_events_of_people_are_in_the_frame(tmp_path):
             record.frame(message)
 
     runner = InProcessRunner(
-        algorithm, [process.participant() for process in file.processes], watch
+        algorithm, [process.make_member() for process in file.processes], watch
     )
     runner.start()
     while algorithm.frame < 4:

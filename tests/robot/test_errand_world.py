@@ -39,7 +39,7 @@ class Run:
         self.algorithm = FrameAlgorithm(file.world)
         self.events = []
         self.digests = []
-        members = [process.participant() for process in file.processes]
+        members = [process.make_member() for process in file.processes]
         self.runner = InProcessRunner(self.algorithm, members, self._watch)
         self.runner.start()
 

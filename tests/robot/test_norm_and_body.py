@@ -39,7 +39,7 @@ class Watched:
         path.write_text(FILE.read_text(encoding="utf-8") + norms, encoding="utf-8")
         file = read_world_file(path, Overrides(options=options))
         self.algorithm = FrameAlgorithm(file.world)
-        members = [process.participant() for process in file.processes]
+        members = [process.make_member() for process in file.processes]
         self.physics = next(member.service for member in members if member.name == "physics")
         self.runner = InProcessRunner(self.algorithm, members, lambda message: None)
         self.runner.start()

@@ -10,7 +10,7 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch import coordinator_process as sizes
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.world.agent import Agent
 
 
@@ -27,7 +27,7 @@ def fragments(*texts):
 
 
 def hosts(number):
-    return [Process(f"stones-{i}", agents=(Stone,)) for i in range(number)]
+    return [ProcessSpec(f"stones-{i}", agents=(Stone,)) for i in range(number)]
 
 
 @pytest.fixture(autouse=True)
@@ -41,7 +41,7 @@ def test_a_world_that_fits_may_start():
 
 
 def test_fragments_without_a_host_are_not_sent():
-    sizes.check_sizes(fragments("x" * 5000), [Process("other", command=("true",))])
+    sizes.check_sizes(fragments("x" * 5000), [ProcessSpec("other", command=("true",))])
 
 
 def test_too_much_for_all_hosts_together_is_refused_with_their_number():

@@ -17,7 +17,7 @@ from minerva_bus.launch.child_processes import (
     next_ended,
 )
 from minerva_bus.launch.os_interface import Machine
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.process_table import (
     HEALTHY_FRAMES,
     HEALTHY_SECONDS,
@@ -69,7 +69,7 @@ def test_a_launcher_that_fails_leaves_nothing(tmp_path):
 
 
 def test_each_failure_in_a_row_doubles_the_delay():
-    process = SupervisedProcess((Process("a", restarts=9),))
+    process = SupervisedProcess((ProcessSpec("a", restarts=9),))
     waits = [process.fail(0) for _ in range(10)]
     assert waits[:3] == [MIN_RESTART_SECONDS, 2 * MIN_RESTART_SECONDS, 4 * MIN_RESTART_SECONDS]
     assert waits[8:] == [MAX_RESTART_SECONDS, None]
@@ -96,7 +96,7 @@ def lives(process, clock, seconds, frames, waited=0.0):
 
 def test_a_healthy_process_starts_with_no_failures_counted():
     clock = Clock()
-    process = SupervisedProcess((Process("a"),), clock, failures=5)
+    process = SupervisedProcess((ProcessSpec("a"),), clock, failures=5)
     assert lives(process, clock, HEALTHY_SECONDS + 1, HEALTHY_FRAMES) == MIN_RESTART_SECONDS
     assert process.failures == 1
 
@@ -110,7 +110,7 @@ def test_a_healthy_process_starts_with_no_failures_counted():
 def test_a_process_that_is_killed_while_it_works_is_restarted_at_once(
     frames, waited, killed, delay
 ):
-    process = SupervisedProcess((Process("a"),), Clock(), failures=1)
+    process = SupervisedProcess((ProcessSpec("a"),), Clock(), failures=1)
     process.started(ChildProcess(1, -1))
     process.joined("a", 7)
     process.waited = waited
@@ -125,7 +125,7 @@ def test_a_process_that_is_killed_while_it_works_is_restarted_at_once(
 ])  # fmt: skip
 def test_a_process_that_was_not_healthy_fails_in_a_row(seconds, frames, waited):
     clock = Clock()
-    process = SupervisedProcess((Process("a"),), clock, failures=5)
+    process = SupervisedProcess((ProcessSpec("a"),), clock, failures=5)
     assert lives(process, clock, seconds, frames, waited) is None
     assert process.failures == 6
 
@@ -133,14 +133,14 @@ def test_a_process_that_was_not_healthy_fails_in_a_row(seconds, frames, waited):
 @pytest.mark.parametrize("hard", [0.1, HEALTHY_SECONDS, 10 * HEALTHY_SECONDS])
 def test_a_process_that_hangs_in_every_frame_is_given_up_whatever_its_deadline(hard):
     clock = Clock()
-    process = SupervisedProcess((Process("a", restarts=3),), clock)
+    process = SupervisedProcess((ProcessSpec("a", restarts=3),), clock)
     ends = [lives(process, clock, hard + 0.2, 1, hard) for _ in range(4)]
     assert [end is None for end in ends] == [False, False, False, True]
 
 
 def test_a_process_that_never_joins_is_given_up_whatever_its_deadline():
     clock = Clock()
-    process = SupervisedProcess((Process("a", restarts=2),), clock)
+    process = SupervisedProcess((ProcessSpec("a", restarts=2),), clock)
     for left in (True, True, False):
         process.started(ChildProcess(1, -1))
         clock.now += 10 * HEALTHY_SECONDS
@@ -149,13 +149,13 @@ def test_a_process_that_never_joins_is_given_up_whatever_its_deadline():
 
 @pytest.mark.parametrize("policy", ["stop", "ignore"])
 def test_other_policies_do_not_restart(policy):
-    process = SupervisedProcess((Process("a", on_failure=policy),))
+    process = SupervisedProcess((ProcessSpec("a", on_failure=policy),))
     assert process.fail(0) is None
     assert process.restart_at is None
 
 
 def test_a_process_that_has_exited_is_restarted_at_once_on_request():
-    process = SupervisedProcess((Process("a"),))
+    process = SupervisedProcess((ProcessSpec("a"),))
     process.exited()
     assert len(process.due) == 1
     process.restart()

@@ -34,7 +34,7 @@ def moment():
     file = read_world_file(find_world("robot"), Overrides(options={"parcels": ""}))
     algorithm = FrameAlgorithm(file.world)
     runner = InProcessRunner(
-        algorithm, [process.participant() for process in file.processes], lambda _: None
+        algorithm, [process.make_member() for process in file.processes], lambda _: None
     )
     runner.start()
     for _ in range(FRAMES):

@@ -121,7 +121,7 @@ def auction(processes=1, seed=5):
                 if event.type == "eMessage"
             )
 
-    runner = InProcessRunner(algorithm, [process.participant() for process in file.processes], told)
+    runner = InProcessRunner(algorithm, [process.make_member() for process in file.processes], told)
     runner.start()
     while runner.ended is None:
         runner.handle(s.Begin())

@@ -182,7 +182,7 @@ class SimulatedMachine(Machine):
             # With the time-outs of a member that the launcher starts: a coordinator that is frozen
             # for seconds must not count as failures of members.
             member = MemberProcess(
-                [member.participant() for member in start.members],
+                [member.make_member() for member in start.members],
                 start.world,
                 start.endpoint,
                 process.log,

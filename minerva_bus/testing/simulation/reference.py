@@ -52,7 +52,7 @@ def undisturbed(frames: int, orders: Orders, *, norms: bool) -> Undisturbed:
 
 
 def _members(shown: dict[int, str]) -> list[Member]:
-    return [process.participant() for process in processes(shown, count(1))]
+    return [process.make_member() for process in processes(shown, count(1))]
 
 
 def orders_in(events: Iterator[Event]) -> tuple[tuple[str, int], ...]:

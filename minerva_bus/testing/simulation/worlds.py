@@ -36,7 +36,7 @@ from minerva_bus import (
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.traversal import walk
-from minerva_bus.launch.process_specs import Process
+from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.tables import BusSettings
 from minerva_bus.world.norms import Norm, Then
@@ -242,21 +242,21 @@ GUESTS: Final[Mapping[str, tuple[type[Agent], ...]]] = {
 """Hosts that are attached during a run, with their agent classes."""
 
 
-def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[Process, ...]:
+def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[ProcessSpec, ...]:
     """The processes of the world file."""
     return (
-        Process("birds", agents=(Heron, Eel)),
-        Process("clerk", Clerk),
-        Process("gulls", partial(Gulls, numbers)),
-        Process("lookout", Lookout),
-        Process("marsh", agents=(Reeds, Heron, Eel)),
-        Process("screen", partial(Screen, shown)),
-        Process("tide", Tide),
-        Process("water", Water),
+        ProcessSpec("birds", agents=(Heron, Eel)),
+        ProcessSpec("clerk", Clerk),
+        ProcessSpec("gulls", partial(Gulls, numbers)),
+        ProcessSpec("lookout", Lookout),
+        ProcessSpec("marsh", agents=(Reeds, Heron, Eel)),
+        ProcessSpec("screen", partial(Screen, shown)),
+        ProcessSpec("tide", Tide),
+        ProcessSpec("water", Water),
     )
 
 
-def sharing(process: Process) -> Process:
+def sharing(process: ProcessSpec) -> ProcessSpec:
     """The process, which shares one with others if it is a service in step."""
     if process.name not in SHARING:
         return process
