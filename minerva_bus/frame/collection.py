@@ -21,7 +21,7 @@ from minerva_bus.frame.event_sources import (
     name_of,
     people_of,
 )
-from minerva_bus.frame.inbox import Orders, counting
+from minerva_bus.frame.inbox import OrdersBySource, counting
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.orders import refusal_of_guest
@@ -86,7 +86,7 @@ class CollectionStep:
         self._give_orders(member)
         self._algorithm.out.send(member.name, m.TickRequest(self._algorithm.frame))
 
-    def _hand_over(self, orders: Orders) -> None:
+    def _hand_over(self, orders: OrdersBySource) -> None:
         """Apply norms to the orders that generators take, and send the permitted ones.
 
         Orders are people's events; the events that a generator derives from them are its own.
@@ -282,7 +282,7 @@ class CollectionStep:
         self._report_orders(sources)
         return {**sources, SOURCE: sanctions} if sanctions else sources
 
-    def _permitted_orders(self, orders: Orders) -> tuple[AnyEvent, ...]:
+    def _permitted_orders(self, orders: OrdersBySource) -> tuple[AnyEvent, ...]:
         """People's orders that norms permit, before a generator takes them."""
         algorithm, permitted = self._algorithm, orders
         if algorithm.world.norms:
@@ -291,7 +291,7 @@ class CollectionStep:
         self._report_orders(permitted)
         return tuple([event for source in sorted(permitted) for event in permitted[source]])
 
-    def _report_orders(self, permitted: Orders) -> None:
+    def _report_orders(self, permitted: OrdersBySource) -> None:
         """Report the orders that norms reject, which norms log, and those that count."""
         frame, out = self._algorithm.frame, self._algorithm.out
         for source, event, norm in self._algorithm.norms.take_rejected_orders():

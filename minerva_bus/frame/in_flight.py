@@ -8,7 +8,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.fragments import Layout
-from minerva_bus.frame.inbox import Orders
+from minerva_bus.frame.inbox import OrdersBySource
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.trial import Trial
 from minerva_bus.grammar.delta import Delta
@@ -39,7 +39,7 @@ class FrameEvents:
     `ordered`: e*, of which `visual` is e^v and `evolving` is e^u.
     """
 
-    orders: Orders = field(default_factory=_DICT)
+    orders: OrdersBySource = field(default_factory=_DICT)
     permitted: Events = ()
     taken: dict[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
     people: tuple[str, ...] = ()

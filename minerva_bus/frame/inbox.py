@@ -13,7 +13,7 @@ from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.norms import SOURCE
 
-Orders: TypeAlias = Mapping[str, Sequence[AnyEvent]]
+OrdersBySource: TypeAlias = Mapping[str, Sequence[AnyEvent]]
 """People's orders by source."""
 
 MAX_WAITING: Final = 100_000
@@ -100,7 +100,7 @@ class FrameInbox:
         """The count of the orders of a person since the last frame."""
         return self._counts.get(source_of(person), 0)
 
-    def take_orders(self, is_taken: Callable[[str], bool]) -> Orders:
+    def take_orders(self, is_taken: Callable[[str], bool]) -> OrdersBySource:
         """Remove the orders whose event type a generator takes, and return them by source."""
         taken: dict[str, tuple[AnyEvent, ...]] = {}
         for source in sorted(filter(is_people, self.events)):

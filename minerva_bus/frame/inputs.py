@@ -8,11 +8,11 @@ from typing import Any
 
 from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.messages import EvolveReply, TickReply
-from minerva_bus.frame.passed import passed
-from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.frame.passed import fast_dataclass
+from minerva_bus.grammar.batch import AnyEvent
 
 
-@passed
+@fast_dataclass
 class FrameInputs:
     """Input of the frame algorithm in one frame, as far as it was used.
 
@@ -51,7 +51,7 @@ class FrameInputs:
         return replace(self, layout=(), replies=(), waiting={}, answers=(), left_out=())
 
 
-@passed
+@fast_dataclass
 class RecordedFrame:
     """A frame of a recorded run.
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
-from minerva_bus.frame.passed import passed
+from minerva_bus.frame.passed import fast_dataclass
 from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Wire, Within
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.events import AnyEvent
@@ -134,7 +134,7 @@ class Hello:
         return tuple(name for name, offered in roles if offered)
 
 
-@passed
+@fast_dataclass
 class TickReply:
     """C^d(t) of a member in step, and the data from which a successor continues.
 
@@ -159,7 +159,7 @@ class TickReply:
     received: Received = field(default=b"", compare=False, repr=False)
 
 
-@passed
+@fast_dataclass
 class EvolveReply:
     """The changes of a host's fragments and views in a frame.
 
@@ -195,7 +195,7 @@ class EvolveReply:
     received: Received = field(default=b"", compare=False, repr=False)
 
 
-@passed
+@fast_dataclass
 class Emitted:
     """Events of a free-running generator."""
 
@@ -207,7 +207,7 @@ class Emitted:
     events: GeneratedEvents
 
 
-@passed
+@fast_dataclass
 class Failed:
     """User code in a member raised an exception; the member then ends."""
 
@@ -223,7 +223,7 @@ class Failed:
     traceback: str = ""
 
 
-@passed
+@fast_dataclass
 class Resync:
     """An observer missed a view and requests a keyframe."""
 
@@ -233,7 +233,7 @@ class Resync:
     event_type: str
 
 
-@passed
+@fast_dataclass
 class Leaving:
     """A member leaves voluntarily."""
 
@@ -242,7 +242,7 @@ class Leaving:
     member: Sender
 
 
-@passed
+@fast_dataclass
 class MemberMetrics:
     """A member's current metrics, for displays."""
 
@@ -257,7 +257,7 @@ class MemberMetrics:
     figures: Annotated[Figures, AtMost("figures")]
 
 
-@passed
+@fast_dataclass
 class Report:
     """A member's metrics for the summary; the answer to `Stop`."""
 
@@ -276,14 +276,14 @@ class Report:
 # --- from the coordinator to members ---
 
 
-@passed
+@fast_dataclass
 class Greet:
     """Request a member's `Hello`."""
 
     WIRE: ClassVar = Wire("greet", ("to",), "send `hello`")
 
 
-@passed
+@fast_dataclass
 class Welcome:
     """A member has joined: its world, and the next frame."""
 
@@ -298,7 +298,7 @@ class Welcome:
     saved: Annotated[Saved, Note("what a predecessor of this name saved last")] = None
 
 
-@passed
+@fast_dataclass
 class Refused:
     """A member may not join."""
 
@@ -309,7 +309,7 @@ class Refused:
     reason: str
 
 
-@passed
+@fast_dataclass
 class Sources:
     """The publishers in step of each sensor topic."""
 
@@ -320,7 +320,7 @@ class Sources:
     publishers: Mapping[str, tuple[str, ...]]
 
 
-@passed
+@fast_dataclass
 class TickRequest:
     """Steps 1 and 2 of Table 2: frame t begins; request its events."""
 
@@ -329,7 +329,7 @@ class TickRequest:
     frame: int
 
 
-@passed
+@fast_dataclass
 class Fragments:
     """Fragments that a host lacks, and those that it no longer needs."""
 
@@ -341,7 +341,7 @@ class Fragments:
     dropped: tuple[str, ...] = ()
 
 
-@passed
+@fast_dataclass
 class EvolveRequest:
     """Steps 5 and 6 of Table 2 for the hosts named in `asked`.
 
@@ -360,7 +360,7 @@ class EvolveRequest:
     only: Annotated[tuple[str, ...], Note("ids")] = ()
 
 
-@passed
+@fast_dataclass
 class ViewShown:
     """π(w, e^v) for one visual event type: the string's static part and its agents' views.
 
@@ -385,7 +385,7 @@ class ViewShown:
     halted: Annotated[tuple[str, ...], Note("ids")] = ()
 
 
-@passed
+@fast_dataclass
 class Orders:
     """Events sent by people for the event types that a generator takes, for a frame."""
 
@@ -399,7 +399,7 @@ class Orders:
     events: tuple[AnyEvent, ...]
 
 
-@passed
+@fast_dataclass
 class Repeat:
     """Request a publisher's last readings again, for a subscriber that has just joined."""
 
@@ -408,7 +408,7 @@ class Repeat:
     topic: str
 
 
-@passed
+@fast_dataclass
 class Stop:
     """The world ends."""
 
@@ -420,7 +420,7 @@ class Stop:
 # --- for all subscribers ---
 
 
-@passed
+@fast_dataclass
 class Readings:
     """A member's readings on one topic; `frame` is -1 if the publisher is free-running."""
 
@@ -432,7 +432,7 @@ class Readings:
     readings: tuple[Reading, ...]
 
 
-@passed
+@fast_dataclass
 class FrameRecord:
     """The result of a frame, for watchers: its events in order, and its changes.
 

@@ -28,7 +28,7 @@ Sources = Mapping[str, Sequence[AnyEvent]]
 RejectedOrder = tuple[str, Event, str]
 """A person's order: its source, the event, and the norm that rejected it."""
 
-Sent = Mapping[str, tuple[AnyEvent, ...]]
+SentBy = Mapping[str, tuple[AnyEvent, ...]]
 
 
 class Norms:
@@ -191,7 +191,7 @@ class Norms:
 
     # --- outcomes of agents ---
 
-    def agents(self, frame: int, changed: Mapping[str, Scene], sent: Sent) -> Trial | None:
+    def agents(self, frame: int, changed: Mapping[str, Scene], sent: SentBy) -> Trial | None:
         """Judge the results of fragments before they enter w; None if no norm applies to them."""
         if not self._on_agents or not changed:
             return None
@@ -208,7 +208,7 @@ class Norms:
             always.add(self._refusal.name)
         return trial.stages(events, self._vocabulary, frozenset(always))
 
-    def reconsider(self, trial: Trial, changed: Mapping[str, Scene], sent: Sent) -> None:
+    def reconsider(self, trial: Trial, changed: Mapping[str, Scene], sent: SentBy) -> None:
         """Judge rejected agents again, evolved by reduced events; violations are not counted."""
         refusing = [norm for norm in self._on_agents if norm.refuses]
         trial.reconsider(changed, sent, refusing, self._exceeds)

@@ -9,7 +9,7 @@ _T = TypeVar("_T")
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def passed(cls: type[_T]) -> type[_T]:
+def fast_dataclass(cls: type[_T]) -> type[_T]:
     """Make a class an immutable dataclass with slots; the type checker refuses to change objects.
 
     Python does not: a class that is frozen at run time sets each field by a call, which takes five

@@ -9,8 +9,9 @@ from typing import Final, TypeAlias
 
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
-from minerva_bus.frame.passed import passed
-from minerva_bus.grammar.events import AnyEvent, Event
+from minerva_bus.frame.passed import fast_dataclass
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import Event
 
 # No member's name begins with ~, so these cannot be names of members.
 EVERYONE: Final = "~all"
@@ -21,28 +22,28 @@ HOSTS: Final = "~hosts"
 # --- stimuli, besides the messages of members ---
 
 
-@passed
+@fast_dataclass
 class Appeared:
     """A member's liveliness token has appeared."""
 
     member: str
 
 
-@passed
+@fast_dataclass
 class Vanished:
     """A member's liveliness token has disappeared."""
 
     member: str
 
 
-@passed
+@fast_dataclass
 class Abandoned:
     """A member whose process is no longer restarted; the world continues without it."""
 
     member: str
 
 
-@passed
+@fast_dataclass
 class Violation:
     """A member sent a message that the protocol does not allow."""
 
@@ -50,7 +51,7 @@ class Violation:
     reason: str
 
 
-@passed
+@fast_dataclass
 class Publish:
     """A person sends an event, or a batch; `person` is the name, if known."""
 
@@ -58,26 +59,26 @@ class Publish:
     person: str = ""
 
 
-@passed
+@fast_dataclass
 class Drain:
     """Drain a host: other hosts take over its agents at the start of the next frame."""
 
     member: str
 
 
-@passed
+@fast_dataclass
 class Skip:
     """Continue the frame without this member's reply; its agents keep their states."""
 
     member: str
 
 
-@passed
+@fast_dataclass
 class Silent:
     """A period has passed without a reply: awaited members are late, or gone without a report."""
 
 
-@passed
+@fast_dataclass
 class Begin:
     """The next frame may begin.
 
@@ -89,14 +90,14 @@ class Begin:
     inputs: FrameInputs | None = None
 
 
-@passed
+@fast_dataclass
 class Seek:
     """Continue the replay of a record at this frame."""
 
     frame: int
 
 
-@passed
+@fast_dataclass
 class End:
     """The world ends now; `failed`: prematurely, because of an error.
 
@@ -127,7 +128,7 @@ Stimulus: TypeAlias = (
 # --- instructions ---
 
 
-@passed
+@fast_dataclass
 class Send:
     """Send a message to a member, or to `EVERYONE`, all that are `TICKED`, or all `HOSTS`."""
 
@@ -135,7 +136,7 @@ class Send:
     message: ToMember
 
 
-@passed
+@fast_dataclass
 class Show:
     """Publish a view for all observers of its type, or for `to`, which needs another form."""
 
@@ -144,7 +145,7 @@ class Show:
     to: str = ""
 
 
-@passed
+@fast_dataclass
 class Notify:
     """Notify observers of something about a member; `details` go to the log only."""
 
@@ -153,7 +154,7 @@ class Notify:
     details: str = ""
 
 
-@passed
+@fast_dataclass
 class OrderJudged:
     """An order of a person counts in this frame, or `norm` rejects it."""
 
@@ -163,7 +164,7 @@ class OrderJudged:
     norm: str = ""
 
 
-@passed
+@fast_dataclass
 class Ready:
     """All required members are present, and no frame is in progress: send `Begin` when due."""
 
@@ -191,7 +192,7 @@ class FrameDone:
         return self.make()
 
 
-@passed
+@fast_dataclass
 class Stopping:
     """No frame follows, for this reason; members send their reports and leave.
 
@@ -203,7 +204,7 @@ class Stopping:
     events: tuple[AnyEvent, ...]
 
 
-@passed
+@fast_dataclass
 class Ended:
     """The world has ended: each member's report has arrived, or the member is gone."""
 
