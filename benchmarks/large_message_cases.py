@@ -22,7 +22,7 @@ from minerva_bus import (
     Vocabulary,
     on,
 )
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.runtime.answers import MAX_VALUES
 from minerva_bus.wire.arrays import plain_ids

@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.schema import Mark
+from minerva_bus.frame.messages import Mark
 from minerva_bus.wire.codec import FOR_ALL, FROM_MEMBER, TO_MEMBER
 from minerva_bus.wire.declared import MessageCodec, message_codec
 from minerva_bus.wire.field_codec import DeclaredField

@@ -167,7 +167,7 @@ def show_version(as_json: bool) -> None:
     import platform
     from importlib.metadata import version
 
-    from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+    from minerva_bus.frame.messages import PROTOCOL_VERSION
 
     versions: dict[str, Any] = {
         "minerva-bus": version("minerva-bus"),

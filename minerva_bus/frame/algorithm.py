@@ -1,7 +1,7 @@
 """Table 2 of the paper as a pure state machine: stimulus in, instructions out.
 
 It has no I/O and reads no clock. Every iteration order is independent of the order in which
-members answer. The phases and their transitions are in `phases.py`.
+members answer. The phases and their transitions are in `in_flight.py`.
 """
 
 from __future__ import annotations
@@ -12,33 +12,168 @@ from typing import Any, Final
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.collection import visual_events
+from minerva_bus.frame.collection import EVENTS, FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.description import World
-from minerva_bus.frame.event_sources import is_people, is_set_aside
-from minerva_bus.frame.goal import WorldGoal
-from minerva_bus.frame.in_flight import FrameInFlight
-from minerva_bus.frame.inbox import FrameInbox
-from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.instructions import Instructions
-from minerva_bus.frame.joining import MemberLifecycle
-from minerva_bus.frame.live import FrameSource, LiveSource
-from minerva_bus.frame.member_states import MemberChange
-from minerva_bus.frame.members import Members
+from minerva_bus.frame.in_flight import TRANSITIONS, Awaited, FrameInFlight, Phase
+from minerva_bus.frame.inputs import Checkpoint, FrameInputs, is_people, is_set_aside
+from minerva_bus.frame.members import MemberChange, MemberLifecycle, Members
+from minerva_bus.frame.messages import Figures
 from minerva_bus.frame.norms import Norms
-from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
-from minerva_bus.frame.placement import Placement
-from minerva_bus.frame.shutdown import Shutdown
-from minerva_bus.frame.unknown_receivers import EVENTS
+from minerva_bus.frame.placement import Offers, Placement
+from minerva_bus.frame.sources import FrameSource, LiveSource
+from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.views import Views, due_views
 from minerva_bus.frame.work import EventWork
 from minerva_bus.grammar.conversion import Unfit
-from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.wording import counted
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.order import collect
+
+
+class Shutdown:
+    """The reason for the end of the world, and the reports of its members.
+
+    `failed`: it ends prematurely because of an error. `pending`: members that have
+    not reported yet.
+    """
+
+    def __init__(self) -> None:
+        self.reason = ""
+        self.failed = False
+        self.pending: set[str] = set()
+        self._figures: dict[str, Figures] = {}
+        self._departed: dict[str, bool] = {}
+
+    def begin(self, members: Iterable[str]) -> None:
+        """Wait for the reports of these members."""
+        self.pending = set(members)
+
+    def report(self, member: str, figures: Figures) -> None:
+        """Note a member's report; empty figures mean that it can no longer report."""
+        if member in self.pending:  # A member that was dropped does not count.
+            self.pending.discard(member)
+            self._figures[member] = figures
+
+    def depart(self, member: str) -> None:
+        """Note that a member is gone; its report may still arrive."""
+        self._departed.setdefault(member, False)
+
+    def drop_departed(self) -> None:
+        """Stop waiting for members that were already gone at the last call of this method.
+
+        A token's departure may overtake the last message, so they get one more interval.
+        """
+        for member, missed in sorted(self._departed.items()):
+            self._departed[member] = True
+            if missed:
+                self.report(member, {})
+
+    def add_figures(self, source: str, figures: Figures) -> None:
+        """Add figures that no member reported."""
+        self._figures[source] = figures
+
+    def total(self) -> Figures:
+        """The figures of all members; numbers of the same name are added."""
+        total: dict[str, bool | int | float | str] = {}
+        # Sorted, because floating-point sums and the texts that remain depend on the order.
+        for _, figures in sorted(self._figures.items()):
+            for name, value in figures.items():
+                old = total.get(name)
+                both = isinstance(old, int | float) and isinstance(value, int | float)
+                total[name] = old + value if both and old is not None else value  # pyright: ignore
+        return total
+
+
+GIVEN_UP: Final = "~given up"
+"""Key in `Checkpoint.saved` for the agents that have given up; no member can have this name."""
+
+_MAX_REASONS: Final = 3
+"""Maximum number of agents that are named at the end with their reasons for giving up."""
+
+
+def all_sent(until: str) -> str:
+    """Reason for an end by `until`."""
+    return f"every agent has sent {until}"
+
+
+class WorldGoal:
+    """The agents that have sent `until`, and those that have sent `give_up`.
+
+    `reached`: agents that have sent `until`; `striving`: the kinds of agents that send either.
+    """
+
+    def __init__(
+        self, world: World, composition: Composition, saved: dict[str, Mapping[str, Any]]
+    ) -> None:
+        """`saved` is the world's saved state, which keeps the agents that have given up."""
+        self._until, self._give_up = world.until, world.give_up
+        self._composition = composition
+        self._saved = saved
+        self.reached = world.past.reached
+        self.striving = world.past.reaching
+
+    @property
+    def met(self) -> bool:
+        """Whether every agent of the kinds that send `until` has sent it."""
+        return bool(self.finished) and not self.given_up
+
+    @property
+    def finished(self) -> str:
+        """Reason for the end if every agent has sent `until` or given up, otherwise empty."""
+        if not self._until:
+            return ""
+        done = self.reached.union(self.given_up)
+        # Kinds count once one of their agents has sent an event. Before that no agent strives for
+        # the goal, and the empty set would seem complete.
+        composition = self._composition
+        striving = (who for who in composition.agents() if composition.kind(who) in self.striving)
+        if not (done and done.issuperset(striving)):
+            return ""
+        given_up = self.given_up
+        reasons = [f"#{agent} has given up: {given_up[agent]}" for agent in sorted(given_up)]
+        over = len(reasons) - _MAX_REASONS
+        more = [f"and {over} more"] if over > 0 else []
+        return "; ".join([*reasons[:_MAX_REASONS], *more]) or all_sent(self._until)
+
+    @property
+    def given_up(self) -> Mapping[str, Any]:
+        """Agents that have sent `give_up` and not `until` since, with the event as text."""
+        return self._saved.get(GIVEN_UP, {})
+
+    def note(self, sent: Mapping[str, tuple[AnyEvent, ...]], out: Instructions) -> None:
+        """Note the agents that have sent `until` or `give_up`; `sent` is by agent or fragment.
+
+        Kinds are noted before the frame's changes count, because the sender may be gone then.
+        """
+        ends = {self._until, self._give_up} - {""}  # A world without a goal has empty types.
+        for name, events in sent.items() if ends else ():
+            ending = [event for event in events if event.type in ends]
+            for event in ending:
+                self._note_event(event, out)
+            if ending:
+                part = self._composition.parts.get(name)
+                kind = part.symbol if part is not None else self._composition.kind(name)
+                self.striving = self.striving.union((kind,))
+
+    def _note_event(self, event: AnyEvent, out: Instructions) -> None:
+        batch = isinstance(event, Events)
+        senders = tuple(event.senders or ()) if batch else (event.sender,)
+        given_up = self.given_up
+        if event.type == self._until:
+            self.reached = self.reached.union(senders)
+            # Reaching the goal later supersedes giving up.
+            given_up = {name: why for name, why in given_up.items() if name not in senders}
+        else:
+            why = event.type if batch else f"{event.type}<{event.data_text()}>"
+            given_up = {**given_up, **dict.fromkeys(senders, why)}
+            who = senders[0] if len(senders) == 1 else counted(len(senders), "agent")
+            out.log(who, f"gave up: {why}")
+        if given_up or GIVEN_UP in self._saved:
+            self._saved[GIVEN_UP] = given_up
+
 
 MAX_NAMED_STRANGERS: Final = 3
 MAX_PROBLEM_LINES: Final = 10
@@ -74,7 +209,7 @@ class FrameAlgorithm:
         self.norms = Norms(world.norms, self.composition, world.vocabulary, counts)
         self.goal = WorldGoal(world, self.composition, self.members.saved)
         self.shutdown = Shutdown()
-        self.out = Instructions(self.members)
+        self.out = Instructions(self.members.declines_columns)
         self.joining = MemberLifecycle(self)
         self.source: FrameSource = (source or LiveSource)(self)
 

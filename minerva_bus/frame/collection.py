@@ -1,39 +1,320 @@
-"""Steps 1 to 4 of Table 2: requests to generators, and the events of a frame."""
+"""Steps 1 to 4 of Table 2: requests to generators, and the events of a frame.
+
+`FrameInbox` has the events that wait for the next frame, `SenderRights` the agents in whose name a
+generator may send events.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
 from operator import attrgetter
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import nearest
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.calling import NOTHING
-from minerva_bus.frame.event_sources import (
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.inputs import (
     AGENTS,
     DEVICES,
     DROPPED,
+    Checkpoint,
+    FrameInputs,
+    OrdersBySource,
     handed_over,
     is_dropped,
     is_handed_over,
     is_people,
     name_of,
     people_of,
+    person_of,
+    source_of,
 )
-from minerva_bus.frame.inbox import OrdersBySource, counting
-from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
+from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.orders import refusal_of_guest
-from minerva_bus.frame.senders import SenderRights
+from minerva_bus.frame.service_calls import NOTHING
 from minerva_bus.frame.views import due_views
-from minerva_bus.frame.work import FEW
-from minerva_bus.grammar.events import AnyEvent, Event
+from minerva_bus.frame.work import FEW, EventWork, are_light
+from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.order import collect
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
+
+
+MAX_WAITING: Final = 100_000
+"""Maximum events of one free-running generator in the queue, which grows while a world pauses."""
+
+
+def counting(source: str, event: AnyEvent) -> str:
+    """What an order of a person, or a batch of orders, does in a frame, for the log."""
+    if isinstance(event, Event):
+        return f"{event} of {person_of(source)} counts"
+    return f"{event.count} {event.type} of {person_of(source)} count"
+
+
+def _receivers(event: AnyEvent) -> list[str]:
+    return list(event.receivers or ())
+
+
+class FrameInbox:
+    """Events that wait for the next frame, by source.
+
+    `emitted`: events that agents have sent. `sanctions`: events from norms. `sent`: both, by
+    source, as the last complete frame left them. `unknown` finds events for agents that have never
+    been in the string; `work` weighs events when they arrive.
+    """
+
+    def __init__(self, past: Checkpoint, scene: Scene, work: EventWork) -> None:
+        """`past` and `scene` are the state with which the world begins."""
+        self.work = work
+        self.events: dict[str, list[AnyEvent]] = {
+            source: list(events) for source, events in past.inbox.items()
+        }
+        self.sanctions: list[AnyEvent] = self.events.pop(SOURCE, [])
+        self.emitted: list[AnyEvent] = list(past.emitted)
+        self.sent: Mapping[str, Sequence[AnyEvent]] = past.sent
+        self.max_waiting: int = MAX_WAITING
+        self.unknown = UnknownReceivers(scene)
+        self._counts: dict[str, int] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self.events or self.emitted or self.sanctions)
+
+    def waiting(self) -> dict[str, tuple[AnyEvent, ...]]:
+        """Events for the next frame by source, for a checkpoint."""
+        waiting = {source: tuple(events) for source, events in self.events.items()}
+        return {**waiting, SOURCE: tuple(self.sanctions)} if self.sanctions else waiting
+
+    def end_frame(self, emitted: list[AnyEvent]) -> None:
+        """Queue the events that agents sent in a frame that is complete."""
+        self.emitted = emitted
+        # A copy, because the next frame takes the sanctions before it is complete.
+        self.sent = {AGENTS: emitted, SOURCE: tuple(self.sanctions)}
+
+    def take_sanctions(self) -> list[AnyEvent]:
+        """Remove and return the sanctions, sorted by receivers; those of one keep their order."""
+        taken, self.sanctions = self.sanctions, []
+        return sorted(taken, key=_receivers)
+
+    def replace(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
+        """Replace all waiting events by these."""
+        self.events = {source: list(waiting) for source, waiting in events.items()}
+
+    def add(self, source: str, events: Sequence[AnyEvent]) -> bool:
+        """Add events of a generator, which count by their weight; False if its queue is full."""
+        waiting = self.events.setdefault(source, [])
+        # A running count, because adding up the queue for each message would take quadratic time.
+        held = self._counts.get(source)
+        if held is None:  # The first since the last frame, or since the world was resumed.
+            held = sum(map(len, waiting))
+        # Whole messages are accepted or dropped, so the limit may be exceeded by one message.
+        if held >= self.max_waiting:
+            return False
+        count = max(sum(map(len, events)), sum(map(self.work.weight, events)))
+        self._counts[source] = held + count
+        waiting.extend(events)
+        return True
+
+    def add_order(self, event: AnyEvent, person: str) -> None:
+        """Add an event, or a batch, from a person, which counts by its weight."""
+        source = source_of(person)
+        self.events.setdefault(source, []).append(event)
+        self._counts[source] = self.ordered_by(person) + self.work.weight(event)
+
+    def ordered_by(self, person: str) -> int:
+        """The count of the orders of a person since the last frame."""
+        return self._counts.get(source_of(person), 0)
+
+    def take_orders(self, is_taken: Callable[[str], bool]) -> OrdersBySource:
+        """Remove the orders whose event type a generator takes, and return them by source."""
+        taken: dict[str, tuple[AnyEvent, ...]] = {}
+        for source in sorted(filter(is_people, self.events)):
+            orders = tuple([event for event in self.events[source] if is_taken(event.type)])
+            if orders:
+                taken[source] = orders
+                left = [event for event in self.events.pop(source) if not is_taken(event.type)]
+                self.events |= {source: left} if left else {}
+        return taken
+
+    def take(self, is_taken: Callable[[str], bool]) -> dict[str, list[AnyEvent]]:
+        """Remove and return the events for this frame.
+
+        Orders that a generator takes stay: they arrived after the request to it.
+        """
+        # The counts start again with the queues; held-back events are counted by the next `add`.
+        taken, self.events, self._counts = self.events, {}, {}
+        for source in sorted(filter(is_people, taken)):
+            late = [event for event in taken[source] if is_taken(event.type)]
+            if late:
+                self.events[source] = late
+                in_time = [event for event in taken.pop(source) if not is_taken(event.type)]
+                taken |= {source: in_time} if in_time else {}
+        return taken
+
+    def hold_back(self) -> dict[str, list[AnyEvent]]:
+        """Remove the events, by source, that exceed the limit of one frame."""
+        later: dict[str, list[AnyEvent]] = {}
+        work, most = self.work, self.work.most_of_generator
+        for source, events in self.events.items():
+            if is_people(source) or (len(events) <= most and are_light(events)):
+                continue
+            count = 0
+            for taken, event in enumerate(events):
+                count += work.weight(event)
+                # The first one always counts: the string may have grown since it arrived.
+                if count > most and taken:
+                    later[source] = events[taken:]
+                    self.events[source] = events[:taken]
+                    break
+        return later
+
+    def put_back(self, later: Mapping[str, Sequence[AnyEvent]]) -> None:
+        """Queue events that were held back, before those that arrived since."""
+        for source, events in later.items():
+            self.events[source] = [*events, *self.events.get(source, ())]
+
+
+EVENTS: Final = "events"
+"""The name under which they are logged."""
+
+MAX_NAMES: Final = 10_000
+"""Agents up to which an error compares their ids with an unknown one."""
+
+MAX_RECEIVERS: Final = 1_000
+"""Receivers of a batch that are compared with the string."""
+
+
+def unknown_agent(composition: Composition, receiver: str, otherwise: str = "") -> str:
+    """`#receiver`, shortened, with a hint; `otherwise` is one if no agent has a similar id."""
+    known = sorted(islice(composition.agents(), MAX_NAMES))
+    return f"#{receiver[:64]}{nearest(receiver, known, otherwise)}"
+
+
+class UnknownReceivers:
+    """The receivers of events that neither the string nor the first string `w` has.
+
+    Agents die, and others cannot know it at once, so events for them are no mistake. The ids of
+    newborns begin with those of their ancestors.
+    """
+
+    def __init__(self, w: Scene) -> None:
+        self._w = w
+        self._reported = set[str]()
+
+    @cached_property
+    def _first(self) -> Composition:
+        return Composition(self._w)
+
+    def problems(self, events: Iterable[AnyEvent], composition: Composition) -> Iterator[str]:
+        """A line for each event type with such a receiver, once for each type."""
+        single = dict[str, AnyEvent]()
+        for event in events:
+            if not event.receivers or event.type in self._reported:
+                continue
+            if isinstance(event, Events):
+                first = event.receivers.take(slice(MAX_RECEIVERS))
+                receiver = composition.first_missing(first)
+                if receiver is not None:
+                    single.setdefault(receiver, event)
+            else:
+                for receiver in event.receivers[:MAX_RECEIVERS]:
+                    single.setdefault(receiver, event)
+        known = composition.home_of_each(single) if single else {}
+        for receiver in sorted(single.keys() - known.keys()):
+            event = single[receiver]
+            if event.type not in self._reported and not self._was_there(receiver):
+                self._reported.add(event.type)
+                by = _sender(event)
+                whom = unknown_agent(composition, receiver)
+                yield f"{event.type}{by} goes to an agent that the string does not have: {whom}"
+
+    def _was_there(self, receiver: str) -> bool:
+        parts = receiver.split(":")
+        ancestors = [":".join(parts[:count]) for count in range(1, len(parts) + 1)]
+        return bool(self._first.home_of_each(ancestors))
+
+
+def _sender(event: AnyEvent) -> str:
+    sender = first_of(event).sender
+    return f" of #{sender}" if sender else ""
+
+
+ID: Final = "#"
+"""Prefix of an entry of `speaks_for` that is the id of an agent, not a kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class SenderRights:
+    """The senders that generators may use.
+
+    `speaks_for`: by member, the kinds of agents and the `#id`s of agents in whose name it may send
+    events. Any other member only sends events without a sender.
+    """
+
+    speaks_for: Mapping[str, tuple[str, ...]]
+    composition: Composition
+
+    def objection(self, member: str, events: Sequence[AnyEvent]) -> str:
+        """Reason why a member may not send these events, or an empty string.
+
+        Events from agents that are no longer in the string do not count as a violation of a member
+        with such rights, because an agent may just have died: `kept` drops these events.
+        """
+        allowed = self.speaks_for.get(member, ())
+        for event in events:
+            senders = _senders(event)
+            if senders is None:
+                continue
+            wrong = ~self._may(senders, allowed)
+            if allowed:
+                # Only existing agents that the member may not represent are a violation.
+                wrong &= self.composition.kinds(senders) != ""
+            if wrong.any():
+                sender = senders[int(np.argmax(wrong))]
+                whom = f"only for {', '.join(allowed)}" if allowed else "only for itself"
+                return (
+                    f"it sent {event.type} from #{sender[:64]}, but it speaks {whom};"
+                    f" speaks_for under [process.{member}] names others"
+                )
+        return ""
+
+    def kept(self, member: str, events: Sequence[AnyEvent]) -> list[AnyEvent]:
+        """The events without sender, or whose sender is an agent that the member may represent."""
+        allowed, kept = self.speaks_for.get(member, ()), list[AnyEvent]()
+        for event in events:
+            senders = _senders(event)
+            rows = None if senders is None else self._may(senders, allowed)
+            if rows is None or rows.all():
+                kept.append(event)
+            elif isinstance(event, Events) and rows.any():
+                kept.append(event.take(np.flatnonzero(rows)))
+        return kept
+
+    def _may(self, senders: Ids, allowed: Sequence[str]) -> NDArray[np.bool_]:
+        kinds = self.composition.kinds(senders)
+        # A sender outside of the string has an empty kind, which no entry names.
+        may = np.isin(kinds, [name for name in allowed if not name.startswith(ID)])
+        ids = [name.removeprefix(ID) for name in allowed if name.startswith(ID)]
+        if ids:
+            may |= (Ids.of(ids).rows_of(senders) >= 0) & (kinds != "")
+        return may
+
+
+def _senders(event: AnyEvent) -> Ids | None:
+    if isinstance(event, Events):
+        return event.senders
+    return Ids.of([event.sender]) if event.sender else None
+
 
 ORDERS: Final = "orders"
 """Name under which orders are logged."""
@@ -278,7 +559,9 @@ class CollectionStep:
         if algorithm.world.norms:
             people = algorithm.in_flight.events.people
             sources = dict(algorithm.norms.events(algorithm.frame, sources, people))
-            algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
+            algorithm.inbox.sanctions += algorithm.norms.publish(
+                algorithm.out, algorithm.members.saved
+            )
         self._report_orders(sources)
         return {**sources, SOURCE: sanctions} if sanctions else sources
 
@@ -287,7 +570,9 @@ class CollectionStep:
         algorithm, permitted = self._algorithm, orders
         if algorithm.world.norms:
             permitted = algorithm.norms.events(algorithm.frame, orders)
-            algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
+            algorithm.inbox.sanctions += algorithm.norms.publish(
+                algorithm.out, algorithm.members.saved
+            )
         self._report_orders(permitted)
         return tuple([event for source in sorted(permitted) for event in permitted[source]])
 

@@ -14,15 +14,15 @@ from typing import Any, TypeAlias, cast
 from minerva_bus.blame import blamed
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.calling import figures_by, made_events
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
-from minerva_bus.frame.drawing import DeviceSide
-from minerva_bus.frame.generating import (
+from minerva_bus.frame.device_side import DeviceSide
+from minerva_bus.frame.generator_side import (
     GeneratorSide,
     generated_types,
     ordered_types,
 )
-from minerva_bus.frame.hosting import Host
+from minerva_bus.frame.host_side import Host
+from minerva_bus.frame.messages import PROTOCOL_VERSION
+from minerva_bus.frame.service_calls import figures_by, made_events
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent

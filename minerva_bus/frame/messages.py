@@ -1,5 +1,12 @@
 """Every message between coordinator and members, declared once: types, limits and meaning.
 
+A message is a frozen dataclass with a `WIRE`. Its fields are encoded by type, in the order of
+declaration; marks beside a type restrict a field or determine where its value is sent:
+
+    count: Annotated[int, AtLeast(1), Note("how many")]
+
+`minerva_bus.wire` compiles encoders, decoders and the tables of PROTOCOL.md from this.
+
 To add a message: declare it here, add it to `FromMember` or `ToMember`, and handle it. To add a
 field to `Hello`: declare it, `OPTIONAL`. `python -m tools.protocol_tables --write` updates
 PROTOCOL.md.
@@ -9,10 +16,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Final, TypeAlias
+from enum import Enum, auto
+from typing import Annotated, Any, ClassVar, Final, TypeAlias, TypeVar, dataclass_transform
 
-from minerva_bus.frame.passed import fast_dataclass
-from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Wire, Within
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
@@ -21,6 +27,100 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.when import Participation, When
+
+_T = TypeVar("_T")
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def fast_dataclass(cls: type[_T]) -> type[_T]:
+    """Make a class an immutable dataclass with slots; the type checker refuses to change objects.
+
+    Python does not: a class that is frozen at run time sets each field by a call, which takes five
+    times as long, and a frame makes a dozen of these objects.
+    """
+    return dataclass(slots=True, unsafe_hash=True)(cls)
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """Form of a message: `[name, item, ...]`, or `[name, {field: value}]` if `keyed`.
+
+    `on`: keys on which it is published. `answers`: the message to which it replies.
+    `max_bytes`, `max_values`: names of the limits (minerva_bus.wire.limits) if a member sends it.
+    `awaited`: a frame may wait for it, so it is exempt from limits per second.
+    """
+
+    name: str
+    on: tuple[str, ...]
+    meaning: str
+    answers: str = ""
+    keyed: bool = False
+    max_bytes: str = "small_bytes"
+    max_values: str = "values"
+    awaited: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class AtLeast:
+    """Minimum of a number; the default is 0 for an int, and none for a float."""
+
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class AtMost:
+    """Maximum number of values in a list or map: the name of a field of Limits."""
+
+    limit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Within:
+    """The value shares the map of another field, under different keys."""
+
+    field: str
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Description of a field in PROTOCOL.md."""
+
+    text: str
+
+
+class Mark(Enum):
+    """Properties of a field that do not follow from its type."""
+
+    FROM_KEY = auto()
+    """Not in the message: part of the key on which it is published."""
+
+    LOCAL = auto()
+    """Not in the message: set by the receiving process."""
+
+    OPTIONAL = auto()
+    """May be missing in a keyed message; then its default applies."""
+
+    TOPICS = auto()
+    """Names of sensor topics, which are parts of keys."""
+
+    EVENT_TYPES = auto()
+    """Names of event types."""
+
+    SHOWN = auto()
+    """Texts that are shown to people, on one line."""
+
+    GENERATED = auto()
+    """Events of a generator, of which only a limited number may be outside columns."""
+
+    EMITTED = auto()
+    """Events of agents, of which only a limited total may be outside columns."""
+
+    VIEW = auto()
+    """Strings without agents."""
+
+    SLOTS = auto()
+    """A string whose agents have no state and no scope."""
+
 
 Figures: TypeAlias = Mapping[str, bool | int | float | str]
 Parts: TypeAlias = Mapping[str, Scene]
@@ -33,6 +133,8 @@ EventTypes: TypeAlias = Annotated[tuple[str, ...], AtMost("names"), Mark.EVENT_T
 GeneratedEvents: TypeAlias = Annotated[tuple[AnyEvent, ...], Mark.GENERATED]
 Saved: TypeAlias = Mapping[str, Any] | None
 Received: TypeAlias = Annotated[bytes, Mark.LOCAL]
+
+PROTOCOL_VERSION = 7
 
 NO_WHEN: Final = When()
 

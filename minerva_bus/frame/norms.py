@@ -1,25 +1,509 @@
-"""Enforces norms: which events of a frame, and which outcomes of agents, are permitted."""
+"""Enforces norms: which events of a frame, and which outcomes of agents, are permitted.
+
+The unit of rejection is a result of λ: an agent with everything in its scope, with everything that
+it leaves beside itself, and with the events that it sent. The exception are primitives that an
+agent in columns leaves beside itself, because their author is unknown. A rejected unit is replaced
+by its previous state, or by its outcome with fewer events.
+
+Columns that keep their rows are judged and undone by columns. With births, deaths or changes of
+kind, each agent is a node.
+
+If a norm rejects an agent's outcome, the agent is evolved again without the events of the
+last type, then without those of the last two types, and so on. The first outcome that no norm
+rejects counts. Thus the agent loses only the step that leads to the forbidden state, and those
+after it. Events from norms are never left out; in the end they are all that it receives.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
-from typing import Any, Final
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.event_sources import PEOPLE, is_people, person_of, source_of
-from minerva_bus.frame.inbox import FrameInbox
-from minerva_bus.frame.instructions import Instructions
-from minerva_bus.frame.trial import NormVerdict, Trial
+from minerva_bus.frame.composition import Composition, Fragment, ids_of
+from minerva_bus.frame.inputs import PEOPLE, is_people, person_of, source_of
+from minerva_bus.frame.stimuli import Instructions
+from minerva_bus.grammar.column import Column, Rows
+from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, Events
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.ids import Ids, repeated_in
+from minerva_bus.grammar.neutral_values import rested
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents
+from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Norm, Then, ViolationCounts, sanction_of
+from minerva_bus.world.assembling import emissions
+from minerva_bus.world.lineage import parents_of
+from minerva_bus.world.norms import (
+    EVENT,
+    REFUSED,
+    SOURCE,
+    WAS,
+    Norm,
+    Then,
+    ViolationCounts,
+    sanction_of,
+)
 from minerva_bus.world.operator import NormStatus
+
+Sent: TypeAlias = tuple[AnyEvent, ...]
+Elsewhere = Callable[[str], Any]
+"""The value of `#id.attribute`, or None if there is no such agent."""
+
+
+class FragmentOutcome:
+    """One outermost agent and its outcome; base class of those of populations."""
+
+    def __init__(self, old: Fragment, new: Scene) -> None:
+        self._old = old
+        self._new = new
+        self._undone: dict[str, FragmentOutcome | None] = {}
+        self._before = self._agents_before()
+
+    def _agents_before(self) -> Mapping[str, AgentNode]:
+        return {agent.id: agent for agent in agents(Scene((self._old,)))}
+
+    @property
+    def rejected(self) -> bool:
+        """Whether a unit of it has been undone."""
+        return bool(self._undone)
+
+    def offenders(self, norm: Norm, elsewhere: Elsewhere) -> Iterator[str]:
+        """Agents whose new state violates a norm, in the order of the string.
+
+        Only changed states are judged; for a newborn the parent is the offender.
+        """
+        for agent in agents(self._new):
+            old = self._before.get(agent.id)
+            unit = self.unit(agent.id)
+            # A state undone by an earlier norm no longer exists, so later norms do not count it.
+            if unit in self._undone or not norm.concerns(agent.symbol):
+                continue
+            # An agent that stays unchanged in a state that was forbidden
+            # before does not offend again.
+            if old is not None and same_values(old.values, agent.values):
+                continue
+            if norm.holds(state_of(norm, agent, old, elsewhere)):
+                yield agent.id if old is not None else unit
+
+    @property
+    def halted(self) -> tuple[str, ...]:
+        """All agents that have been undone, sorted."""
+        return tuple(sorted(self._before)) if self._undone else ()
+
+    def unit(self, who: str) -> str:
+        """The unit of an agent: the agent whose λ returned it."""
+        return cast("AgentNode", self._old).id
+
+    def undo(self, who: str) -> None:
+        """Replace an agent's unit by its previous state."""
+        self._undone[self.unit(who)] = None
+
+    def replace(self, unit: str, other: FragmentOutcome) -> None:
+        """Replace a unit that was undone by its state in another outcome, by fewer events."""
+        self._undone[unit] = other
+
+    def was(self, who: str) -> AgentNode | None:
+        """An agent as it was before the frame."""
+        return self._before.get(who)
+
+    def of_unit(self, unit: str) -> tuple[Node, ...]:
+        """The nodes of a unit in this outcome."""
+        return self._new.nodes
+
+    @property
+    def scene(self) -> Scene:
+        """The final fragment."""
+        if not self._undone:
+            return self._new
+        (other,) = self._undone.values()
+        return Scene((self._old,)) if other is None else other.scene
+
+    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
+        """The events of the fragment that count, from this outcome and others."""
+        if not self._undone:
+            return sent
+        (other,) = self._undone.values()
+        return next((events for outcome, events in later if outcome is other), ())
+
+
+def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsewhere) -> Any:
+    """The values that the conditions of a norm on states can name."""
+    state: dict[str, Any] = dict(now.state)
+    for name in {name for condition in norm.conditions for name in condition.names}:
+        if name.startswith("#"):
+            state[name] = elsewhere(name)
+        elif name.startswith(WAS) and old is not None:
+            state[name] = old.state.get(name.removeprefix(WAS))
+    return state
+
+
+class PopulationOutcome(FragmentOutcome):
+    """Outcome of agents in columns; each agent is a unit."""
+
+    _old: Columns
+
+    @property
+    def halted(self) -> tuple[str, ...]:
+        """All agents that have been undone, sorted."""
+        return tuple(sorted(self._undone))
+
+    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
+        """The events of the fragment that count, from this outcome and others."""
+        return _left(ids_of(self._old), sent, self._undone, later)
+
+
+class ColumnsOutcome(PopulationOutcome):
+    """Outcome of agents in columns that have become columns with the same rows."""
+
+    def __init__(self, old: Columns, new: Columns) -> None:
+        super().__init__(old, Scene((new,)))
+        self._now = new
+        self._kept = np.ones(old.count, np.bool_)
+        self._other = _changed_rows(old, new)
+
+    # Columns are judged without nodes for all rows; `was` makes the few that are needed.
+    def _agents_before(self) -> Mapping[str, AgentNode]:
+        return {}
+
+    def unit(self, who: str) -> str:
+        """The agent itself."""
+        return who
+
+    def offenders(self, norm: Norm, elsewhere: Elsewhere) -> Iterator[str]:
+        """Agents whose new state violates a norm, judged as whole columns."""
+        if not norm.concerns(self._old.symbol):
+            return
+        offends = self._other & self._kept
+        for condition in norm.conditions:
+            state = {name: self._value(name, elsewhere) for name in condition.names}
+            offends &= condition.holds_of_many(state, self._old.count)
+        yield from ids_of(self._old).take(np.flatnonzero(offends)).texts()
+
+    def _value(self, name: str, elsewhere: Elsewhere) -> Any:
+        if name.startswith("#"):
+            return elsewhere(name)
+        part = self._old if name.startswith(WAS) else self._now
+        name = name.removeprefix(WAS)
+        return part.column(name) if name in part.names else None
+
+    def undo(self, who: str) -> None:
+        """Replace an agent's unit by its previous state."""
+        super().undo(who)
+        self._kept[ids_of(self._old).row_of(who)] = False
+
+    def undo_all(self) -> None:
+        """Replace all agents by their previous states."""
+        self._undone = dict.fromkeys(ids_of(self._old).texts())
+        self._kept[:] = False
+
+    def was(self, who: str) -> AgentNode | None:
+        """An agent as it was before the frame."""
+        return cast("AgentNode", self._old.node(ids_of(self._old).row_of(who)))
+
+    def of_unit(self, unit: str) -> tuple[Node, ...]:
+        """The node of an agent in this outcome."""
+        return (self._now.node(ids_of(self._now).row_of(unit)),)
+
+    @property
+    def scene(self) -> Scene:
+        """The final fragment."""
+        if not self._undone:
+            return self._new
+        others = {other for other in self._undone.values() if other is not None}
+        # Only outcomes with the same rows can be merged by columns.
+        if not all(isinstance(other, ColumnsOutcome) for other in others):
+            return _put_together(self, self._new, self._undone)
+        columns = self._now.columns
+        for other in [None, *others]:
+            part = self._old if other is None else cast("ColumnsOutcome", other)._now
+            undone = [who for who, by in self._undone.items() if by is other]
+            rows = np.sort(ids_of(self._old).rows_of(Ids.of(undone))) if undone else ()
+            if len(rows):
+                pairs = zip(columns, part.columns, strict=True)
+                columns = tuple([_with(new, old, np.asarray(rows, np.intp)) for new, old in pairs])
+        return Scene((self._now.with_columns(columns),))
+
+
+class MixedOutcome(PopulationOutcome):
+    """Outcome of agents in columns, some of which died, have newborns or changed their kind."""
+
+    def __init__(self, old: Columns, new: Scene) -> None:
+        super().__init__(old, new)
+        # All previous agents are possible parents, because a parent may die in the frame of its
+        # births; then only the newborns are left of its unit.
+        newborns = [agent.id for agent in agents(new) if agent.id not in self._before]
+        counts = {who: node.state.get("births") for who, node in self._before.items()}
+        # Only kinds that count their births can be parents.
+        births = {who: count for who, count in counts.items() if isinstance(count, int)}
+        self._parents = parents_of(newborns, births)
+
+    def _agents_before(self) -> Mapping[str, AgentNode]:
+        return {node.id: node for node in cast("tuple[AgentNode, ...]", self._old.nodes())}
+
+    def unit(self, who: str) -> str:
+        """The agent itself, or the parent of a newborn."""
+        return self._parents.get(who, who)
+
+    def of_unit(self, unit: str) -> tuple[Node, ...]:
+        """The nodes of an agent and of its newborns in this outcome."""
+        return self._by_unit.get(unit, ())
+
+    @cached_property
+    def _by_unit(self) -> Mapping[str, tuple[Node, ...]]:
+        by_unit: dict[str, tuple[Node, ...]] = {}
+        for node in self._new.nodes:
+            units = {self.unit(agent.id) for agent in agents(Scene((node,)))}
+            for unit in units:
+                by_unit[unit] = (*by_unit.get(unit, ()), node)
+        return by_unit
+
+    @property
+    def scene(self) -> Scene:
+        """The final fragment."""
+        return _put_together(self, self._new, self._undone) if self._undone else self._new
+
+
+def outcome_of(old: Fragment, new: Scene) -> FragmentOutcome:
+    """The outcome of a fragment."""
+    if old.ids is None:
+        return FragmentOutcome(old, new)
+    now = new.pieces[0] if len(new.pieces) == 1 else None
+    # With the same rows, attributes can be compared and replaced column by column.
+    if now is None or now.ids is None or now.symbol != old.symbol or now.ids != old.ids:
+        return MixedOutcome(old, new)
+    return ColumnsOutcome(old, now)
+
+
+def nothing_of(old: Columns) -> FragmentOutcome:
+    """The outcome of agents in columns that are all undone."""
+    outcome = ColumnsOutcome(old, old)
+    outcome.undo_all()
+    return outcome
+
+
+def _changed_rows(old: Columns, new: Columns) -> NDArray[np.bool_]:
+    changed = np.zeros(old.count, np.bool_)
+    for before, after in zip(old.columns, new.columns, strict=True):
+        rows = after.differs(before)
+        changed[slice(None) if rows is None else rows] = True
+    return changed
+
+
+def _with(new: Column, old: Column, rows: Rows) -> Column:
+    return new if new is old else new.put(rows, old.array[rows])
+
+
+def _put_together(
+    outcome: FragmentOutcome, new: Scene, undone: Mapping[str, FragmentOutcome | None]
+) -> Scene:
+    """A population, node by node, with the replacements of units that were undone."""
+    made: list[Node] = []
+    # A unit may have several nodes, an agent and its newborns. Its replacement takes the place of
+    # the first one, and the others are left out.
+    back = dict(undone)
+    for node in new.nodes:
+        units = {outcome.unit(agent.id) for agent in agents(Scene((node,)))} & undone.keys()
+        if not units:
+            made.append(node)
+        for unit in sorted(units & back.keys()):
+            made += _instead(outcome, unit, back.pop(unit))
+    return packed(Scene(tuple(made))) if made else EMPTY
+
+
+def _instead(
+    outcome: FragmentOutcome, unit: str, other: FragmentOutcome | None
+) -> tuple[Node, ...]:
+    if other is not None:
+        return other.of_unit(unit)
+    was = outcome.was(unit)
+    return () if was is None else (was,)
+
+
+def _left(
+    ids: Ids,
+    sent: Sent,
+    undone: Mapping[str, FragmentOutcome | None],
+    later: Sequence[tuple[FragmentOutcome, Sent]],
+) -> Sent:
+    """The events of a population, in the order of its agents."""
+    if not undone:
+        return sent
+    kept = _kept(sent, lambda who: who not in undone)
+    for outcome, events in later:
+        kept += _kept(events, lambda who, by=outcome: undone.get(who) is by)
+    batches, singles = list[tuple[Rows, Events]](), list[tuple[int, list[Event]]]()
+    for event in kept:
+        if isinstance(event, Event):
+            singles.append((ids.row_of(event.sender), [event]))
+        elif event.senders is not None:
+            batches.append((ids.rows_of(event.senders), event))
+    return emissions(batches, singles)
+
+
+def _kept(sent: Sent, keeps: Callable[[str], bool]) -> list[AnyEvent]:
+    """The events of those senders that `keeps` accepts."""
+    kept: list[AnyEvent] = []
+    for event in sent:
+        if isinstance(event, Event):
+            kept += [event] if keeps(event.sender) else []
+        elif event.senders is not None:
+            rows = np.flatnonzero([keeps(who) for who in event.senders.texts()])
+            kept += [event.take(rows)] if len(rows) else []
+    return kept
+
+
+SentBy = Mapping[str, tuple[AnyEvent, ...]]
+Scenes = Mapping[str, Scene]
+Exceeds = Callable[[Norm, str], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class NormVerdict:
+    """The outcome of a frame after norms: changed fragments, and the events that agents sent.
+
+    `rejected`: fragments that differ from their hosts' reports. `halted`: agents with a rejected
+    step, sorted; devices execute none of their actions in this frame.
+    """
+
+    changed: dict[str, Scene]
+    sent: dict[str, tuple[AnyEvent, ...]]
+    rejected: tuple[str, ...] = ()
+    halted: tuple[str, ...] = ()
+
+
+class Trial:
+    """The outcome of one frame while norms judge it."""
+
+    def __init__(
+        self, composition: Composition, changed: Scenes, sent: SentBy, elsewhere: Elsewhere
+    ) -> None:
+        self._composition = composition
+        self._changed = dict(changed)
+        self._sent = dict(sent)
+        self._elsewhere = elsewhere
+        # In the order of the string, because replies arrive in any order, and the order of judging
+        # is that of the sanctions among the events of the next frame.
+        places = composition.places(changed)
+        self._outcomes = {
+            name: outcome_of(composition.fragments[name], changed[name])
+            for name in sorted(changed, key=places)
+        }
+        self._open: dict[str, dict[str, Norm]] = {}
+        self._later: list[tuple[str, FragmentOutcome, SentBy]] = []
+        self._leniently = False
+
+    def judge(self, norm: Norm, breaks: Callable[[str], bool]) -> None:
+        """Apply a norm to all outcomes, and undo those that it rejects."""
+        for name, outcome in self._outcomes.items():
+            for who in outcome.offenders(norm, self._elsewhere):
+                if breaks(who) and norm.refuses:
+                    self._open.setdefault(name, {})[outcome.unit(who)] = norm
+                    outcome.undo(who)
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """The fragments with a rejected agent that may still be evolved by fewer events."""
+        return tuple(self._open)
+
+    def stages(
+        self, events: Sequence[AnyEvent], vocabulary: Vocabulary, always: frozenset[str]
+    ) -> Iterator[tuple[AnyEvent, ...]]:
+        """Reduced events of a frame, stage by stage, by which rejected agents are evolved again.
+
+        After each stage `reconsider` takes the results of the `open` fragments. Events of the
+        types `always` are part of all stages.
+        """
+        kinds = {
+            kind for name in self._open for kind in kind_counts(self._composition.fragments[name])
+        }
+        met = frozenset[str]().union(*(vocabulary.kinds[kind].subscribes for kind in kinds))
+        # In the order of the frame. Types that none of the agents subscribes to cannot have caused
+        # the forbidden state, so they need no stage.
+        types = list(dict.fromkeys(event.type for event in events if event.type in met))
+        before = frozenset(types)
+        # By type and not by event: each stage costs a round trip, and a frame has few types
+        # but may have hundreds of events.
+        for last in range(len(types) - 1, -1, -1):
+            stage = frozenset(types[:last]) | always.intersection(types)
+            if not self._open or not stage:
+                return
+            # A stage that leaves out only a type that is always
+            # included would repeat the one before.
+            if stage != before:
+                self._leniently = stage <= always
+                yield tuple([event for event in events if event.type in stage])
+            before = stage
+
+    def reconsider(
+        self, changed: Scenes, sent: SentBy, norms: Sequence[Norm], exceeds: Exceeds
+    ) -> None:
+        """Accept outcomes of units by fewer events, unless a norm rejects them as well.
+
+        By events from norms alone, a state that was forbidden before the frame is not rejected.
+        """
+        for name, refused in list(self._open.items()):
+            old = self._composition.fragments[name]
+            other = outcome_of(old, changed.get(name, Scene((old,))))
+            wrong = {
+                other.unit(who)
+                for norm in norms
+                for who in other.offenders(norm, self._elsewhere)
+                # The norm that rejected the unit has counted this act already. For other norms it
+                # is a new act, which counts only if their limit is reached.
+                if refused.get(other.unit(who)) is norm or exceeds(norm, who)
+                if not (self._leniently and self._was_forbidden(norm, other, who))
+            }
+            self._settle(name, old, other, refused.keys() - wrong)
+            # Kept even if units of it were rejected: accepted ones have
+            # sent their events in this stage.
+            self._later.append((name, other, sent))
+
+    def _settle(self, name: str, old: Fragment, other: FragmentOutcome, units: set[str]) -> None:
+        for unit in sorted(units):
+            self._outcomes[name].replace(unit, other)
+            del self._open[name][unit]
+        if not self._open[name]:
+            del self._open[name]
+
+    def _was_forbidden(self, norm: Norm, outcome: FragmentOutcome, who: str) -> bool:
+        was = outcome.was(who)
+        return was is not None and norm.holds(state_of(norm, was, was, self._elsewhere))
+
+    def verdict(self, vocabulary: Vocabulary) -> NormVerdict:
+        """The final outcome; agents with a rejected step are at rest."""
+        rejected = {n: outcome for n, outcome in self._outcomes.items() if outcome.rejected}
+        for name, outcome in rejected.items():
+            # Units of different stages may share an agent if a host has moved it between them.
+            if repeated_in(outcome.scene) is not None:
+                rejected[name] = nothing_of(cast("Columns", self._composition.fragments[name]))
+        halted = {who for outcome in rejected.values() for who in outcome.halted}
+        for name, outcome in rejected.items():
+            # At rest, because in the next frame λ would assume that the action was executed.
+            self._changed[name] = rested(outcome.scene, outcome.halted, vocabulary.kinds)
+        self._count_sent(rejected)
+        return NormVerdict(self._changed, self._sent, tuple(rejected), tuple(sorted(halted)))
+
+    def _count_sent(self, rejected: Mapping[str, FragmentOutcome]) -> None:
+        names = {name: self._home(name) for name in self._sent}
+        for _, _, sent in self._later:
+            names |= {name: self._home(name) for name in sent}
+        for name, home in names.items():
+            if home in rejected:
+                later = [
+                    (other, sent.get(name, ())) for of, other, sent in self._later if of == home
+                ]
+                left = rejected[home].left(self._sent.pop(name, ()), later)
+                self._sent |= {name: left} if left else {}
+
+    def _home(self, name: str) -> str:
+        """The fragment of a sender: an agent's, or one in columns."""
+        return name if name in self._composition.parts else self._composition.home(name) or name
+
 
 NORMS: Final = "norms"
 """The name under which violations are logged."""
@@ -27,8 +511,6 @@ NORMS: Final = "norms"
 Sources = Mapping[str, Sequence[AnyEvent]]
 RejectedOrder = tuple[str, Event, str]
 """A person's order: its source, the event, and the norm that rejected it."""
-
-SentBy = Mapping[str, tuple[AnyEvent, ...]]
 
 
 class Norms:
@@ -75,15 +557,14 @@ class Norms:
         """The counts as plain data, from which a resumed world continues."""
         return self._counts.saved(self._norms, self._frame)
 
-    def publish(
-        self, out: Instructions, inbox: FrameInbox, saved: dict[str, Mapping[str, Any]]
-    ) -> None:
-        """Log violations, queue sanctions for the next frame, and save the counts."""
+    def publish(self, out: Instructions, saved: dict[str, Mapping[str, Any]]) -> list[Event]:
+        """Log violations and save the counts; returns the sanctions, events of the next frame."""
         for text in self._lines:
             out.log(NORMS, text)
-        inbox.sanctions += self._sanctions
+        sanctions = self._sanctions
         self._lines, self._sanctions = [], []
         saved[SOURCE] = self.saved()
+        return sanctions
 
     # --- events ---
 
@@ -274,6 +755,3 @@ class Norms:
 
 _MAX_SHOWN = 200
 _FOLLOWS = {Then.REFUSE: "refused", Then.SANCTION: "sanctioned", Then.COUNT: "allowed"}
-
-
-__all__ = ["PEOPLE", "SOURCE", "NormVerdict", "Norms"]

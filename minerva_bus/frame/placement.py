@@ -1,23 +1,237 @@
-"""Placement: assignment of fragments to hosts, and the hosts that a frame's events concern."""
+"""Placement: assignment of fragments to hosts, and the hosts that a frame's events concern.
+
+`PlacementRules` are those of a world file; `Capacity` and `Load` give the shares of hosts, by their
+limits and their speed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from hashlib import blake2b
-from typing import Final
+from statistics import median
+from typing import Final, TypeAlias
 
-from minerva_bus.frame.capacity import Capacity, agents_in, apportion, fit
-from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.constraints import Offers
-from minerva_bus.frame.fragments import Fragment, fragment_in
-from minerva_bus.frame.load import Load
+from minerva_bus.frame.composition import Composition, Fragment, fragment_in, shares
 from minerva_bus.frame.messages import Fragments
-from minerva_bus.frame.unassigned import UnassignedLog
+from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.wording import counted
+
+Offers: TypeAlias = Mapping[str, frozenset[str]]
+"""The kinds of agents that each host offers to evolve, by host."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Restricts the hosts that may evolve agents of one kind.
+
+    `only`: hosts whose names match one of these patterns (`*` and `?`); empty: any host.
+    `near`: hosts on the same machine as the member of this name.
+    """
+
+    only: tuple[str, ...] = ()
+    near: str = ""
+
+    def allows(self, host: str, machines: Mapping[str, str]) -> bool:
+        """Whether a host may evolve such agents; `machines` maps members to machines."""
+        # `fnmatch` ignores case on some platforms, but names of members are case-sensitive.
+        if self.only and not any(fnmatchcase(host, pattern) for pattern in self.only):
+            return False
+        if not self.near:
+            return True
+        # Without the member there is no machine to be near to. The empty text cannot stand for a
+        # missing machine, because a host's machine may be the empty text.
+        return self.near in machines and machines[self.near] == machines.get(host)
+
+
+@dataclass(frozen=True, slots=True)
+class PlacementRules:
+    """Rules by kind, and the maximum number of agents per host; 0: any number."""
+
+    rules: Mapping[str, Rule] = field(default_factory=dict[str, Rule])
+    agents_per_host: int = 0
+
+    @property
+    def neighbours(self) -> frozenset[str]:
+        """The members to whose machines the rules refer."""
+        return frozenset(rule.near for rule in self.rules.values() if rule.near)
+
+    def allowed(self, offers: Offers, machines: Mapping[str, str]) -> dict[str, frozenset[str]]:
+        """The offers of hosts that the rules allow; a host may be left with no kinds."""
+        if not self.rules:
+            return dict(offers)
+        return {host: self._left(host, kinds, machines) for host, kinds in offers.items()}
+
+    def _left(
+        self, host: str, kinds: frozenset[str], machines: Mapping[str, str]
+    ) -> frozenset[str]:
+        return frozenset(
+            kind
+            for kind in kinds
+            if kind not in self.rules or self.rules[kind].allows(host, machines)
+        )
+
+
+class Capacity:
+    """Remaining capacity of hosts that take up to `limit` agents each; 0: no limit."""
+
+    def __init__(self, hosts: Iterable[str], limit: int) -> None:
+        self._left = dict.fromkeys(hosts, float(limit) if limit else math.inf)
+
+    def left(self, host: str) -> float:
+        """Remaining capacity of a host in agents."""
+        return self._left[host]
+
+    def with_room(self, hosts: Iterable[str], count: int) -> list[str]:
+        """The hosts with capacity for `count` further agents."""
+        return [host for host in hosts if self._left[host] >= count]
+
+    def take(self, host: str, count: int) -> None:
+        """Assign `count` agents to a host."""
+        self._left[host] -= count
+
+
+def agents_in(fragment: Fragment) -> int:
+    """Number of agents in a fragment, including agents in the scope of others."""
+    return kind_counts(fragment).total()
+
+
+def apportion(rows: int, weights: Sequence[float], capacities: Sequence[float]) -> list[int]:
+    """Number of rows for each host, by weight and within its capacity.
+
+    Rows that exceed the capacity of all hosts are one more number at the end.
+    """
+    sizes = shares(rows, weights)
+    excess = 0
+    for place, capacity in enumerate(capacities):
+        # Only a finite capacity can be exceeded, so `int` cannot fail.
+        if sizes[place] > capacity:
+            excess += sizes[place] - int(capacity)
+            sizes[place] = int(capacity)
+    # In the order of the hosts, so that every run gives the excess to the same ones.
+    for place, capacity in enumerate(capacities):
+        more = min(excess, capacity - sizes[place])
+        sizes[place] += int(more)
+        excess -= int(more)
+    return [*sizes, excess] if excess else sizes
+
+
+def fit(counts: Sequence[int], sizes: Sequence[int], capacities: Sequence[float]) -> bool:
+    """Whether parts of these row counts may stay, although `sizes` would be apportioned now.
+
+    Each part must fit its host; a surplus part must contain the rows that exceed all capacities.
+    """
+    inside = all(count <= limit for count, limit in zip(counts, capacities, strict=False))
+    return inside and (len(counts) <= len(capacities) or list(counts) == list(sizes))
+
+
+WINDOW: Final = 16
+"""Frames over which the speed of a host is measured."""
+
+_MIN_ROWS: Final = 8192
+"""Rows per host below which the cost of moving rows exceeds the gain."""
+
+_MAX_RATIO: Final = 1.3
+"""Ratio of the slowest host's time to the balanced time that is worth moving rows."""
+
+
+class Load:
+    """Speed of hosts in rows per second: the median over the last `WINDOW` frames."""
+
+    def __init__(self) -> None:
+        self._speeds: dict[str, list[float]] = {}
+
+    def note(self, host: str, rows: int, elapsed: float) -> None:
+        """Note the seconds that a host needed for some rows."""
+        if rows and elapsed > 0:
+            speeds = self._speeds.setdefault(host, [])
+            speeds.append(rows / elapsed)
+            del speeds[:-WINDOW]
+
+    def weights(self, hosts: Sequence[str], rows: int) -> list[float]:
+        """Shares of some rows by the speed of these hosts.
+
+        The shares are equal while the speed of a host is unknown, and for few rows: the
+        time of a frame does then not depend on rows, so a host with fewer would seem slower.
+        """
+        known = [self._speed(host) for host in hosts]
+        return known if _enough(rows, hosts) and all(known) else [1.0] * len(hosts)
+
+    def imbalanced(self, rows: Mapping[str, int]) -> bool:
+        """Whether other shares would be much faster than this number of rows per host."""
+        speeds = [self._speed(host) for host in rows]
+        # With few rows the time does not depend on their number. A host with fewer rows would then
+        # seem slower, receive fewer still, and end with none.
+        if len(rows) < 2 or not all(speeds) or not _enough(sum(rows.values()), rows):
+            return False
+        slowest = max(count / speed for count, speed in zip(rows.values(), speeds, strict=True))
+        return slowest > _MAX_RATIO * sum(rows.values()) / sum(speeds)
+
+    def _speed(self, host: str) -> float:
+        speeds = self._speeds.get(host, [])
+        # The median, so that a single slow frame does not move rows.
+        return median(speeds) if len(speeds) == WINDOW else 0.0
+
+
+def _enough(rows: int, hosts: Sized) -> bool:
+    """Whether the number of its rows determines the time that a host needs."""
+    return rows >= _MIN_ROWS * len(hosts)
+
+
+class UnassignedLog:
+    """State of the log about agents without a host."""
+
+    def __init__(self, limit: int) -> None:
+        """`limit`: maximum number of agents of one host; 0: any number."""
+        self._limit = limit
+        self._count = 0
+        self._offered: set[frozenset[str]] = set()
+        self._reported: set[frozenset[str]] = set()
+
+    def count(self, agents: int, *, rules: bool, out: Instructions) -> None:
+        """Log the number of agents without a host, if it has changed and rules or limits apply."""
+        if agents == self._count or not (rules or self._limit):
+            return
+        self._count = agents
+        if not agents:
+            out.log("placement", "every agent has a host again")
+            return
+        verbs = "has no host and does" if agents == 1 else "have no host and do"
+        limit = f"a host takes {self._limit} (agents_per_host)"
+        reason = limit if self._limit else "see [placement]"
+        out.log(
+            "placement",
+            f"{counted(agents, 'agent')} {verbs} not evolve: {reason}; attach another host",
+        )
+
+    def kinds(
+        self,
+        offers: Iterable[frozenset[str]],
+        unassigned: Collection[frozenset[str]],
+        out: Instructions,
+    ) -> None:
+        """Log, once, the kinds that no host has ever offered: the world may lack a process.
+
+        If a host that offered them is gone, its loss has been logged.
+        """
+        # Also of hosts that are gone: their loss has been logged already.
+        self._offered.update(offers)
+        missing = {
+            kinds for kinds in unassigned if not any(kinds <= offered for offered in self._offered)
+        }
+        for kinds in sorted(map(sorted, missing - self._reported)):
+            names = f"all of {', '.join(kinds)}" if len(kinds) > 1 else kinds[0]
+            still = "these agents do not evolve; attach a host that does"
+            out.log("placement", f"no host offers {names}: {still}")
+        self._reported |= missing
+
 
 MIN_BATCH: Final = 16
 """Receivers of an event above which they are looked up together."""

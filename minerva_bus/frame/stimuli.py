@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, TypeAlias
 
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
-from minerva_bus.frame.passed import fast_dataclass
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
+from minerva_bus.frame.messages import (
+    EvolveRequest,
+    Figures,
+    Fragments,
+    FrameRecord,
+    FromMember,
+    Orders,
+    Parts,
+    ToMember,
+    ViewShown,
+    fast_dataclass,
+)
+from minerva_bus.grammar.columns import unfolded
+from minerva_bus.grammar.events import AnyEvent, Event, single
 
 # No member's name begins with ~, so these cannot be names of members.
 EVERYONE: Final = "~all"
@@ -213,3 +223,49 @@ class Ended:
 
 
 Instruction: TypeAlias = Send | Show | Notify | OrderJudged | Ready | FrameDone | Stopping | Ended
+
+
+class Instructions:
+    """Instructions in the order of their execution; `pending` is their list."""
+
+    def __init__(self, declines_columns: Callable[[str], bool]) -> None:
+        """`declines_columns`: whether a member of this name does."""
+        self._declines_columns = declines_columns
+        self.pending: list[Instruction] = []
+
+    def add(self, instruction: Instruction) -> None:
+        """Append an instruction."""
+        self.pending.append(instruction)
+
+    def send(self, to: str, message: ToMember) -> None:
+        """Send a message, without columns if the member declines them."""
+        plain = self._declines_columns(to)
+        self.pending.append(Send(to, plain_form(message) if plain else message))
+
+    def log(self, member: str, text: str, details: str = "") -> None:
+        """Log a line about a member; `details` appear in the log file only."""
+        self.pending.append(Notify(member, text, details))
+
+
+def plain_form(message: ToMember) -> ToMember:
+    """The same message node by node, without columns; patches must be applied before."""
+    match message:
+        case Fragments():
+            return replace(message, given=_scenes(message.given))
+        case EvolveRequest():
+            return replace(message, events=_events(message.events), visual=_events(message.visual))
+        case ViewShown():
+            skeleton = None if message.skeleton is None else unfolded(message.skeleton)
+            return replace(message, parts=_scenes(message.parts), skeleton=skeleton)
+        case Orders():
+            return replace(message, events=_events(message.events))
+        case _:
+            return message
+
+
+def _scenes(parts: Parts) -> Parts:
+    return {name: unfolded(scene) for name, scene in parts.items()}
+
+
+def _events(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
+    return tuple(single(events))

@@ -11,9 +11,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 from minerva_bus.frame.in_flight import FrameInFlight
-from minerva_bus.frame.instructions import Instructions, plain_form
 from minerva_bus.frame.members import MemberIndex, Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
+from minerva_bus.frame.stimuli import Instructions, plain_form
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import check, patched
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene

@@ -14,8 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.fragments import ids_of
+from minerva_bus.frame.composition import Composition, ids_of
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value

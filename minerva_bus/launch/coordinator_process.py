@@ -17,7 +17,7 @@ from typing import Any, Final
 from minerva_bus.errors import Followed, WorldFileError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.fragments import PART, Fragment
+from minerva_bus.frame.composition import PART, Fragment
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import MemberIndex
 from minerva_bus.frame.messages import Fragments

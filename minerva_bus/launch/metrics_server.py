@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, Self, cast
 
 from minerva_bus.errors import BusError, MinervaError
-from minerva_bus.frame.phases import Phase
+from minerva_bus.frame.in_flight import Phase
 from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.runtime.totals import read_totals
 from minerva_bus.settings.kinds import address

@@ -14,10 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, MisuseError, WorldFileError
-from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.checkpoint import HALTED, Checkpoint
+from minerva_bus.frame.algorithm import GIVEN_UP, FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.goal import GIVEN_UP
+from minerva_bus.frame.inputs import HALTED, Checkpoint
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, WorldFileError, nearest
-from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.members import incompatibility
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import bind, find_agent, find_service, find_view

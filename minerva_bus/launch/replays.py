@@ -24,14 +24,12 @@ from minerva_bus.errors import MinervaError, MisuseError, ProtocolError, WorldSt
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.description import World
-from minerva_bus.frame.event_sources import AGENTS
-from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
+from minerva_bus.frame.in_flight import Phase
+from minerva_bus.frame.inputs import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.phases import Phase
-from minerva_bus.frame.replaying import RecordedSource
+from minerva_bus.frame.members import incompatibility
+from minerva_bus.frame.sources import RecordedSource
 from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.launch.past import (
     CODE,

@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, SceneError, VocabularyError, WorldFileError, nearest
-from minerva_bus.frame.constraints import PlacementRules, Rule
+from minerva_bus.frame.collection import ID
 from minerva_bus.frame.description import World
-from minerva_bus.frame.event_sources import source_of
+from minerva_bus.frame.inputs import source_of
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.senders import ID
+from minerva_bus.frame.placement import PlacementRules, Rule
 from minerva_bus.grammar.assignment import assigned
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AGENT_ID, Scene

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import (
     as_bool,

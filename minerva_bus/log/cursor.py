@@ -16,8 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.inputs import RecordedFrame
+from minerva_bus.frame.inputs import Checkpoint, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c

@@ -20,10 +20,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.description import World
-from minerva_bus.frame.fragments import Layout
-from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
+from minerva_bus.frame.inputs import Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, Final, Self, cast
 
 from minerva_bus.errors import DamagedRecordWarning, MinervaError, ProtocolError
-from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.inputs import RecordedFrame
+from minerva_bus.frame.inputs import Checkpoint, RecordedFrame
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene

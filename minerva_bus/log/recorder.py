@@ -22,9 +22,9 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Final
 
-from minerva_bus.frame.back_off import BackOff
-from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.messages import FrameRecord, Readings
+from minerva_bus.frame.pace import BackOff
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.checkpoints import Kept

@@ -7,7 +7,7 @@ from typing import Any
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
-from minerva_bus.frame.event_sources import is_people
+from minerva_bus.frame.inputs import is_people
 from minerva_bus.frame.norms import Norms
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import Scene

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from minerva_bus.frame.event_sources import (
+from minerva_bus.frame.inputs import (
     AGENTS,
     PEOPLE,
     is_handed_over,

@@ -27,7 +27,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import MinervaError, ProtocolError, nearest
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.fragments import PART
+from minerva_bus.frame.composition import PART
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.runtime.operated import Command, Operated, person_of
 from minerva_bus.runtime.publishing import order, publish

@@ -9,7 +9,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.overruns import Overruns
+from minerva_bus.frame.pace import Overruns
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 
 Deliver: TypeAlias = Callable[

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
-from minerva_bus.frame.member_states import MemberState
+from minerva_bus.frame.members import MemberState
 from minerva_bus.runtime.waiting import MAX_NAMED, Waits
 from minerva_bus.security.credentials import covers
 from minerva_bus.wire.keys import COORDINATOR

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.event_log import EventLog
-from minerva_bus.frame.order_fates import OrderFates
+from minerva_bus.frame.orders import OrderFates
 from minerva_bus.frame.pace import Pace
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.runner import Runner

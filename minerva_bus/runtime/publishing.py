@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.collection import MAX_NAMES, unknown_agent
 from minerva_bus.frame.orders import (
     listed,
     refusal_of_order,
@@ -14,7 +15,6 @@ from minerva_bus.frame.orders import (
     unknown_value,
     without_effect,
 )
-from minerva_bus.frame.unknown_receivers import MAX_NAMES, unknown_agent
 from minerva_bus.frame.work import MAX_SINGLE_EVENTS
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.events import Event, Events

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.schema import Wire
+from minerva_bus.frame.messages import Wire
 from minerva_bus.runtime.admission_rules import GUESTS, STRANGERS
 from minerva_bus.runtime.large import (
     LARGE,

@@ -8,7 +8,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.event_log import EventLog
-from minerva_bus.frame.order_fates import OrderFates
+from minerva_bus.frame.orders import OrderFates
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.restraint import GUESTS, Restraint
 from minerva_bus.runtime.runner import Sink

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from minerva_bus.frame.member_states import MemberEntry
+from minerva_bus.frame.members import MemberEntry
 from minerva_bus.runtime.operated import Operated
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 

@@ -12,7 +12,7 @@ from typing import Any, Final, get_args
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.schema import Wire
+from minerva_bus.frame.messages import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits

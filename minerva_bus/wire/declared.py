@@ -1,4 +1,4 @@
-"""Encoders and decoders of messages, compiled from declarations (`frame/schema.py`).
+"""Encoders and decoders of messages, compiled from declarations (`frame/messages.py`).
 
 Each type of message is compiled once, on first use; encoding or decoding a message then calls one
 function per field.
@@ -15,7 +15,7 @@ from typing import Annotated, Any, Final, get_args, get_origin, get_type_hints
 import msgpack
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.schema import Mark, Wire
+from minerva_bus.frame.messages import Mark, Wire
 from minerva_bus.wire.field_codec import DeclaredField, FieldCodec, Write
 from minerva_bus.wire.fields import field_codec
 from minerva_bus.wire.plain import as_map

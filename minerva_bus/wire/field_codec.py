@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Within
+from minerva_bus.frame.messages import AtLeast, AtMost, Mark, Note, Within
 from minerva_bus.wire.limits import check
 from minerva_bus.wire.reader import Reader
 

@@ -11,7 +11,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, ProtocolError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.schema import Mark
+from minerva_bus.frame.messages import Mark
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind

@@ -11,8 +11,8 @@ from functools import cache
 from typing import Annotated, Any, Final, get_args, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.inbox import MAX_WAITING
-from minerva_bus.frame.schema import Note
+from minerva_bus.frame.collection import MAX_WAITING
+from minerva_bus.frame.messages import Note
 from minerva_bus.frame.work import MAX_HOST_EVENTS, MAX_SINGLE_EVENTS
 
 OF_A_HOST: Final = 8

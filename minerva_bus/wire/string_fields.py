@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.schema import Mark
+from minerva_bus.frame.messages import Mark
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wire.columns import is_patch, plain_patch
 from minerva_bus.wire.field_codec import DeclaredField, FieldCodec

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.schema import Wire
+from minerva_bus.frame.messages import Wire
 from minerva_bus.wire.limits import Limits, check, configurable_limits
 
 _FIXED: Final = {

@@ -225,7 +225,7 @@ def test_an_error_in_a_method_is_reported_once_in_ten_lines(folder, options):
 
 
 def test_versions_and_help(folder):
-    from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+    from minerva_bus.frame.messages import PROTOCOL_VERSION
 
     answer = json.loads(minerva(folder, "version", "--json").stdout)
     assert answer["protocol"] == PROTOCOL_VERSION

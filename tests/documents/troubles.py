@@ -29,7 +29,7 @@ from minerva_bus.errors import BusError, MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.overruns import Overruns
+from minerva_bus.frame.pace import Overruns
 from minerva_bus.launch.coordinator_process import find_past
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.web_access import WebAccess

@@ -10,16 +10,22 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from minerva_bus import EMPTY, Scene
-from minerva_bus.frame import member_states
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION, incompatibility
+from minerva_bus.frame import members as member_states
 from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.evolution import claim
 from minerva_bus.frame.in_flight import FrameResult
-from minerva_bus.frame.member_states import TRANSITIONS, MemberChange, MemberEntry, MemberState
-from minerva_bus.frame.members import MAX_DEPARTED, Members
-from minerva_bus.frame.messages import Hello
+from minerva_bus.frame.members import (
+    MAX_DEPARTED,
+    TRANSITIONS,
+    MemberChange,
+    MemberEntry,
+    Members,
+    MemberState,
+    incompatibility,
+)
+from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.placement import place
-from minerva_bus.frame.replies import claim
 from minerva_bus.frame.views import ViewStream
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of

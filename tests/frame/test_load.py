@@ -1,6 +1,6 @@
 """Shares of a population in proportion to the measured speed of its hosts."""
 
-from minerva_bus.frame.load import WINDOW, Load
+from minerva_bus.frame.placement import WINDOW, Load
 
 
 def measured(**speeds):

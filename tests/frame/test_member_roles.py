@@ -1,9 +1,7 @@
 """Queries over members: machines, columns, makers and takers of events, people, rates of views."""
 
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
-from minerva_bus.frame.member_states import MemberChange
-from minerva_bus.frame.members import Members
-from minerva_bus.frame.messages import Hello
+from minerva_bus.frame.members import MemberChange, Members
+from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.world.when import When
 
 

@@ -3,8 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from minerva_bus.frame.capacity import apportion, fit
-from minerva_bus.frame.constraints import PlacementRules, Rule
+from minerva_bus.frame.placement import PlacementRules, Rule, apportion, fit
 
 OFFERS = {
     "foxes-1": frozenset({"AFox", "ARabbit"}),

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.journal import Journal

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.cli.main import main
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.reader import Record
 from tests.log.recorded_runs import bytes_of

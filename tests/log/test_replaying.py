@@ -9,9 +9,9 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.replaying import OVER, RecordedSource
+from minerva_bus.frame.sources import OVER, RecordedSource
 from minerva_bus.launch.past import kinds_in
 from minerva_bus.launch.replays import recompute
 from minerva_bus.log.cursor import Cursor

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from minerva_bus import EMPTY, Agent, EventType, Frame, Vocabulary, evolve, on
 from minerva_bus.errors import MisuseError, ProtocolError
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION, incompatibility
-from minerva_bus.frame.messages import Hello
+from minerva_bus.frame.members import incompatibility
+from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary

@@ -8,8 +8,8 @@ import pytest
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
+from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.large import IN_COLUMNS, MAX_BEHIND

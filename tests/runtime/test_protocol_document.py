@@ -16,7 +16,7 @@ import msgpack
 import pytest
 
 from minerva_bus import Event, Events, Scene
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import patched
 from minerva_bus.grammar.parser import parse_value

@@ -21,7 +21,7 @@ from minerva_bus import Agent, Generator, Vocabulary
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.member_states import MemberState
+from minerva_bus.frame.members import MemberState
 from minerva_bus.world.when import Participation, When
 
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 import pytest
 from pond import VOCABULARY, Add, Bus, Counter, Minnow, Steps, host, service, world
 
-from minerva_bus.frame import load
+from minerva_bus.frame import placement as load
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.constraints import PlacementRules, Rule
 from minerva_bus.frame.messages import MemberMetrics
-from minerva_bus.frame.placement import Placement
+from minerva_bus.frame.placement import Placement, PlacementRules, Rule
 from minerva_bus.frame.stimuli import Drain
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene

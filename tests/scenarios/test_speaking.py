@@ -7,14 +7,14 @@ import pytest
 from pond import VOCABULARY, Counter, Mother, eAdd, eCroak
 
 from minerva_bus.errors import WorldFileError
-from minerva_bus.frame import inbox
+from minerva_bus.frame import collection
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
+from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.world_files import read_world_file
@@ -176,7 +176,7 @@ def test_a_world_file_that_names_them_wrongly(tmp_path, add, agents, problem):
 
 
 def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
-    monkeypatch.setattr(inbox, "MAX_WAITING", 10)
+    monkeypatch.setattr(collection, "MAX_WAITING", 10)
     world = begun()
     texts = [said(world.receive(m.Emitted("rain", (eAdd(number),)))) for number in range(25)]
     full = "event queue full: 10 events wait for a frame; dropping further events"
@@ -186,7 +186,7 @@ def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
 
 
 def test_waiting_events_count_after_succession(monkeypatch):
-    monkeypatch.setattr(inbox, "MAX_WAITING", 10)
+    monkeypatch.setattr(collection, "MAX_WAITING", 10)
     past = Checkpoint(3, inbox={"rain": tuple(eAdd(number) for number in range(8))})
     world = begun(past=past)
     for number in range(8, 20):

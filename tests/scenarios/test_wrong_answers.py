@@ -20,7 +20,7 @@ from pond import (
 from minerva_bus import Generator
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.member_states import MemberState
+from minerva_bus.frame.members import MemberState
 from minerva_bus.grammar.delta import Delta, difference
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from minerva_bus.frame.collection import CollectionStep
+from minerva_bus.frame.collection import CollectionStep, FrameInbox
 from minerva_bus.frame.evolution import EvolutionStep
-from minerva_bus.frame.generating import GeneratorSide
-from minerva_bus.frame.inbox import FrameInbox
+from minerva_bus.frame.generator_side import GeneratorSide
 from minerva_bus.frame.pace import Pace
 from minerva_bus.log.journal import Journal
 from minerva_bus.testing.simulation.history import drawn

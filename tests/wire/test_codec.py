@@ -25,8 +25,8 @@ from minerva_bus import (
 )
 from minerva_bus.errors import ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.appearance import Disc, Motion
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.testing.strategies import vocabularies, worlds

@@ -10,7 +10,7 @@ import pytest
 from minerva_bus import EventType, Vocabulary
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Wire
+from minerva_bus.frame.messages import AtLeast, AtMost, Mark, Note, Wire
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.declared import by_name, message_codec

@@ -12,8 +12,7 @@ from speaking import heard, plain_data, readings, recorded, spoken
 
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.frame.inputs import Checkpoint, FrameInputs
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
 from minerva_bus.log.entries import EntryDecoder, encode_frame, encode_inputs, encode_keyframe

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.fragments import PART
+from minerva_bus.frame.composition import PART
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import Delta, patched

@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import Final
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.fragments import Fragment, fragment_in
+from minerva_bus.frame.composition import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.columns import has_columns, size
 from minerva_bus.grammar.delta import Delta, difference
