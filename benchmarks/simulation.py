@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from itertools import count
 
 from minerva_bus.launch.console import Console
-from minerva_bus.testing.simulation.trying import Tried, report, shortest, tried_seed
+from tests.simulator.trying import Tried, report, shortest, tried_seed
 
 
 def read_options() -> argparse.Namespace:

@@ -1,7 +1,7 @@
 """Clock, threads and sessions of a process on the bus.
 
 Coordinator and members take them as an argument. A simulation passes its own, in which time is a
-variable and each step is scheduled (`minerva_bus.testing.simulation`).
+variable and each step is scheduled (tests/simulator).
 """
 
 # Zenoh's own stubs leave some types open.

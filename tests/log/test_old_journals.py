@@ -19,7 +19,7 @@ from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.testing.simulation.worlds import processes, world
+from tests.simulator.worlds import processes, world
 
 CORPUS = Path(__file__).with_name("corpus")
 FRAMES = 6

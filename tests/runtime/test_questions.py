@@ -8,10 +8,10 @@ import pytest
 from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.system import REAL
-from minerva_bus.testing.simulation.sessions import Query
 from minerva_bus.wire.keys import Keys, who_asks
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import pack, unpack
+from tests.simulator.sessions import Query
 
 STATUS = pack({"ask": "status"})
 

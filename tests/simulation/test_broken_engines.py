@@ -9,8 +9,8 @@ from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.generator_side import GeneratorSide
 from minerva_bus.frame.pace import Pace
 from minerva_bus.log.journal import Journal
-from minerva_bus.testing.simulation.history import drawn
-from minerva_bus.testing.simulation.trying import LINES, report, shortest, tried, tried_seed
+from tests.simulator.history import drawn
+from tests.simulator.trying import LINES, report, shortest, tried, tried_seed
 
 MOST = 1000
 """Number of seeds within which each broken engine is detected."""

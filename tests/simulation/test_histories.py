@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.errors import UserCodeError
-from minerva_bus.testing.simulation import trying
-from minerva_bus.testing.simulation.history import Fault, History, drawn
-from minerva_bus.testing.simulation.trying import report, tried, tried_seed
-from minerva_bus.testing.simulation.writing import read_back, written
 from minerva_bus.wire.keys import COORDINATOR
+from tests.simulator import trying
+from tests.simulator.history import Fault, History, drawn
+from tests.simulator.trying import report, tried, tried_seed
+from tests.simulator.writing import read_back, written
 
 HISTORIES = 2000
 SHARE = 25
@@ -57,7 +57,7 @@ def test_an_interruption_is_no_failure_of_a_history(monkeypatch):
 
 
 TRACES = """
-from minerva_bus.testing.simulation.trying import tried_seed
+from tests.simulator.trying import tried_seed
 for seed in (1, 2, 3, 5, 8):
     print(*tried_seed(seed).trace, sep="\\n")
 """

@@ -2,10 +2,10 @@
 
 from functools import partial
 
-from minerva_bus.testing.simulation.history import Fault, History
-from minerva_bus.testing.simulation.machine import SimulatedMachine
-from minerva_bus.testing.simulation.playing import play
 from minerva_bus.wire.keys import COORDINATOR
+from tests.simulator.history import Fault, History
+from tests.simulator.machine import SimulatedMachine
+from tests.simulator.playing import play
 
 LATE = 2.0
 """Seconds by which the report comes too late: longer than the member needs to join."""

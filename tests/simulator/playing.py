@@ -16,15 +16,15 @@ from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.own_threads import Leave
-from minerva_bus.testing.simulation.faults import Faults
-from minerva_bus.testing.simulation.history import History
-from minerva_bus.testing.simulation.launcher import Launcher
-from minerva_bus.testing.simulation.links import Weather
-from minerva_bus.testing.simulation.observing import Asked, Observed, observing
-from minerva_bus.testing.simulation.person import Person
-from minerva_bus.testing.simulation.process import SimulatedProcess
-from minerva_bus.testing.simulation.timeline import Timeline
-from minerva_bus.testing.simulation.worlds import GUESTS, NAME, world_file
+from tests.simulator.faults import Faults
+from tests.simulator.history import History
+from tests.simulator.launcher import Launcher
+from tests.simulator.links import Weather
+from tests.simulator.observing import Asked, Observed, observing
+from tests.simulator.person import Person
+from tests.simulator.process import SimulatedProcess
+from tests.simulator.timeline import Timeline
+from tests.simulator.worlds import GUESTS, NAME, world_file
 
 MAX_SECONDS: Final = 400.0
 """Simulated seconds within which a world must have ended in spite of all faults."""

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_bus.testing.simulation.process import SimulatedProcess
-from minerva_bus.testing.simulation.sessions import Session
-from minerva_bus.testing.simulation.timeline import Timeline
+from tests.simulator.process import SimulatedProcess
+from tests.simulator.sessions import Session
+from tests.simulator.timeline import Timeline
 
 LATENCY: Final = 20e-6, 150e-6
 SLOW: Final = 1e-3, 40e-3

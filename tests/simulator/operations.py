@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from itertools import chain, zip_longest
 
 from minerva_bus.grammar.events import Event
-from minerva_bus.testing.simulation.observing import Asked, Observed
-from minerva_bus.testing.simulation.person import SETTLED
-from minerva_bus.testing.simulation.playing import Played
-from minerva_bus.testing.simulation.reference import orders_in
-from minerva_bus.testing.simulation.worlds import eMark
+from tests.simulator.observing import Asked, Observed
+from tests.simulator.person import SETTLED
+from tests.simulator.playing import Played
+from tests.simulator.reference import orders_in
+from tests.simulator.worlds import eMark
 
 PACE = ("pause", "step", "resume", "stop")
 

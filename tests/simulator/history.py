@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final
 
-from minerva_bus.testing.simulation.worlds import GUESTS
 from minerva_bus.wire.keys import COORDINATOR
+from tests.simulator.worlds import GUESTS
 
 MEMBERS: Final = ("birds", "clerk", "gulls", "lookout", "marsh", "screen", "tide", "water")
 FRAMES: Final = 3, 9
@@ -84,7 +84,7 @@ class History:
 def drawn(seed: int) -> History:
     """The history of a seed."""
     # A stream of its own: draws of the run itself do not change the history.
-    chance = Random(f"history {seed}")  # noqa: S311
+    chance = Random(f"history {seed}")
     frames = chance.randint(*FRAMES)
     rate = chance.choice(RATES)
     # About the duration of a frame, so that faults fall into the frame that they name.

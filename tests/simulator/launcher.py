@@ -11,10 +11,10 @@ from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.testing.simulation.links import Weather
-from minerva_bus.testing.simulation.machine import SimulatedMachine
-from minerva_bus.testing.simulation.network import Network
-from minerva_bus.testing.simulation.timeline import Alarm, Timeline
+from tests.simulator.links import Weather
+from tests.simulator.machine import SimulatedMachine
+from tests.simulator.network import Network
+from tests.simulator.timeline import Alarm, Timeline
 
 SOON: Final = 20e-6, 100e-6
 

@@ -12,9 +12,9 @@ from minerva_bus.runtime.inbox import WAKE_UP
 from minerva_bus.runtime.presence import GONE, HERE
 
 if TYPE_CHECKING:
-    from minerva_bus.testing.simulation.links import Link
-    from minerva_bus.testing.simulation.network import Network
-    from minerva_bus.testing.simulation.process import SimulatedProcess
+    from tests.simulator.links import Link
+    from tests.simulator.network import Network
+    from tests.simulator.process import SimulatedProcess
 
 CALLBACK: Final = 5e-6, 300e-6
 """Seconds until a callback with a thread of its own is called."""

@@ -10,7 +10,7 @@ from minerva_bus.testing.simulation.history import Fault
 from minerva_bus.testing.simulation.process import SimulatedProcess
 
 if TYPE_CHECKING:
-    from minerva_bus.testing.simulation.playing import Play
+    from tests.simulator.playing import Play
 
 RESET: Final = 0.02
 """Seconds after which a client notices that its link is cut."""

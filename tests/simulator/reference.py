@@ -12,7 +12,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import Event
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.testing.simulation.worlds import ORDERS, eCry, processes, world
+from tests.simulator.worlds import ORDERS, eCry, processes, world
 
 Orders = tuple[tuple[int, tuple[tuple[str, int], ...]], ...]
 """Orders of people by frame: event types with their numbers."""

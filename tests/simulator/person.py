@@ -7,14 +7,14 @@ from typing import Any, Final
 
 from minerva_bus.runtime.asking import question_key
 from minerva_bus.runtime.client import ANSWER_WITHIN
-from minerva_bus.testing.simulation.history import Operation
-from minerva_bus.testing.simulation.network import Network
-from minerva_bus.testing.simulation.observing import Asked
-from minerva_bus.testing.simulation.process import SimulatedProcess
-from minerva_bus.testing.simulation.sessions import Session
-from minerva_bus.testing.simulation.timeline import Timeline
-from minerva_bus.testing.simulation.worlds import NAME
 from minerva_bus.wire.plain import as_map, pack, unpack
+from tests.simulator.history import Operation
+from tests.simulator.network import Network
+from tests.simulator.observing import Asked
+from tests.simulator.process import SimulatedProcess
+from tests.simulator.sessions import Session
+from tests.simulator.timeline import Timeline
+from tests.simulator.worlds import NAME
 
 UNPAUSED: Final = Operation(0.5, "resume")
 TRIES: Final = 60

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from typing import Any, Final
 
-from minerva_bus.testing.simulation.links import Link, Weather
-from minerva_bus.testing.simulation.process import SimulatedProcess
-from minerva_bus.testing.simulation.sessions import Query, Session, matches
-from minerva_bus.testing.simulation.timeline import EPOCH, Timeline
-from minerva_bus.testing.simulation.tokens import Tokens
 from minerva_bus.wire.codec import declaration
 from minerva_bus.wire.epochs import stamp
+from tests.simulator.links import Link, Weather
+from tests.simulator.process import SimulatedProcess
+from tests.simulator.sessions import Query, Session, matches
+from tests.simulator.timeline import EPOCH, Timeline
+from tests.simulator.tokens import Tokens
 
 LEASE: Final = 3.0
 """Seconds of silence after which a link is closed, as in `runtime/session.py`."""

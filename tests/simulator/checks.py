@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from itertools import chain
 
 from minerva_bus.grammar.events import Event
-from minerva_bus.testing.simulation.observing import Observed, ObservedFrame
-from minerva_bus.testing.simulation.operations import wrong_operations
-from minerva_bus.testing.simulation.playing import Played
-from minerva_bus.testing.simulation.reference import cries_in, orders_in, undisturbed
+from tests.simulator.observing import Observed, ObservedFrame
+from tests.simulator.operations import wrong_operations
+from tests.simulator.playing import Played
+from tests.simulator.reference import cries_in, orders_in, undisturbed
 
 
 def wrong(played: Played) -> list[str]:

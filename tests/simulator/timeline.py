@@ -46,7 +46,7 @@ class Timeline:
         """The random stream of this name."""
         stream = self._streams.get(name)
         if stream is None:
-            stream = self._streams[name] = Random(f"{self._seed}/{name}")  # noqa: S311
+            stream = self._streams[name] = Random(f"{self._seed}/{name}")
         return stream
 
     def at(self, time: float, call: Callable[[], object]) -> Alarm:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Final
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.session import Secured
 from minerva_bus.runtime.system import System
-from minerva_bus.testing.simulation.timeline import EPOCH, Alarm, Timeline
+from tests.simulator.timeline import EPOCH, Alarm, Timeline
 
 if TYPE_CHECKING:
-    from minerva_bus.testing.simulation.network import Network
+    from tests.simulator.network import Network
 
 FAILED: Final = 70
 KILLED: Final = -9

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from minerva_bus.testing.simulation.links import Link
-from minerva_bus.testing.simulation.sessions import Declared, Session, matches
+from tests.simulator.links import Link
+from tests.simulator.sessions import Declared, Session, matches
 
 
 class Tokens:

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.testing.simulation.checks import wrong
-from minerva_bus.testing.simulation.decoding import decoding_once
-from minerva_bus.testing.simulation.history import History, drawn
-from minerva_bus.testing.simulation.playing import Played, play
-from minerva_bus.testing.simulation.shrinking import shortened
+from tests.simulator.checks import wrong
+from tests.simulator.decoding import decoding_once
+from tests.simulator.history import History, drawn
+from tests.simulator.playing import Played, play
+from tests.simulator.shrinking import shortened
 
 LINES: Final = 20
 """Lines of a failure's report, including the end of the trace."""
 
-MEMORY: Final = Path("/dev/shm")  # noqa: S108
+MEMORY: Final = Path("/dev/shm")
 """Folder for journals, if it exists: in memory, because they are temporary."""
 
 

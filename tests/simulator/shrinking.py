@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Final, TypeVar
 
-from minerva_bus.testing.simulation.history import History
+from tests.simulator.history import History
 
 MAX_TRIES: Final = 400
 Item = TypeVar("Item")

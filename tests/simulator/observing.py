@@ -15,9 +15,9 @@ from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.watchers import Watchers
-from minerva_bus.testing.simulation.history import Operation
-from minerva_bus.testing.simulation.process import SimulatedSystem
-from minerva_bus.testing.simulation.timeline import Timeline
+from tests.simulator.history import Operation
+from tests.simulator.process import SimulatedSystem
+from tests.simulator.timeline import Timeline
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, replace
 from typing import Any, cast
 
-from minerva_bus.testing.simulation.history import Fault, History, Operation
+from tests.simulator.history import Fault, History, Operation
 
 
 def written(history: History, reason: str) -> str:

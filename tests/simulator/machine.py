@@ -15,10 +15,10 @@ from minerva_bus.launch.os_interface import Machine
 from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
-from minerva_bus.testing.simulation.network import Network
-from minerva_bus.testing.simulation.process import SimulatedProcess
-from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.wire.keys import COORDINATOR
+from tests.simulator.network import Network
+from tests.simulator.process import SimulatedProcess
+from tests.simulator.timeline import Timeline
 
 PIPE: Final = 20e-6, 200e-6
 """Seconds until data written to a pipe are readable."""
