@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.launch.coordinator_process import journal_path
-from minerva_bus.testing.simulation.history import Fault
-from minerva_bus.testing.simulation.process import SimulatedProcess
+from tests.simulator.history import Fault
+from tests.simulator.process import SimulatedProcess
 
 if TYPE_CHECKING:
     from tests.simulator.playing import Play
