@@ -34,7 +34,7 @@ def our_batch(runs: int, frames: int, processes: int) -> int:
     """Run `sweep`; returns the number of rows."""
     import sir
 
-    from minerva_study import sweep_runs as sweep
+    from minerva_study import sweep
 
     table = sweep(
         sir.world, seeds=runs, frames=frames, collect=sir.curves, workers=processes, quiet=True

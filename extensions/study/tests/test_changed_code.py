@@ -52,7 +52,7 @@ def test_a_sweep_of_changed_code_is_refused_and_named(tmp_path):
 SCRIPT = """
 import os, sys
 from minerva_bus import Agent, EventType, World, each, on
-from minerva_study import sweep_runs as sweep
+from minerva_study import sweep
 eTick = EventType("eTick")
 STEP = int(sys.argv[1])
 
@@ -134,7 +134,7 @@ def test_any_object_may_be_a_constant(value, monkeypatch):
 SNAILS = """
 import os
 from minerva_bus import Agent, EventType, World, each, on
-from minerva_study import sweep_runs as sweep
+from minerva_study import sweep
 eTick = EventType("eTick")
 COUNT = [0]
 
