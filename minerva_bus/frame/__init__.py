@@ -1,1 +1,10 @@
-"""Table 2 as a pure state machine with its members: no clock, socket or thread."""
+"""Table 2 as a pure state machine with its members: no clock, socket or thread.
+
+all steps in their order     frame/algorithm.py
+steps 2 to 4, events         frame/collection.py
+steps 5, 6, 8, evolution     frame/evolution.py
+step 7, views                frame/views.py
+members come and go          frame/joining.py
+the side of a member         frame/member.py
+all messages                 frame/messages.py
+"""

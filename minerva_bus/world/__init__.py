@@ -1,1 +1,9 @@
-"""Events, agents, evolution and views: equations 2 to 6."""
+"""Events, agents, evolution and views: equations 2 to 6.
+
+    equation 2, λ                world/agent_step.py
+    equation 3, η                world/evolution.py
+    equations 4 and 5, θ and π   world/views.py
+    equation 6, E(C*, t)         world/order.py
+
+Equation 1, φ, is in semantics/geometry.py.
+"""

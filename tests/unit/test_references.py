@@ -166,3 +166,22 @@ def test_every_sentence_with_must_has_an_identifier() -> None:
 ])  # fmt: skip
 def test_missing_identifiers_are_recognized(text: str, count: int) -> None:
     assert len(unmarked(f"## 1. Topology\n\n{text}\n")) == count
+
+
+ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+
+
+def test_the_files_that_the_architecture_names_exist() -> None:
+    names = re.findall(r"`([\w/]+\.py)`", ARCHITECTURE)
+    assert len(names) > 40
+    assert [
+        name for name in names if not (path_of(name).is_file() or (ROOT / name).is_file())
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "kilobytes"),
+    [("ARCHITECTURE.md", 15), ("PROTOCOL.md", 50), ("docs/performance.md", 20)],
+)
+def test_a_document_that_grew_into_a_wall_stays_short(name: str, kilobytes: int) -> None:
+    assert (ROOT / name).stat().st_size <= kilobytes * 1000
