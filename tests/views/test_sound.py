@@ -328,6 +328,16 @@ def test_a_file_of_four_gigabytes_gets_no_longer(
     assert "is full" in said
 
 
+def test_what_is_left_out_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("minerva_services.views.sound.wavfile._MAX_BYTES", 4 * 2205 * 3)
+    many = sum((car(float(place), name=f"{place}") for place in range(34)), EMPTY)
+    device = play(tmp_path / "w.wav", held(many), voice="PCar, PCar#z")
+    figures = device.report()
+    assert (figures["never shown"], figures["voices left out"]) == ("PCar#z", 2)
+    assert figures["seconds left out"] == pytest.approx(0.6)
+    device.close()
+
+
 def test_long_frames_do_not_need_long_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     made: list[int] = []
     sing = Synthesis.sing

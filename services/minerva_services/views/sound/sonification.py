@@ -10,7 +10,7 @@ from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_services.views.sound.sound_geometry import SoundGeometry, SoundRoles
 from minerva_services.views.sound.synthesis import Synthesis
-from minerva_services.views.sound.tuning import Tone, Tuning
+from minerva_services.views.sound.tuning import MAX_VOICES, Tone, Tuning
 from minerva_services.views.sound.wavfile import WavFile
 
 _BLOCK_SAMPLES = 2**15
@@ -36,7 +36,19 @@ class Sonification:
         self._first = self._now = -1
         self._written = 0
         self._poses: dict[str, Pose] = {}
+        self._awaited = {name for name in roles.voices | roles.aims if "#" in name}
+        self._most = 0
         self.clicks = 0
+
+    @property
+    def left_out(self) -> dict[str, str | float]:
+        """What is not in the sound, for people: figures, voices and seconds."""
+        figures = {
+            "never shown": ", ".join(sorted(self._awaited)),
+            "voices left out": max(0, self._most - MAX_VOICES),
+            "seconds left out": self._file.left_out / self._file.rate,
+        }
+        return {what: figure for what, figure in figures.items() if figure}
 
     def add(self, view: View) -> None:
         """Add a view, and write everything before its frame."""
@@ -69,6 +81,8 @@ class Sonification:
         for scene in self._views.values():
             interpret(scene, sounds)
         tones, voices = self._tuning.tones(sounds), sounds.voices()
+        self._awaited -= sounds.names
+        self._most = max(self._most, len(voices))
         for name, tone in tones.items():
             before = self._poses.get(name)
             if before is not None and voices[name].is_set_back_from(before):

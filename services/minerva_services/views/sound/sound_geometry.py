@@ -71,12 +71,16 @@ def _goals(world: WorldInfo) -> frozenset[str]:
 def _known(world: WorldInfo, option: str, names: Collection[str]) -> frozenset[str]:
     known = world.vocabulary.primitives
     for name in names:
-        symbol = name.partition("#")[0]
+        symbol, is_named, _ = name.partition("#")
         if symbol not in known:
             hint = nearest(symbol, list(known), f"it has {', '.join(sorted(known))}")
             raise MisuseError(
                 f"sound: {option} is {name!r}, but the world {world.world!r} has no such"
                 f" primitive{hint}"
+            )
+        if is_named and "name" not in known[symbol].fields.names:
+            raise MisuseError(
+                f"sound: {option} is {name!r}, but {symbol} has no parameter `name`; use {symbol}"
             )
     return frozenset(names)
 
@@ -119,9 +123,12 @@ class SoundGeometry(BoundingGeometry):
         self._roles = roles
         self._poses: dict[str, Pose] = {}
         self._aims: list[tuple[float, float]] = []
+        self.names = set[str]()
+        """Symbols and names of all figures."""
 
     def other_figure(self, figure: FigureNode) -> None:
         """α: a primitive may sound without being drawn."""
+        self.names.add(name_of(figure))
         if plays(figure, self._roles.voices):
             self._poses[self._name(figure)] = self.pose
         elif plays(figure, self._roles.aims):

@@ -38,6 +38,8 @@ class WavFile:
         self.path, self.rate = path, rate
         self._bytes = 0
         self._is_full = False
+        self.left_out = 0
+        """Samples that were not written, because the file was full."""
         check_file(path, "sound")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,10 +52,11 @@ class WavFile:
     def write(self, block: Samples) -> None:
         """Append samples, then update the header; ignored once the file is full."""
         if self._is_full:
+            self.left_out += len(block)
             return
         data = np.rint(np.clip(block, -1.0, 1.0) * 32767).astype("<i2").tobytes()
         if self._bytes + len(data) > _MAX_BYTES:
-            self._is_full = True
+            self._is_full, self.left_out = True, len(block)
             sys.stderr.write(f"sound: {self.path} is full (4 GiB); further samples are dropped\n")
             return
         try:
