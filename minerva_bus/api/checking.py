@@ -17,7 +17,13 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import file_text, find_world
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_checks import restless, structure_of
-from minerva_bus.launch.world_files import WorldFile, read_world_file, unplaced, unpublished
+from minerva_bus.launch.world_files import (
+    WorldFile,
+    read_world_file,
+    unanswered,
+    unplaced,
+    unpublished,
+)
 from minerva_bus.wording import counted
 from minerva_bus.world.service_inputs import WorldInfo
 
@@ -67,11 +73,12 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
 def _checked(file: WorldFile) -> Checked:
     members = _checked_services(file)
     warnings = [*restless(file), *unplaced(file), *unpublished(file, members)]
+    warnings += unanswered(file, members)
     return Checked(_world_shown(len(file.processes), file.world.scene), warnings)
 
 
 def _checked_services(file: WorldFile) -> list[Member]:
-    """The members with services; those whose `joined` has no effects have compared their options.
+    """The members with services, which have compared their options with the world.
 
     Raises WorldFileError.
     """
@@ -83,10 +90,10 @@ def _checked_services(file: WorldFile) -> list[Member]:
         tables.add(process.table)
         members.append(process.make_member())
         service = members[-1].service
-        if service is None or not service.checked:
+        if service is None:
             continue
         try:
-            service.joined(info)
+            service.check(info)
         except MinervaError as error:
             raise WorldFileError(f"{file.path}: [process.{process.name}]: {error}") from None
         finally:

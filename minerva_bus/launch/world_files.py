@@ -234,6 +234,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     file = distributed(file, members)
     # Without its services, the file seems to publish nothing.
     unheard = [] if overrides.only_code else unpublished(file, members)
+    unheard += unanswered(file, members)
     file = replace(file, notes=(*file.notes, *unplaced(file), *unheard))
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file
@@ -706,6 +707,25 @@ def unplaced(file: WorldFile) -> list[str]:
         f"placement.{kind}: {problem}; {kind} does not evolve until one attaches"
         for kind, rule in rules.items()
         for problem in _problems(file, kind, rule)
+    ]
+
+
+def unanswered(file: WorldFile, members: Iterable[Member]) -> list[str]:
+    """A warning for each event type of a generator that has no effect: no agent responds to it.
+
+    `members` are those of the processes of the file.
+    """
+    world = file.world
+    events = world.vocabulary.events
+    known = {*(name for kind in world.vocabulary.kinds.values() for name in kind.subscribes)}
+    # These end the world, or are all that a norm is about.
+    known |= {world.until, world.give_up, *(name for norm in world.norms for name in norm.on)}
+    return [
+        f"{hello.member}: no agent of this world responds to {name}, so it has no effect;"
+        f" use another event type, or respond to it in an agent: @on({name!r})"
+        for hello in [member.hello() for member in members]
+        for name in hello.generates
+        if name not in known and not events[name].visual
     ]
 
 

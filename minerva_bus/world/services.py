@@ -27,7 +27,7 @@ from minerva_bus.world.signatures import check_overridden
 from minerva_bus.world.when import When
 
 CALLED: Final = {
-    "Service": ("joined", "save", "restore", "pulse", "leaves", "report", "close"),
+    "Service": ("check", "joined", "save", "restore", "pulse", "leaves", "report", "close"),
     "Generator": ("generates", "takes_orders", "generate", "run"),
     "Device": ("heard", "show"),
 }
@@ -62,9 +62,6 @@ class Service:
     pulse_every: float = 0.0
     """Seconds between calls of `pulse`; 0 disables it."""
 
-    checked: ClassVar[bool] = False
-    """Whether `joined` only reads and checks; `minerva check` then calls it, and `close`."""
-
     def __init_subclass__(cls, when: str = "", **kwargs: Any) -> None:
         if kwargs and cls.__mro__[cls.__mro__.index(Service) + 1] is object:
             raise MisuseError(_unknown_arguments(cls, [*kwargs]))
@@ -79,8 +76,16 @@ class Service:
             if base is not cls and base.__module__ == __name__ and issubclass(base, Service):
                 check_overridden(cls, base, CALLED.get(base.__name__, ()))
 
+    def check(self, world: WorldInfo) -> None:
+        """Compare the options with a world, without effects. Raises MinervaError.
+
+        `minerva check` calls it, and `close`; of `world` it has the name, the vocabulary, the seed
+        and dt.
+        """
+
     def joined(self, world: WorldInfo) -> None:
-        """Called once, first of all, when the member has joined a world."""
+        """Called once, first of all, when the member has joined a world; by default, `check`."""
+        self.check(world)
 
     def save(self) -> Any:
         """State from which a successor continues after this frame; None if it needs none.

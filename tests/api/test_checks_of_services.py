@@ -9,9 +9,12 @@ from minerva_bus.launch import installed
 from tests.runtime.running import here
 
 CODE = """\
-from minerva_bus import Agent, EventType, Generator, Vocabulary, on
+from minerva_bus import Agent, Disc, EventType, Generator, Primitive, Vocabulary, on
 
 eHonk = EventType("eHonk", loud=float)
+eHush = EventType("eHush")
+ePicture = EventType("ePicture", visual=True)
+PHorn = Primitive("PHorn", Disc(0.1, heading=True))
 
 
 class Car(Agent, symbol="ACar"):
@@ -36,7 +39,7 @@ class Horn(Generator):
         self.publishes = (topic,)
 
 
-vocabulary = Vocabulary.of(eHonk, Car)
+vocabulary = Vocabulary.of(eHonk, eHush, ePicture, PHorn, Car)
 """
 WORLD = """\
 [world]
@@ -70,6 +73,11 @@ def world(folder, more):
         ),
         ('service = "laser"\nevent = "eHonk"', "laser: eHonk has no dist"),
         ("service = 'camera'\nevent = 'eHonk'", "camera: eHonk has no marker"),
+        ('service = "sound"\nvoice = "PHron"', "no such primitive; did you mean 'PHorn'?"),
+        ('service = "sound"\nvoice = "PHorn#a"', "PHorn has no parameter `name`"),
+        ('service = "keyboard"\nkeymap = { k = "eHonk lowd=1" }\nslide = ""', "no lowd"),
+        ('service = "keyboard"\nkeymap = { k = "eHank" }\nslide = ""', "did you mean 'eHonk'?"),
+        ('service = "keyboard"\nslide = "eHush"', "eHush must have one real number"),
         (f'{MQTT}{{ t = {{ event = "eHonk", if = "loud == true" }} }}', "loud of a message for"),
         (f'{MQTT}{{ t = {{ event = "eHonk", if = "#a.heard > 1" }} }}', "has no #a.heard"),
         (f'{MQTT}{{ t = {{ event = "eHonk", condition = "herd > 1" }} }}', "mean 'heard'?"),
@@ -104,8 +112,21 @@ def test_topics_that_no_process_publishes_are_warned_of(more, warnings, tmp_path
     assert [warning.partition(" no readings")[0] for warning in found] == warnings
 
 
-def test_only_services_that_declare_it_are_asked(tmp_path):
+def test_no_service_joins_a_world_that_is_checked(tmp_path):
     check(world(tmp_path, '[process.source]\nservice = "hall:Loud"\n'))
+
+
+@pytest.mark.parametrize(
+    ("more", "warnings"),
+    [
+        ("", ["source: no agent of this world responds to eHush"]),
+        ("[norm.quiet]\non = 'eHush'\n", []),
+    ],
+)
+def test_events_to_which_no_agent_responds_are_warned_of(more, warnings, tmp_path):
+    service = "[process.source]\nservice = 'each'\nevent = 'eHush'\n"
+    found = check(world(tmp_path, f"{service}{more}")).warnings
+    assert [warning.partition(", so")[0] for warning in found] == warnings
 
 
 @pytest.mark.parametrize(

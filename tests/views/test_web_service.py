@@ -91,7 +91,7 @@ def test_options_that_cannot_be(options):
 @pytest.mark.parametrize("click", ["eNothing", "ePace", "eBring"])
 def test_a_click_sends_an_event_type_with_one_text(click):
     page = Web(click=click)
-    with pytest.raises(MinervaError, match="only datum is a text"):
+    with pytest.raises(MinervaError, match="web: click is"):
         page.joined(yard())
     page.close()
 

@@ -80,10 +80,13 @@ class SteppedModel(Device, Generator, coupled=True):
     def generates(self) -> tuple[str, ...]:
         return (self._event,)
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         self._type = event_type(self._name, world, self._event)
-        self._dt = world.dt
         self._check_inputs(world)
+
+    def joined(self, world: WorldInfo) -> None:
+        self.check(world)
+        self._dt = world.dt
         self._model = self.opened()
 
     def show(self, view: View) -> None:

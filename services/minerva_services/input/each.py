@@ -20,8 +20,6 @@ class Each(Generator):
 
     """
 
-    checked = True
-
     def __init__(self, event: str, every: int = 1) -> None:
         if every < 1:
             raise MisuseError(f"each: every is {every}; expected an integer >= 1 (frames)")
@@ -32,7 +30,7 @@ class Each(Generator):
     def generates(self) -> tuple[str, ...]:
         return (self._type,)
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         self._event = EventFactory("each", world, self._type)()
 
     def generate(self, tick: Tick) -> Iterable[Event]:

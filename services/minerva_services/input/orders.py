@@ -22,8 +22,6 @@ class Orders(Generator, when="on orders"):
 
     """
 
-    checked = True
-
     def __init__(self, event: str, first: Mapping[str, Any] | None = None) -> None:
         self._type = event
         self._data = first
@@ -35,7 +33,7 @@ class Orders(Generator, when="on orders"):
     def takes_orders(self) -> tuple[str, ...]:
         return (self._type,)
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         declared = event_type("orders", world, self._type)
         if self._data is None:
             return

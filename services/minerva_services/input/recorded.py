@@ -30,8 +30,6 @@ class RecordedEvents(Generator):
 
     """
 
-    checked = True
-
     def __init__(self, file: str, events: str, begin: int = 0) -> None:
         if begin < 0:
             raise MisuseError(f"recorded: begin is {begin}; expected a frame from 0")
@@ -44,7 +42,7 @@ class RecordedEvents(Generator):
     def generates(self) -> tuple[str, ...]:
         return self._types
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         """Raises RecordError, and MisuseError if the world or the record lacks an event type."""
         known = world.vocabulary.events
         for name in self._types:

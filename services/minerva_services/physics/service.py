@@ -111,8 +111,11 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         self._carried_out: dict[str, int] = {}
         self._stopped: dict[str, str] = {}
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         self._collision_events = CollisionEvents("physics", world, "eCollision", "shortfall")
+
+    def joined(self, world: WorldInfo) -> None:
+        self.check(world)
         self._begin()
 
     def show(self, view: View) -> None:

@@ -31,8 +31,6 @@ class Camera(Generator, events=("eCamera",)):
 
     topics = ("sightings",)
 
-    checked = True
-
     def __init__(
         self,
         topic: str = "sightings",
@@ -51,7 +49,7 @@ class Camera(Generator, events=("eCamera",)):
     def generates(self) -> tuple[str, ...]:
         return (self._event,)
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         data = {"marker": str, "dist": Metres, "angle": Degrees}
         self._marker = EventFactory("camera", world, self._event, **data)
 

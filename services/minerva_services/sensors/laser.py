@@ -56,8 +56,6 @@ class Laser(Generator, events=("eLaser",)):
 
     topics = ("scan",)
 
-    checked = True
-
     def __init__(
         self,
         topic: str = "scan",
@@ -90,7 +88,7 @@ class Laser(Generator, events=("eLaser",)):
     def generates(self) -> tuple[str, ...]:
         return (self._event, self._clear) if self._clear else (self._event,)
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         declared = event_type("laser", world, self._event).fields.names
         self._timed = "time" in declared
         time = {"time": Seconds} if self._timed else {}

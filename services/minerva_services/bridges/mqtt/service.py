@@ -48,7 +48,6 @@ class Mqtt(Bridge, Device, when="freely"):
     """
 
     source_option: ClassVar[str] = "broker"
-    checked = True
 
     @takes_options(Login)
     def __init__(
@@ -90,7 +89,7 @@ class Mqtt(Bridge, Device, when="freely"):
     def generates(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(rule.event for rule in self._rules))
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         require("mqtt", "paho.mqtt.client", "paho-mqtt", "mqtt")
         self._vocabulary = world.vocabulary
         self._event_rules = [

@@ -103,10 +103,13 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         self._collisions = 0
         self._name = self._robot
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         """Raises MisuseError if rosbags is missing, or the world has no such event."""
         messages()
         self._collision = EventFactory("ros2_robot", world, "eCollision", shortfall=Metres)
+
+    def joined(self, world: WorldInfo) -> None:
+        self.check(world)
         self._begin()
         self._base.connect()
 

@@ -128,7 +128,7 @@ class Ros2(Bridge):
         }
         return {message: row for message, row in table.items() if row[0]}
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         """Raises MisuseError if rosbags is missing, or the world has no event for maps."""
         messages()
         if self._map:

@@ -42,7 +42,7 @@ class Gamepad(Bridge):
     """
 
     source_option: ClassVar[str] = "pad"
-    interactive = people = checked = True
+    interactive = people = True
 
     def __init__(
         self,
@@ -81,7 +81,7 @@ class Gamepad(Bridge):
     def generates(self) -> tuple[str, ...]:
         return self._controls.generates()
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         self._controls.joined(world)
 
     def open(self) -> Source:

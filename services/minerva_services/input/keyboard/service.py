@@ -79,8 +79,11 @@ class Keyboard(Bridge):
     def generates(self) -> tuple[str, ...]:
         return self._controls.generates()
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         self._controls.joined(world)
+
+    def joined(self, world: WorldInfo) -> None:
+        self.check(world)
         # Opened before the world runs, where a missing terminal can still be reported as misuse.
         self._terminal = self._opened()
 

@@ -99,8 +99,6 @@ class Collisions(Device, Generator, coupled=True):
 
     """
 
-    checked = True
-
     def __init__(
         self,
         event: str = "eCollision",
@@ -125,7 +123,7 @@ class Collisions(Device, Generator, coupled=True):
     def generates(self) -> tuple[str, ...]:
         return (self._event,)
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         self._collision_events = CollisionEvents("collisions", world, self._event)
         self._bodies = Bodies(world.vocabulary, self._who)
         _check_known(self._ignored, world)

@@ -62,8 +62,6 @@ class Neighbours(Device, Generator, coupled=True):
 
     """
 
-    checked = True
-
     def __init__(
         self,
         event: str = "eNear",
@@ -107,7 +105,7 @@ class Neighbours(Device, Generator, coupled=True):
     def generates(self) -> tuple[str, ...]:
         return (self._event,)
 
-    def joined(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         self._type = event_type("neighbours", world, self._event)
         self._compare(self._type)
         self._check_names(world.vocabulary)

@@ -77,10 +77,22 @@ class MemberPage(Device):
         self._server: MemberPageServer | None = None
         self._pages = PageNames("page", read_joins(joins))
 
+    def check(self, world: WorldInfo) -> None:
+        check_named("page", world.vocabulary, self._options.click, self._options.slide)
+        for name in self._options.draws:
+            declared = world.vocabulary.events.get(name)
+            if declared is None or not declared.visual:
+                visual = [event.name for event in world.vocabulary.events.values() if event.visual]
+                raise MisuseError(
+                    f"page: draws is {name!r}, but the visual event types of {world.world} are"
+                    f" {', '.join(visual) or 'none'}"
+                )
+
     def joined(self, world: WorldInfo) -> None:
         from minerva_services.views.page.server import MemberPageServer, PageServices
 
-        self._check(world)
+        self.check(world)
+        self._check_endpoint(world)
         self._ended = world.ended
         site = PageSite(self._module)
         people = People(world, self._options, self._pages, site)
@@ -120,17 +132,8 @@ class MemberPage(Device):
         token = token_for(port, str(os.getppid()))
         return WebAccess(host, port, token, frozenset(self._names), self._tls is not None)
 
-    def _check(self, world: WorldInfo) -> None:
+    def _check_endpoint(self, world: WorldInfo) -> None:
         check_relayed(world.endpoint)
-        check_named("page", world.vocabulary, self._options.click, self._options.slide)
-        for name in self._options.draws:
-            declared = world.vocabulary.events.get(name)
-            if declared is None or not declared.visual:
-                visual = [event.name for event in world.vocabulary.events.values() if event.visual]
-                raise MisuseError(
-                    f"page: draws is {name!r}, but the visual event types of {world.world} are"
-                    f" {', '.join(visual) or 'none'}"
-                )
         is_secured = not world.endpoint.startswith("tcp/")
         if is_secured and self._tls is None and self._address[0] not in _LOOPBACK:
             raise MisuseError(

@@ -67,10 +67,13 @@ class Sound(Device, draws=("ePicture",)):
         self._samples = samples
         self._sonification: Sonification | None = None
 
+    def check(self, world: WorldInfo) -> None:
+        self._roles = roles(world, *self._named)
+
     def joined(self, world: WorldInfo) -> None:
-        chosen = roles(world, *self._named)
+        self.check(world)
         file = WavFile(self._path, self._samples)
-        self._sonification = Sonification(world, chosen, self._tuning, file)
+        self._sonification = Sonification(world, self._roles, self._tuning, file)
 
     def show(self, view: View) -> None:
         """φ of the view. Raises MisuseError if the file cannot be written."""
@@ -81,7 +84,8 @@ class Sound(Device, draws=("ePicture",)):
     def report(self) -> Mapping[str, bool | int | float | str]:
         if self._sonification is None:
             return {}
-        return {"sound": text_of_path(self._path), "clicks": self._sonification.clicks}
+        sound = text_of_path(self._path)
+        return {"sound": sound, "clicks": self._sonification.clicks, **self._sonification.left_out}
 
     def close(self) -> None:
         if self._sonification is not None:

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.launch.web_access import forget_token
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
 from minerva_services.views.overlay import Overlay
+from minerva_services.views.window.order_types import check_named
 
 if TYPE_CHECKING:
     from minerva_services.views.web.controller import PageController
@@ -82,6 +82,9 @@ class Web(Device, draws=("ePicture",)):
         self._views = 0
         self._seconds = 0.0
 
+    def check(self, world: WorldInfo) -> None:
+        check_named("web", world.vocabulary, self._click)
+
     def joined(self, world: WorldInfo) -> None:
         # Imported here because viser takes long to load.
         from minerva_services.views.web.controller import PageController
@@ -90,7 +93,7 @@ class Web(Device, draws=("ePicture",)):
         from minerva_services.views.web.panel import Panel
         from minerva_services.views.web.serving import serve, url
 
-        self._check_click(world)
+        self.check(world)
         self._ended = world.ended
         self._overlay = Overlay(world.vocabulary, self.draws)
         address = self._address
@@ -154,14 +157,3 @@ class Web(Device, draws=("ePicture",)):
                 for agent in agents(skeleton)
             }
         )
-
-    def _check_click(self, world: WorldInfo) -> None:
-        if not self._click:
-            return
-        declared = world.vocabulary.events.get(self._click)
-        kinds = [field.type.kind for field in declared.fields.all] if declared is not None else []
-        if kinds != ["text"]:
-            raise MisuseError(
-                f"web: click is {self._click!r}; expected an event type of {world.world} whose"
-                " only datum is a text"
-            )

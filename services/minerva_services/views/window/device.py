@@ -55,11 +55,15 @@ class WindowDevice(Device):
 
     # --- called by the world ---
 
+    def check(self, world: WorldInfo) -> None:
+        options = self.options
+        check_named(options.service, world.vocabulary, options.click, options.slide)
+
     def joined(self, world: WorldInfo) -> None:
         """Open the window or file. Raises MisuseError."""
         options = self.options
         # Wrong options must fail before a window opens.
-        check_named(options.service, world.vocabulary, options.click, options.slide)
+        self.check(world)
         self._composer = Composer(world, self.draws)
         self.controls = WindowControls(
             world.vocabulary, options.click, options.slide, options.follow

@@ -37,7 +37,7 @@ def order_types(
     )
 
 
-def check_named(service: str, vocabulary: Vocabulary, click: str, slide: str) -> None:
+def check_named(service: str, vocabulary: Vocabulary, click: str, slide: str = "") -> None:
     """Raise MisuseError if an option names a type that cannot be sent that way."""
     for option, name, fits, wanted in (
         ("click", click, is_click, "one text"),
