@@ -12,7 +12,7 @@
     │   ├── StateError           an attribute of an agent has an invalid value
     │   │   └── Unsound          an attribute of one row is not finite           world.assembling
     │   ├── SignatureError       a method takes other arguments than it is called with
-    │   └── NotCompilable        a method uses what cannot be compiled            compiled.origin
+    │   └── NotCompilable        a method uses what cannot be compiled            world.accelerator
     ├── UserCodeError            a method of an agent or a service failed
     │   └── ActivityError        a method of an agent failed at an event         world.kinds
     ├── RecordError              a record cannot be written or read              log.errors

@@ -17,9 +17,9 @@ from minerva_bus.compiled.form import (
     Variable,
 )
 from minerva_bus.compiled.names import STATE, joined
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.compiled.references import INT_BITS, References
 from minerva_bus.compiled.refused import REAL_EVERYWHERE
+from minerva_bus.world.accelerator import NotCompilable
 
 _EXACT: Final = 2**53
 

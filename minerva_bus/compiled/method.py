@@ -21,9 +21,10 @@ from minerva_bus.compiled.names import (
     limit_of,
     slots_of,
 )
-from minerva_bus.compiled.origin import MISSING, NotCompilable, Origin, lookup
+from minerva_bus.compiled.origin import MISSING, Origin, lookup
 from minerva_bus.compiled.statements import Statements
 from minerva_bus.grammar.types import Type
+from minerva_bus.world.accelerator import NotCompilable
 
 Names = dict[tuple[Any, str], Any]
 

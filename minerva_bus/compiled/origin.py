@@ -9,18 +9,10 @@ from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.errors import MisuseError
 from minerva_bus.source import SourceLine, handler_name
+from minerva_bus.world.accelerator import REMEDY, NotCompilable
 
-REMEDY: Final = "leave out compiled=True, which runs the method agent by agent"
 MISSING: Final = object()
-
-
-class NotCompilable(MisuseError):
-    """A method uses something that cannot be compiled.
-
-    The message has the file, the line, the place in it, and what to write instead.
-    """
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,9 +26,10 @@ from minerva_bus.compiled.names import (
     Reference,
     kind_of,
 )
-from minerva_bus.compiled.origin import MISSING, NotCompilable
+from minerva_bus.compiled.origin import MISSING
 from minerva_bus.errors import nearest
 from minerva_bus.grammar.symbols import EventType
+from minerva_bus.world.accelerator import NotCompilable
 
 INT_BITS: Final = 2**63
 """Ints of machine code are below this."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.wording import counted
+from minerva_bus.world.accelerator import IF_POSSIBLE, Mode, NotCompilable, compile_all
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.compiling import IF_POSSIBLE, Mode, compile_all
 
 
 def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, path: Path) -> list[str]:
@@ -27,9 +26,9 @@ def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, path: Path) -> list
                 f'{path}: [world] compiled = true: {error}\n  or: compiled = "{IF_POSSIBLE}"'
             ) from None
     if mode == IF_POSSIBLE:
-        classes = _classes(processes)
-        methods = counted(sum(len(cls.compiled or ()) for cls in classes), "method")
-        views = counted(sum(len(cls.compiled_views or ()) for cls in classes), "view")
+        made = [cls.accelerator for cls in _classes(processes) if cls.accelerator is not None]
+        methods = counted(sum(len(each.methods) for each in made), "method")
+        views = counted(sum(len(each.views) for each in made), "view")
         notes.insert(0, f"compiled {methods} and {views} of agents")
     return notes
 

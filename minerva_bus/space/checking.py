@@ -12,7 +12,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from minerva_bus.compiled.origin import MISSING, NotCompilable, Origin
+from minerva_bus.compiled.origin import MISSING, Origin
 from minerva_bus.compiled.refused import EXPRESSIONS, REAL_EVERYWHERE, STATEMENTS, TEXT_AS_NUMBER
 from minerva_bus.errors import nearest
 from minerva_bus.space import draws
@@ -20,6 +20,7 @@ from minerva_bus.space.callable import called, check_called
 from minerva_bus.space.definite import check_values
 from minerva_bus.space.guarded import MIXED, READ_ONLY
 from minerva_bus.space.kernels import Kernel, helpers
+from minerva_bus.world.accelerator import NotCompilable
 
 _POSSIBLE: Final = (ast.List, ast.Tuple, ast.Slice)
 """Expressions that rules may use, but methods of agents not: numba has a type for them."""

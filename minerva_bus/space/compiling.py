@@ -15,7 +15,6 @@ from types import ModuleType
 from typing import Any, Final, cast
 
 from minerva_bus.compiled.loading import generated, versions
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.space.checking import uncompilable
 from minerva_bus.space.guarded import Guard
 from minerva_bus.space.kernels import (
@@ -27,6 +26,7 @@ from minerva_bus.space.kernels import (
     key,
     numba,
 )
+from minerva_bus.world.accelerator import NotCompilable
 
 Function = Callable[..., Any]
 _HEADS: Final = (

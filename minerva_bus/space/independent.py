@@ -14,12 +14,13 @@ from dataclasses import dataclass, field
 from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.compiled.origin import NotCompilable, Origin
+from minerva_bus.compiled.origin import Origin
 from minerva_bus.space.edges import degree, edge, neighbour
 from minerva_bus.space.field import go_to, near
 from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.lattice import beside
 from minerva_bus.space.occupancy import within
+from minerva_bus.world.accelerator import NotCompilable
 
 _READING: Final = frozenset((near, within, beside, degree, edge, neighbour))
 """Kernels that change nothing except the list of rows that a search has found."""

@@ -11,8 +11,9 @@ import ast
 from collections.abc import Collection
 from types import FunctionType
 
-from minerva_bus.compiled.origin import NotCompilable, Origin
+from minerva_bus.compiled.origin import Origin
 from minerva_bus.space.callable import called
+from minerva_bus.world.accelerator import NotCompilable
 
 
 def only_read(function: FunctionType, names: Collection[str]) -> frozenset[str]:

@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.compiled.origin import NotCompilable, Origin
+from minerva_bus.compiled.origin import Origin
 from minerva_bus.space.callable import called
 from minerva_bus.space.field import go_to, near
 from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.occupancy import copy, move_to, random_at, random_free, remove, within
+from minerva_bus.world.accelerator import NotCompilable
 
 _SEARCHES: Final = (near, within, random_at, random_free)
 _CHANGES: Final = (go_to, move_to, remove, copy)

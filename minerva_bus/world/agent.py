@@ -20,16 +20,15 @@ A method marked with `@view` is θ (equation 4): it returns primitives and trans
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from operator import is_
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
 from minerva_bus.arguments import text, text_list, whole_number
-from minerva_bus.compiled.activity import CompiledMethods, CompiledViews
 from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest
 from minerva_bus.grammar.column import SCALARS
 from minerva_bus.grammar.columns import Columns
@@ -39,8 +38,8 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids, no_id
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.world.accelerator import Accelerator, accelerated
 from minerva_bus.world.class_attributes import expose_attributes
-from minerva_bus.world.compiling import marked_compiled, marked_views
 from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import (
     ON,
@@ -116,9 +115,8 @@ class Agent:
     population_views: ClassVar[dict[str, ViewHandler]] = {}
     batches: ClassVar[frozenset[str]] = frozenset()
     """Event types with a method for one agent that takes all events of a frame in one call."""
-    compiled: ClassVar[CompiledMethods | None] = None
-    """Methods for one agent that run as machine code on the rows of a population."""
-    compiled_views: ClassVar[CompiledViews | None] = None
+    accelerator: ClassVar[Accelerator | None] = None
+    """What runs methods for one agent as machine code on the rows of a population."""
 
     id: str
     scope: Scene
@@ -158,17 +156,15 @@ class Agent:
                 tuple(sorted(rest)),
             )
             _check_columns(cls.kind, cls.population or cls.population_views)
-            cls.compiled = marked_compiled(cls)
-            cls.compiled_views = marked_views(cls)
+            cls.accelerator, reasons = accelerated(cls)
+            for reason in reasons:
+                warnings.warn(reason, UserWarning, stacklevel=3)
             expose_attributes(cls, [each.name for each in state.all if each.type.kind in SCALARS])
 
     @classmethod
-    def machine_code(cls) -> Iterator[tuple[str, Callable[[], object]]]:
+    def machine_code(cls) -> Iterable[tuple[str, Callable[[], object]]]:
         """Titles of the compiled code of this class, each with the function that compiles it."""
-        for methods in (cls.compiled, cls.compiled_views):
-            for event_type in methods or ():
-                assert methods is not None
-                yield methods.program(event_type).title, partial(methods.kernel, event_type)
+        return () if cls.accelerator is None else cls.accelerator.code()
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
         if AGENT_ID.fullmatch(text("id", id)) is None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.compiling import Mode, check_mode
+from minerva_bus.world.accelerator import Mode, check_mode
 from minerva_bus.world.declaring import (
     COMPILED,
     ON,

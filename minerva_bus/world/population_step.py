@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +28,6 @@ from minerva_bus.world.event_batch import EventBatch, joined
 from minerva_bus.world.kinds import ActivityError, Kinds
 from minerva_bus.world.population import Population, PopulationState, Turn, returns_nothing
 from minerva_bus.world.row_adapter import RowAdapter
-
-if TYPE_CHECKING:
-    from minerva_bus.world.compiled_rows import CompiledRows
 
 Activity = Callable[..., Any]
 
@@ -55,12 +52,6 @@ class PopulationStep:
         self._steps: dict[int, AgentStep] = {}
         self._sent: list[tuple[int, Sequence[Event]]] = []
         self._ran: list[tuple[Activity, AnyEvent]] = []
-        self._compiled: CompiledRows | None = None
-        if self._cls.compiled is not None:
-            # Here, because most worlds do not need it, and each process would import it.
-            from minerva_bus.world.compiled_rows import CompiledRows
-
-            self._compiled = CompiledRows(self._cls.compiled, self._state, self._streams, frame)
         # Rows whose state is in agent objects: any after a method that is not compiled, and those
         # of `_in_python`, which a compiled method has left to Python until the end of the frame.
         self._in_objects = False
@@ -252,7 +243,8 @@ class PopulationStep:
     # --- compiled methods for one agent ---
 
     def _is_compiled(self, event_type: str) -> bool:
-        return self._cls.compiled is not None and event_type in self._cls.compiled
+        accelerator = self._cls.accelerator
+        return accelerator is not None and event_type in accelerator.methods
 
     def _run_compiled(self, activity: Activity, event: AnyEvent, rows: Rows | None) -> None:
         """Run a method as machine code, and in Python for the rows that the code leaves to it."""
@@ -269,7 +261,7 @@ class PopulationStep:
         A row stays in Python until the end of the frame: its state may be one that columns cannot
         hold, which is an error only if it lasts.
         """
-        assert self._compiled is not None
+        assert self._cls.accelerator is not None
         if self._in_objects:
             self._settle(turn.event)
             self._in_objects, self._in_python = False, np.zeros(0, np.bool_)
@@ -279,7 +271,9 @@ class PopulationStep:
         left = self._in_python[turn.rows]
         fast = np.flatnonzero(~left)
         if len(fast):
-            faults = self._compiled.run(turn.event.type, self._cls, turn.take(fast))
+            faults = self._cls.accelerator.run(
+                turn.take(fast), self._state, self._streams, self._frame
+            )
             left[fast[faults]] = True
         self._in_python[turn.rows[left]] = True
         return left

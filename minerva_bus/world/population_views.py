@@ -32,8 +32,8 @@ def view_of_population(
     # Otherwise agents may have different numbers of views, or the method shows one agent only.
     if len(concerning) > 1 or isinstance(event, Events) or event.receivers:
         return None
-    compiled, view = cls.compiled_views, cls.population_views.get(event.type)
-    if view is None and (compiled is None or event.type not in compiled):
+    accelerator, view = cls.accelerator, cls.population_views.get(event.type)
+    if view is None and (accelerator is None or event.type not in accelerator.views):
         return None
     rows = _willing(part, event)
     count = part.count if rows is None else len(rows)
@@ -41,14 +41,10 @@ def view_of_population(
         return EMPTY
     state = PopulationState(part, cls.kind.fields, lasting=False)
     if view is None:
-        assert compiled is not None
-        # Here, because most worlds do not need it, and each process would import it.
-        from minerva_bus.world.compiled_views import compiled_view
-
-        chosen = np.arange(count) if rows is None else rows
-        return compiled_view(compiled, state, chosen, event, _one_each)
+        assert accelerator is not None
+        return accelerator.view(state, np.arange(count) if rows is None else rows, event)
     try:
-        return _one_each(view(Population(state, cls, rows), event), count)
+        return one_each(view(Population(state, cls, rows), event), count)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
@@ -76,7 +72,7 @@ def returned(shown: object) -> Scene:
     return shown
 
 
-def _one_each(result: object, count: int) -> Scene:
+def one_each(result: object, count: int) -> Scene:
     """A string with a node for each of `count` agents, or with equal nodes for all."""
     shown = returned(result)
     left = next(agents(shown), None)

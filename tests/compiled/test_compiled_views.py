@@ -22,10 +22,10 @@ from minerva_bus import (
     view,
     visualize,
 )
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.grammar.columns import has_columns
 from minerva_bus.grammar.digest import scene_digest
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.world.accelerator import NotCompilable
 from minerva_bus.world.kinds import ActivityError
 
 ePicture = EventType("ePicture", zoom=float, visual=True)
@@ -117,7 +117,7 @@ def test_views_of_one_form_are_columns_without_a_call_of_the_method(monkeypatch)
 
 
 def test_attributes_that_are_shown_unchanged_are_not_copied():
-    outputs = COMPILED.compiled_views.program("ePicture").outputs
+    outputs = COMPILED.accelerator._views.program("ePicture").outputs
     assert [dict(each.shared) for each in outputs] == [
         {},
         {"1": "y", "2": "id", "4": "name"},
@@ -139,7 +139,7 @@ def test_a_view_gets_only_what_it_computes_with():
                 return TAt(self.x, self.y)(PName(self.id))
             return TTurn(0.5)(PName(self.name))
 
-    program = Bird.compiled_views.program("ePicture")
+    program = Bird.accelerator._views.program("ePicture")
     assert [each.name for each in program.reads] == ["size", "x", "y"]
     assert program.given == ()
     birds = {"x": np.arange(40.0), "name": np.array(["n"] * 40)}

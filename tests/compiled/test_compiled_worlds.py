@@ -146,8 +146,7 @@ def test_if_possible_reports_what_it_did(world):
     # The setting is that of a world: the same classes in another one are not compiled.
     file = read_world_file(world(more=more))
     classes = [cls for process in file.processes for cls in process.agents]
-    assert [cls.compiled for cls in classes] == [None, None]
-    assert [cls.compiled_views for cls in classes] == [None, None]
+    assert [cls.accelerator for cls in classes] == [None, None]
 
 
 def test_another_value_is_an_error(world):

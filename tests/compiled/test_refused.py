@@ -8,7 +8,7 @@ from importlib import import_module
 import pytest
 
 from minerva_bus.blame import described
-from minerva_bus.compiled.origin import NotCompilable
+from minerva_bus.world.accelerator import NotCompilable
 
 HEAD = """
 import math

@@ -12,10 +12,10 @@ pytest.importorskip("numba")
 import numba
 
 from minerva_bus import Cells, portable
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.space import ORDERED, CellGrid, Draws, beside, integers, interpreted, rule, within
 from minerva_bus.space.compiling import compiler
 from minerva_bus.space.kernels import OPTIONS, rebound
+from minerva_bus.world.accelerator import NotCompilable
 from tests.space.worlds import Sheep, meadow, moment
 
 TOP = 2**63

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from minerva_bus import Reals, evolve, on
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.grammar.scene import agents
 from minerva_bus.space import ORDERED, SHUFFLED, CellGrid, Space, beside, interpreted, kernel, rule
+from minerva_bus.world.accelerator import NotCompilable
 from minerva_bus.world.context import Frame
 from tests.space.worlds import eStep, moment
 

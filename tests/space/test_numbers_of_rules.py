@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from minerva_bus import Cells
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.errors import MisuseError
 from minerva_bus.space import ORDERED, interpreted, rule
+from minerva_bus.world.accelerator import NotCompilable
 from tests.space.worlds import Sheep, meadow, moment
 
 COLOURS = np.array([1, 2])

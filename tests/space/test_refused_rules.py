@@ -5,10 +5,10 @@ import importlib.util
 
 import pytest
 
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.compiled.refused import EXPRESSIONS, STATEMENTS
 from minerva_bus.errors import MisuseError
 from minerva_bus.space import ORDERED, checking, interpreted, rule
+from minerva_bus.world.accelerator import NotCompilable
 from tests.space.worlds import Sheep, meadow, moment
 
 HEAD = """

@@ -3,7 +3,6 @@
 import pytest
 
 from minerva_bus import Cells, Reals
-from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.space import (
     ORDERED,
     SIMULTANEOUS,
@@ -21,6 +20,7 @@ from minerva_bus.space import (
     rule,
     within,
 )
+from minerva_bus.world.accelerator import NotCompilable
 from tests.space.worlds import Bird, Sheep, meadow, moment
 
 

@@ -23,6 +23,7 @@ from minerva_bus import (
 from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.scene import AGENT_ID, scene_of
+from minerva_bus.world.accelerator import NotCompilable
 from minerva_bus.world.kinds import ActivityError, kinds_of
 
 eHit = EventType("eHit")
@@ -357,3 +358,22 @@ def test_a_kind_with_a_matrix_cannot_be_written_for_populations():
 
             @on("eDo", population=True)
             def do(self, order, moment): ...
+
+
+def test_without_an_accelerator_compiled_methods_say_what_they_need(monkeypatch):
+    monkeypatch.setattr("minerva_bus.world.accelerator.entries", lambda group: {})
+
+    def walker(mode):
+        class Walker(Agent, symbol="AWalker"):
+            @on("eStep", compiled=mode)
+            def walk(self, step, moment):
+                pass
+
+        return Walker
+
+    needs = r"Walker\.walk cannot be compiled: no accelerator is installed; add the extension fast"
+    with pytest.raises(NotCompilable, match=needs):
+        walker(True)
+    with pytest.warns(UserWarning, match=needs):
+        assert walker("if possible").accelerator is None
+    assert walker(False).accelerator is None

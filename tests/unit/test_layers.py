@@ -19,8 +19,8 @@ ORDER = [
     "portable",
     "grammar",
     "semantics",
-    "compiled",
     "world",
+    "compiled",
     "space",
     "frame",
     "collect",
@@ -46,9 +46,7 @@ INSIDE = {
 }
 """Extensions that are still packages of the kernel."""
 TIES = {
-    "fast": """
-        launch.compiling world.agent world.compiled_rows world.compiled_views world.compiling
-    """,
+    "fast": "",
 }
 """The modules of the kernel that import these; the lists may only shrink."""
 REQUIRED: dict[str, set[str]] = {}

@@ -1,26 +1,28 @@
-"""Compiled methods applied to a population: columns in, changes, newborns and events out."""
+"""One call of a kernel: columns of a population in; changes, newborns, events and figures out."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.compiled.activity import CompiledMethods, Kernel
-from minerva_bus.compiled.form import Emission, Newborn, Output, Program, Shown, ValueKind
-from minerva_bus.compiled.writing import FAULT, GONE, cells
+from minerva_bus.compiled.form import Emission, Figure, Newborn, Output, Program, Shown, ValueKind
+from minerva_bus.compiled.loading import Kernel
+from minerva_bus.compiled.text_codes import TextCodes
+from minerva_bus.compiled.writing import cells
 from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import EMPTY, Node, Scene
 from minerva_bus.grammar.symbols import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.lineage import child_ids
 from minerva_bus.world.population import Birth, PopulationState, Turn
-from minerva_bus.world.text_codes import TextCodes
+from minerva_bus.world.population_views import one_each
 
 _DTYPES: Final[dict[ValueKind, Any]] = {
     ValueKind.INT: np.int64,
@@ -35,83 +37,8 @@ _PART: Final = 8
 _NOTHING: Final = np.zeros(1, np.int64)
 
 
-class CompiledRows:
-    """Runs the compiled methods of a class on the rows of a population within a frame."""
-
-    def __init__(
-        self, methods: CompiledMethods, state: PopulationState, streams: FrameStreams, frame: Frame
-    ) -> None:
-        self._methods = methods
-        self._state = state
-        self._streams = streams
-        self._frame = frame
-
-    def run(self, event_type: str, cls: Any, turn: Turn) -> NDArray[np.bool_]:
-        """Process a turn; returns a mask of the rows that must run in Python, shape (rows,)."""
-        program, kernel = self._methods.kernel(event_type)
-        call = KernelCall(program, self._state, turn)
-        # A duration that is an int would give an int, which the kernel does not have.
-        if not call.fits or type(self._frame.dt) is not float:
-            return np.ones(len(turn.rows), np.bool_)
-        outcomes = call.run(kernel, self._streams, self._frame)
-        self._state.turn += 1
-        call.store()
-        for index, output in enumerate(program.outputs):
-            if isinstance(output, Newborn):
-                self._bear(call.cells_of(index), call, output, cls)
-            elif isinstance(output, Emission):
-                self._send(call.cells_of(index), call, output)
-        gone = turn.rows[outcomes == GONE]
-        if len(gone):
-            self._state.leave(gone)
-        return outcomes == FAULT
-
-    def _bear(
-        self, appended: list[NDArray[Any]], call: KernelCall, output: Newborn, cls: Any
-    ) -> None:
-        place, births, *values = appended
-        if not len(place):
-            return
-        kind = (output.symbol or cls).kind
-        parents = call.turn.rows[place]
-        given = call.decoded(output, values)
-        columns = kind.fields.columns(kind.name, given, len(place))
-        ids = child_ids(self._state.ids.take(parents), births)
-        newborn = Columns(kind.name, kind.fields.names, columns, len(place), ids)
-        self._state.born.append(Birth(parents, self._state.turn, newborn))
-
-    def _send(self, appended: list[NDArray[Any]], call: KernelCall, output: Emission) -> None:
-        place, *values = appended
-        if not len(place):
-            return
-        rows = call.turn.rows[place]
-        given = call.decoded(output, values)
-        columns = tuple(Column(given[name]) for name in output.names)
-        codes = values[len(output.slots) :]
-        ids = [Ids.of(call.codes.texts(column).tolist()) for column in codes]
-        receivers = ids[0] if len(ids) == 1 else None
-        senders = self._state.ids.take(rows)
-        events: Sequence[Event] | Events = Events(
-            output.event_type,
-            output.names,
-            columns,
-            len(rows),
-            output.condition,
-            senders,
-            receivers,
-        )
-        if len(ids) > 1:
-            # A column of receivers has one id for each event.
-            to = zip(*[column.texts() for column in ids], strict=True)
-            events = [
-                replace(event, receivers=receiver_ids(each))
-                for event, each in zip(events, to, strict=True)
-            ]
-        self._state.sent.append((rows, events))
-
-
 class KernelCall:
-    """The arrays of one call of a kernel."""
+    """The arrays of one call of a kernel, and what its rows have appended to them."""
 
     def __init__(self, program: Program, state: PopulationState, turn: Turn) -> None:
         self.program = program
@@ -235,7 +162,65 @@ class KernelCall:
             else:
                 self._state.write(name, rows, self.codes.texts(codes[rows]))
 
-    def cells_of(self, index: int) -> list[NDArray[Any]]:
+    def bear(self, index: int, output: Newborn, cls: Any) -> None:
+        """Place the newborns of an output in the population; `cls` is the class of the agents."""
+        place, births, *values = self._appended(index)
+        if not len(place):
+            return
+        kind = (output.symbol or cls).kind
+        parents = self.turn.rows[place]
+        given = self._decoded(output, values)
+        columns = kind.fields.columns(kind.name, given, len(place))
+        ids = child_ids(self._state.ids.take(parents), births)
+        newborn = Columns(kind.name, kind.fields.names, columns, len(place), ids)
+        self._state.born.append(Birth(parents, self._state.turn, newborn))
+
+    def send(self, index: int, output: Emission) -> None:
+        """Send the events of an output from their agents."""
+        place, *values = self._appended(index)
+        if not len(place):
+            return
+        rows = self.turn.rows[place]
+        given = self._decoded(output, values)
+        columns = tuple(Column(given[name]) for name in output.names)
+        codes = values[len(output.slots) :]
+        ids = [Ids.of(self.codes.texts(column).tolist()) for column in codes]
+        receivers = ids[0] if len(ids) == 1 else None
+        senders = self._state.ids.take(rows)
+        events: Sequence[Event] | Events = Events(
+            output.event_type,
+            output.names,
+            columns,
+            len(rows),
+            output.condition,
+            senders,
+            receivers,
+        )
+        if len(ids) > 1:
+            # A column of receivers has one id for each event.
+            to = zip(*[column.texts() for column in ids], strict=True)
+            events = [
+                replace(event, receivers=receiver_ids(each))
+                for event, each in zip(events, to, strict=True)
+            ]
+        self._state.sent.append((rows, events))
+
+    def shown(self) -> Scene:
+        """The figures of all rows as a string, those of one agent together."""
+        parts: list[tuple[Rows, Scene]] = []
+        for index, output in enumerate(self.program.outputs):
+            place, *values = self._appended(index)
+            if len(place) and isinstance(output, Shown):
+                named = self._decoded(output, values) | self._shared(output, place)
+                arrays = iter([named[number] for number in sorted(named, key=int)])
+                figures = [_figure(figure, arrays) for figure in output.figures]
+                whole = Scene(tuple([piece for figure in figures for piece in figure.pieces]))
+                parts.append((place, one_each(whole, len(place))))
+        if len(parts) <= 1:
+            return parts[0][1] if parts else EMPTY
+        return _in_order(parts)
+
+    def _appended(self, index: int) -> list[NDArray[Any]]:
         """What was appended to an output, as arrays that nothing writes to any more."""
         parts = [array[: self._counts[index]] for array in self._outputs[index]]
         for part in parts:
@@ -243,7 +228,7 @@ class KernelCall:
             part.flags.writeable = False
         return parts
 
-    def shared(self, output: Shown, place: Rows) -> dict[str, NDArray[Any] | Ids]:
+    def _shared(self, output: Shown, place: Rows) -> dict[str, NDArray[Any] | Ids]:
         """The attributes and ids that a view shows unchanged, by their number."""
         rows, state = self.turn.rows, self._state
         every = len(place) == len(rows) == state.part.count
@@ -255,7 +240,7 @@ class KernelCall:
                 columns[number] = state.value(name) if every else state.value(name)[rows[place]]
         return columns
 
-    def decoded(self, output: Output, values: Sequence[NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    def _decoded(self, output: Output, values: Sequence[NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """The values of an output by name, texts decoded."""
         pairs = zip(output.slots, values, strict=False)
         return {
@@ -268,3 +253,23 @@ def _columns(output: Output, rows: int) -> list[NDArray[Any]]:
     # Usually each agent has a view, and few have newborns or emit events.
     size = rows if isinstance(output, Shown) else max(_LEAST_ROWS, rows // 8)
     return [np.empty(size, _DTYPES[kind]) for _, kind in cells(output)]
+
+
+def _figure(figure: Figure, arrays: Iterator[Any]) -> Scene:
+    """A figure for each row; its parameters are the next arrays."""
+    given = {name: next(arrays) for name in figure.names}
+    if not hasattr(figure.symbol, "motion"):
+        return figure.symbol(**given)
+    inside = [_figure(inner, arrays) for inner in figure.scope]
+    return figure.symbol(**given)(*inside)
+
+
+def _in_order(shown: list[tuple[Rows, Scene]]) -> Scene:
+    """Views of several forms by the places of their agents."""
+    nodes: dict[int, list[Node]] = {}
+    for places, scene in shown:
+        every = scene.nodes
+        step = len(every) // len(places)
+        for number, place in enumerate(places.tolist()):
+            nodes[place] = list(every[number * step : (number + 1) * step])
+    return Scene(tuple([node for place in sorted(nodes) for node in nodes[place]]))
