@@ -33,6 +33,11 @@ _LIBRARIES: Final = tuple(
     | {str(Path(os.__file__).parent) + os.sep}
 )
 
+# Installed, the project's extensions are in a folder of libraries.
+_EXTENSIONS: Final = tuple(
+    str(folder) + os.sep for folder in Path(_FRAMEWORK).parent.glob("extensions/*/minerva_*")
+)
+
 # The file of methods that libraries generate, such as those of dataclasses, of `exec` and of
 # `python -c`.
 _GENERATED: Final = "<string>"
@@ -161,7 +166,7 @@ def innermost(frames: Sequence[SourceLine]) -> SourceLine | None:
 
 def is_foreign(file: str) -> bool:
     """Whether a source file belongs to the framework or a library, or is not a file."""
-    return file.startswith((_FRAMEWORK, "<frozen", *_LIBRARIES))
+    return file.startswith((_FRAMEWORK, "<frozen", *_LIBRARIES, *_EXTENSIONS))
 
 
 def _is_standard(file: str) -> bool:
