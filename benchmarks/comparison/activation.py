@@ -22,14 +22,14 @@ from benchmarks.comparison.models.flocking_at_once import fly_at_once
 from benchmarks.comparison.models.forest_fire import BURNT, FIRE, TREE
 from benchmarks.comparison.parameters import PARAMETERS
 from minerva_bus import Cells
-from minerva_bus.space import (
+from minerva_fast.space import (
     ORDERED,
     Activation,
     CellGrid,
     beside,
     rule,
 )
-from minerva_bus.space.rules import SpaceRule
+from minerva_fast.space.rules import SpaceRule
 
 STEPS = {"forest_fire": 20}
 COLUMNS = {"model": "<12", "activation": "<13", "statistic": "<9", "mean": ">9.3f", "±": ">8.3f"}

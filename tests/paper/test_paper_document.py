@@ -12,7 +12,7 @@ CODE = ("minerva_bus", "agents/minerva_agents", "services/minerva_services")
 PROJECT = tuple(Path(__file__).parents[2] / path for path in CODE)
 ROBOT = ("agents/minerva_agents/robot", "services/minerva_services", "minerva_bus")
 PACKAGES = (
-    *("minerva_bus", "minerva_agents", "minerva_services", "minerva_messages"),
+    *("minerva_bus", "minerva_agents", "minerva_services", "minerva_messages", "minerva_fast"),
     *("tests", "extensions", "running"),
 )
 """Imports of these packages mean that a test runs the engine; `running` starts worlds."""

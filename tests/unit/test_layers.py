@@ -20,8 +20,6 @@ ORDER = [
     "grammar",
     "semantics",
     "world",
-    "compiled",
-    "space",
     "frame",
     "collect",
     "wire",
@@ -41,14 +39,6 @@ ONLY = {
     "mcap": "log",
 }
 
-INSIDE = {
-    "fast": ("compiled", "space"),
-}
-"""Extensions that are still packages of the kernel."""
-TIES = {
-    "fast": "",
-}
-"""The modules of the kernel that import these; the lists may only shrink."""
 REQUIRED: dict[str, set[str]] = {}
 """Extensions that others require, by the extension that requires them."""
 
@@ -109,19 +99,6 @@ def test_an_extension_imports_only_extensions_that_it_requires(name):
         more = () if "tests" in path.parts else ("minerva_agents", "minerva_worlds")
         for imported in imports(path):
             assert imported.split(".")[0] not in {*others, *more}, path
-
-
-@pytest.mark.parametrize("name", INSIDE)
-def test_the_ties_of_the_kernel_to_an_extension_within_it_only_shrink(name):
-    kernel = ROOT / "minerva_bus"
-    own = [path for part in INSIDE[name] for path in (kernel / part, *(kernel / part).rglob("*"))]
-    dotted = {".".join(path.relative_to(ROOT).with_suffix("").parts) for path in own}
-    ties = {
-        ".".join(path.relative_to(kernel).with_suffix("").parts)
-        for path in files("minerva_bus")
-        if path not in own and dotted & {*imports(path)}
-    }
-    assert ties == set(TIES[name].split())
 
 
 def test_modules_beside_the_packages_import_none_of_them():
@@ -188,18 +165,3 @@ def test_the_command_line_answers_before_anything_heavy_is_there():
     assert not names & {"numpy", "zenoh", "msgpack", "mcap", "cryptography"}
     packages = {name.split(".")[1] for name in modules if "minerva_bus." in name}
     assert not packages & (set(ORDER) - {"runtime", "settings", "cli"})
-
-
-@pytest.mark.parametrize(
-    ("methods", "imported"), [("", False), ("    @on('eStep', compiled=True)\n{}", True)]
-)
-def test_only_a_class_with_compiled_methods_imports_what_checks_them(tmp_path, methods, imported):
-    body = methods.format("    def walk(self, step, moment):\n        self.x = 1.0\n")
-    (tmp_path / "walker.py").write_text(
-        "from minerva_bus import *\n"
-        f"class Walker(Agent, symbol='AWalker'):\n    x: float = 0.0\n{body}"
-    )
-    heavy = {"minerva_bus.compiled.form", "minerva_bus.compiled.statements"}
-    start = f"import minerva_bus.launch.supervisor; sys.path.insert(0, {str(tmp_path)!r})"
-    modules = heavy & {*modules_after(f"{start}; import walker")}
-    assert modules == (heavy if imported else set())

@@ -1,0 +1,275 @@
+"""One call of a kernel: columns of a population in; changes, newborns, events and figures out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.columns import Columns, Rows
+from minerva_bus.grammar.events import Event, Events
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import EMPTY, Node, Scene
+from minerva_bus.grammar.symbols import receiver_ids
+from minerva_bus.world.context import Frame, FrameStreams
+from minerva_bus.world.lineage import child_ids
+from minerva_bus.world.population import Birth, PopulationState, Turn
+from minerva_bus.world.population_views import one_each
+from minerva_fast.compiled.form import Emission, Figure, Newborn, Output, Program, Shown, ValueKind
+from minerva_fast.compiled.loading import Kernel
+from minerva_fast.compiled.text_codes import TextCodes
+from minerva_fast.compiled.writing import cells
+
+_DTYPES: Final[dict[ValueKind, Any]] = {
+    ValueKind.INT: np.int64,
+    ValueKind.REAL: np.float64,
+    ValueKind.MIXED: np.float64,
+    ValueKind.BOOL: np.bool_,
+    ValueKind.TEXT: np.int64,
+}
+_LEAST_ROWS: Final = 64
+_PART: Final = 8
+"""If one in so many agents has a turn, texts are coded for all agents."""
+_NOTHING: Final = np.zeros(1, np.int64)
+
+
+class KernelCall:
+    """The arrays of one call of a kernel, and what its rows have appended to them."""
+
+    def __init__(self, program: Program, state: PopulationState, turn: Turn) -> None:
+        self.program = program
+        self.turn = turn
+        self.codes = TextCodes(program.texts)
+        self._state = state
+        self._written = {attribute.name for attribute in program.writes}
+        self._texts: dict[str, NDArray[np.int64]] = {}
+        self._whole = set[str]()
+        self._counts = np.zeros(max(1, len(program.outputs)), np.int64)
+        self._outputs = [_columns(output, len(turn.rows)) for output in program.outputs]
+        data = self._data()
+        self.fits = data is not None
+        """Whether the data of the event have the types that its declaration gives them."""
+        self._given_data = data or []
+
+    def _data(self) -> list[NDArray[Any]] | None:
+        """The data that the method reads; None if they have other types than declared."""
+        event, made = self.turn.event, list[NDArray[Any]]()
+        for slot in self.program.data:
+            if slot.name not in event.names:
+                return None
+            if isinstance(event, Events):
+                array = event.data(slot.name)
+            else:
+                array = Column.of([event.values[event.names.index(slot.name)]]).array
+            wanted = np.object_ if slot.kind is ValueKind.TEXT else _DTYPES[slot.kind]
+            if array.dtype != wanted:
+                return None
+            if slot.kind is ValueKind.TEXT:
+                array = self.codes.of(array)
+            made.append(self._spread(array))
+        return made
+
+    def _spread(self, array: NDArray[Any]) -> NDArray[Any]:
+        """An array with an item for each event; an event for all has one, without a copy."""
+        if isinstance(self.turn.event, Events):
+            return array
+        return np.broadcast_to(array, len(self.turn.rows))
+
+    def run(
+        self, kernel: Kernel, streams: FrameStreams | None, frame: Frame | None
+    ) -> NDArray[np.uint8]:
+        """Run all rows; returns their outcomes. Views have neither streams nor a frame."""
+        rows = self.turn.rows
+        outcomes = np.zeros(len(rows), np.uint8)
+        words = np.zeros(1, np.uint64)
+        if self.program.draws and streams is not None:
+            words = streams.draws.batch().words
+        columns = [self._column(attribute.name) for attribute in self.program.reads]
+        begins = _NOTHING if self.turn.begins is None else self.turn.begins
+        ends = _NOTHING if self.turn.ends is None else self.turn.ends
+        spread = (np.broadcast_to(_NOTHING, len(rows)),) * 2
+        ranges = spread if self.turn.begins is None else (begins, ends)
+        fixed = [
+            *(rows, outcomes, self._counts, np.zeros(3), words),
+            *columns,
+            *self._given_data,
+            *(self._given(slot.name, frame) for slot in self.program.given),
+            *ranges,
+        ]
+        start = 0
+        # The kernel returns early if an output is full, and after long loops, for signals.
+        while True:
+            flat = [array for arrays in self._outputs for array in arrays]
+            before, start = start, kernel(start, *fixed, *flat)
+            if start == len(rows):
+                return outcomes
+            self._enlarge(every=start == before)
+
+    def _column(self, name: str) -> NDArray[Any]:
+        state = self._state
+        if state.part.column(name).dtype == np.object_:
+            self._texts[name] = self._codes_of(name)
+            return self._texts[name]
+        return state.array(name) if name in self._written else state.value(name)
+
+    def _codes_of(self, name: str) -> NDArray[np.int64]:
+        column = self._state.column(name)
+        if column is not None and _PART * len(self.turn.rows) >= self._state.part.count:
+            self._whole.add(name)
+            return self.codes.of(column.coded.words)[column.coded.codes]
+        # Of the rows of this turn only: one event may concern one of many agents.
+        return self._in_rows(self.codes.of(self._state.value(name)[self.turn.rows]))
+
+    def _in_rows(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """An array for all agents with these codes in the rows of the turn."""
+        made = np.zeros(self._state.part.count, np.int64)
+        made[self.turn.rows] = codes
+        return made
+
+    def _given(self, name: str, frame: Frame | None) -> Any:
+        if name == "id":
+            return self._in_rows(self.codes.of(self._state.ids.take(self.turn.rows).column))
+        if name == "sender":
+            return self._senders()
+        assert frame is not None
+        return {"dt": frame.dt, "time": frame.number * frame.dt, "number": frame.number}[name]
+
+    def _senders(self) -> NDArray[Any]:
+        event = self.turn.event
+        if not isinstance(event, Events):
+            return self._spread(self.codes.of(np.array([event.sender], object)))
+        if event.senders is None:
+            return np.broadcast_to(self.codes.of(np.array([""], object)), event.count)
+        return self.codes.of(event.senders.column)
+
+    def _enlarge(self, *, every: bool) -> None:
+        """Double the outputs that are half full; `every` one if a single row did not fit."""
+        for index, arrays in enumerate(self._outputs):
+            if every or 2 * int(self._counts[index]) > len(arrays[0]):
+                self._outputs[index] = [np.resize(array, 2 * len(array)) for array in arrays]
+
+    def store(self) -> None:
+        """Write changed texts to the population; numbers are in its arrays already."""
+        rows = self.turn.rows
+        for name in sorted(self._written & self._texts.keys()):
+            codes = self._texts[name]
+            if name in self._whole:
+                self._state.replace(name, self.codes.coded(codes).used())
+            else:
+                self._state.write(name, rows, self.codes.texts(codes[rows]))
+
+    def bear(self, index: int, output: Newborn, cls: Any) -> None:
+        """Place the newborns of an output in the population; `cls` is the class of the agents."""
+        place, births, *values = self._appended(index)
+        if not len(place):
+            return
+        kind = (output.symbol or cls).kind
+        parents = self.turn.rows[place]
+        given = self._decoded(output, values)
+        columns = kind.fields.columns(kind.name, given, len(place))
+        ids = child_ids(self._state.ids.take(parents), births)
+        newborn = Columns(kind.name, kind.fields.names, columns, len(place), ids)
+        self._state.born.append(Birth(parents, self._state.turn, newborn))
+
+    def send(self, index: int, output: Emission) -> None:
+        """Send the events of an output from their agents."""
+        place, *values = self._appended(index)
+        if not len(place):
+            return
+        rows = self.turn.rows[place]
+        given = self._decoded(output, values)
+        columns = tuple(Column(given[name]) for name in output.names)
+        codes = values[len(output.slots) :]
+        ids = [Ids.of(self.codes.texts(column).tolist()) for column in codes]
+        receivers = ids[0] if len(ids) == 1 else None
+        senders = self._state.ids.take(rows)
+        events: Sequence[Event] | Events = Events(
+            output.event_type,
+            output.names,
+            columns,
+            len(rows),
+            output.condition,
+            senders,
+            receivers,
+        )
+        if len(ids) > 1:
+            # A column of receivers has one id for each event.
+            to = zip(*[column.texts() for column in ids], strict=True)
+            events = [
+                replace(event, receivers=receiver_ids(each))
+                for event, each in zip(events, to, strict=True)
+            ]
+        self._state.sent.append((rows, events))
+
+    def shown(self) -> Scene:
+        """The figures of all rows as a string, those of one agent together."""
+        parts: list[tuple[Rows, Scene]] = []
+        for index, output in enumerate(self.program.outputs):
+            place, *values = self._appended(index)
+            if len(place) and isinstance(output, Shown):
+                named = self._decoded(output, values) | self._shared(output, place)
+                arrays = iter([named[number] for number in sorted(named, key=int)])
+                figures = [_figure(figure, arrays) for figure in output.figures]
+                whole = Scene(tuple([piece for figure in figures for piece in figure.pieces]))
+                parts.append((place, one_each(whole, len(place))))
+        if len(parts) <= 1:
+            return parts[0][1] if parts else EMPTY
+        return _in_order(parts)
+
+    def _appended(self, index: int) -> list[NDArray[Any]]:
+        """What was appended to an output, as arrays that nothing writes to any more."""
+        parts = [array[: self._counts[index]] for array in self._outputs[index]]
+        for part in parts:
+            # Columns of nodes share the memory of read-only arrays, and copy others.
+            part.flags.writeable = False
+        return parts
+
+    def _shared(self, output: Shown, place: Rows) -> dict[str, NDArray[Any] | Ids]:
+        """The attributes and ids that a view shows unchanged, by their number."""
+        rows, state = self.turn.rows, self._state
+        every = len(place) == len(rows) == state.part.count
+        columns: dict[str, NDArray[Any] | Ids] = {}
+        for number, name in output.shared:
+            if name == "id":
+                columns[number] = state.ids if every else state.ids.take(rows[place])
+            else:
+                columns[number] = state.value(name) if every else state.value(name)[rows[place]]
+        return columns
+
+    def _decoded(self, output: Output, values: Sequence[NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """The values of an output by name, texts decoded."""
+        pairs = zip(output.slots, values, strict=False)
+        return {
+            slot.name: self.codes.texts(array) if slot.kind is ValueKind.TEXT else array
+            for slot, array in pairs
+        }
+
+
+def _columns(output: Output, rows: int) -> list[NDArray[Any]]:
+    # Usually each agent has a view, and few have newborns or emit events.
+    size = rows if isinstance(output, Shown) else max(_LEAST_ROWS, rows // 8)
+    return [np.empty(size, _DTYPES[kind]) for _, kind in cells(output)]
+
+
+def _figure(figure: Figure, arrays: Iterator[Any]) -> Scene:
+    """A figure for each row; its parameters are the next arrays."""
+    given = {name: next(arrays) for name in figure.names}
+    if not hasattr(figure.symbol, "motion"):
+        return figure.symbol(**given)
+    inside = [_figure(inner, arrays) for inner in figure.scope]
+    return figure.symbol(**given)(*inside)
+
+
+def _in_order(shown: list[tuple[Rows, Scene]]) -> Scene:
+    """Views of several forms by the places of their agents."""
+    nodes: dict[int, list[Node]] = {}
+    for places, scene in shown:
+        every = scene.nodes
+        step = len(every) // len(places)
+        for number, place in enumerate(places.tolist()):
+            nodes[place] = list(every[number * step : (number + 1) * step])
+    return Scene(tuple([node for place in sorted(nodes) for node in nodes[place]]))

@@ -1,0 +1,91 @@
+"""Numbers that rules get from `run`, from attributes and from their modules."""
+
+import sys
+from types import ModuleType
+
+import numpy as np
+import pytest
+from space_worlds import Sheep, meadow, moment
+
+from minerva_bus import Cells
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.accelerator import NotCompilable
+from minerva_fast.space import ORDERED, interpreted, rule
+
+COLOURS = np.array([1, 2])
+LIMIT = 3
+
+
+settings = ModuleType("settings")
+settings.ROW = 1
+
+
+@rule(ORDERED)
+def paint(cell: int, grass: Cells):
+    grass[cell] = LIMIT + COLOURS[1] + settings.ROW
+
+
+@rule(ORDERED)
+def feed(i: int, sheep: Sheep, share: int, fast: bool = False):
+    sheep.energy[i] += share
+
+
+@rule(ORDERED)
+def halve(cell: int, grass: Cells):
+    grass[cell] = 0.5 * grass[cell]
+
+
+def fed(**data):
+    space = meadow(sheep=2, wolves=0)
+    space.run(moment(), feed, **data)
+    return Sheep.read(space.sheep).energy.tolist()
+
+
+@pytest.fixture
+def as_python():
+    with interpreted():
+        yield
+
+
+@pytest.mark.parametrize("share", [1, 1.0, True, np.int64(1)])
+def test_a_number_of_the_same_value_is_passed_in_the_type_of_the_rule(share, as_python):
+    assert fed(share=share, fast=False) == [3, 3]
+
+
+@pytest.mark.parametrize("share", [1.5, "1", None, float("nan"), float("inf")])
+def test_a_number_that_the_type_cannot_hold_is_an_error(share, as_python):
+    with pytest.raises(MisuseError, match="share must be int, as the rule declares, not "):
+        fed(share=share, fast=False)
+
+
+def test_a_number_that_no_rule_has_is_an_error(as_python):
+    with pytest.raises(MisuseError, match="no rule of this `run` has a parameter shara; did you"):
+        fed(shara=1)
+
+
+def test_a_real_in_cells_is_an_error():
+    with interpreted(), pytest.raises(TypeError, match="Cells are ints"):
+        meadow(sheep=1, wolves=0).run(moment(), halve)
+    with pytest.raises(NotCompilable, match="Cells are ints"):
+        halve.drive.prepare()
+
+
+def painted():
+    space = meadow(sheep=0, wolves=0)
+    paint.drive.prepare()  # as a run does before its frames
+    space.run(moment(), paint)
+    return int(space.grass[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "value", "colour"),
+    [
+        (sys.modules[__name__], "LIMIT", 5, 8),
+        (sys.modules[__name__], "COLOURS", np.array([1, 9]), 13),
+        (settings, "ROW", 7, 12),
+    ],
+)
+def test_a_constant_that_changes_is_compiled_again(monkeypatch, owner, name, value, colour):
+    assert painted() == 6
+    monkeypatch.setattr(owner, name, value)
+    assert painted() == colour
