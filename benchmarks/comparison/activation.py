@@ -22,7 +22,7 @@ from benchmarks.comparison.models.flocking_at_once import fly_at_once
 from benchmarks.comparison.models.forest_fire import BURNT, FIRE, TREE
 from benchmarks.comparison.parameters import PARAMETERS
 from minerva_bus import Cells
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     Activation,
     CellGrid,

@@ -31,7 +31,7 @@ from benchmarks.comparison.stepping import members_of, stepped, world_of
 from benchmarks.forked import Members, coordinator, forked
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import Scene
-from minerva_fast.space import Space
+from minerva_fast import Space
 
 MODELS: Final[dict[str, Callable[[Any, int], Space]]] = {
     "wolf_sheep": wolf_sheep.meadow,

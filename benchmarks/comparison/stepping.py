@@ -13,7 +13,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.order import Order
-from minerva_fast.space import Space
+from minerva_fast import Space
 
 eStep = EventType("eStep")
 

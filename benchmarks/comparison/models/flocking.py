@@ -10,7 +10,7 @@ from benchmarks.comparison.figures import of_flock
 from benchmarks.comparison.parameters import Flocking
 from benchmarks.comparison.stepping import stepped
 from minerva_bus import Reals, on
-from minerva_fast.space import SHUFFLED, Column, InField, Space, go_to, kernel, near, rule
+from minerva_fast import SHUFFLED, Column, InField, Space, go_to, kernel, near, rule
 
 
 class Bird(InField):

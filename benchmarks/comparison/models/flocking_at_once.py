@@ -9,7 +9,7 @@ from benchmarks.comparison.models.flocking import Bird, Flock, flock, steer
 from benchmarks.comparison.parameters import Flocking
 from benchmarks.comparison.stepping import stepped
 from minerva_bus import on
-from minerva_fast.space import SIMULTANEOUS, rule
+from minerva_fast import SIMULTANEOUS, rule
 
 
 @rule(SIMULTANEOUS, births=0)

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.comparison.parameters import ForestFire
 from benchmarks.comparison.stepping import stepped
 from minerva_bus import Cells, on
-from minerva_fast.space import SIMULTANEOUS, CellGrid, Space, beside, rule
+from minerva_fast import SIMULTANEOUS, CellGrid, Space, beside, rule
 
 TREE, FIRE, BURNT = 1, 2, 3
 

@@ -8,7 +8,7 @@ from benchmarks.comparison.figures import of_town
 from benchmarks.comparison.parameters import Schelling
 from benchmarks.comparison.stepping import stepped
 from minerva_bus import Reals, on
-from minerva_fast.space import (
+from minerva_fast import (
     SHUFFLED,
     Column,
     Draws,

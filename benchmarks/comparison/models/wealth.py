@@ -8,7 +8,7 @@ from benchmarks.comparison.figures import of_wealth
 from benchmarks.comparison.parameters import Wealth
 from benchmarks.comparison.stepping import stepped
 from minerva_bus import Cells, on
-from minerva_fast.space import ORDERED, Draws, Space, integers, rule
+from minerva_fast import ORDERED, Draws, Space, integers, rule
 
 
 @rule(ORDERED)

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.comparison.parameters import WolfSheep
 from benchmarks.comparison.stepping import stepped
 from minerva_bus import Cells, Reals, on
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     SHUFFLED,
     Column,

@@ -1,1 +1,89 @@
-"""Machine code for methods and views of agents, and spaces with compiled rules."""
+"""Machine code for agents: compiled methods and views, and spaces with compiled rules.
+
+    @on(..., compiled=True)     minerva_fast.compiled     docs/howto/compile.md
+    class Meadow(Space): ...    minerva_fast.space        docs/howto/space.md
+
+The names that users of spaces need; see `Space` and `rule`. The kernel loads the accelerator of a
+class by its entry point.
+"""
+
+from minerva_bus.public_names import imported_at_first_use
+
+TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
+if TYPE_CHECKING:
+    from minerva_fast.space.draws import (
+        Draws,
+        chance,
+        exponential,
+        integers,
+        normal,
+        random,
+        shuffle,
+        uniform,
+    )
+    from minerva_fast.space.edges import Edges, degree, edge, neighbour, random_neighbour
+    from minerva_fast.space.field import FieldGrid, go_to, near
+    from minerva_fast.space.kernels import interpreted, kernel
+    from minerva_fast.space.lattice import CellGrid, beside, next_cell
+    from minerva_fast.space.occupancy import copy, move_to, random_at, random_free, remove, within
+    from minerva_fast.space.rules import ORDERED, SHUFFLED, SIMULTANEOUS, Activation, rule
+    from minerva_fast.space.space import Space
+    from minerva_fast.space.tables import Column, InField, OnLattice
+
+_HOMES = {
+    "space.draws": "Draws chance exponential integers normal random shuffle uniform",
+    "space.edges": "Edges degree edge neighbour random_neighbour",
+    "space.field": "FieldGrid go_to near",
+    "space.kernels": "interpreted kernel",
+    "space.lattice": "CellGrid beside next_cell",
+    "space.occupancy": "copy move_to random_at random_free remove within",
+    "space.rules": "ORDERED SHUFFLED SIMULTANEOUS Activation rule",
+    "space.space": "Space",
+    "space.tables": "Column InField OnLattice",
+}
+
+__getattr__ = imported_at_first_use(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+__all__ = [
+    "ORDERED",
+    "SHUFFLED",
+    "SIMULTANEOUS",
+    "Activation",
+    "CellGrid",
+    "Column",
+    "Draws",
+    "Edges",
+    "FieldGrid",
+    "InField",
+    "OnLattice",
+    "Space",
+    "beside",
+    "chance",
+    "copy",
+    "degree",
+    "edge",
+    "exponential",
+    "go_to",
+    "integers",
+    "interpreted",
+    "kernel",
+    "move_to",
+    "near",
+    "neighbour",
+    "next_cell",
+    "normal",
+    "random",
+    "random_at",
+    "random_free",
+    "random_neighbour",
+    "remove",
+    "rule",
+    "shuffle",
+    "uniform",
+    "within",
+]

@@ -4,7 +4,7 @@ import numpy as np
 
 from minerva_bus import Cells, EventType, Reals, on
 from minerva_bus.world.context import Context, Frame
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     SHUFFLED,
     SIMULTANEOUS,

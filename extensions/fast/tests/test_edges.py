@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from space_worlds import eStep, moment
 
 from minerva_bus import Cells, MinervaError, Reals, on
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     SHUFFLED,
     SIMULTANEOUS,

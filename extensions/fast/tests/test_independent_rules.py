@@ -7,7 +7,7 @@ import pytest
 from space_worlds import Bird, eStep, flock, grow, meadow, moment
 
 from minerva_bus import Cells, Reals, on
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     SHUFFLED,
     SIMULTANEOUS,

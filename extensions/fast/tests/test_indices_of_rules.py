@@ -8,7 +8,7 @@ import pytest
 from space_worlds import Sheep, grow, meadow, moment
 
 from minerva_bus import Cells
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     SHUFFLED,
     Draws,

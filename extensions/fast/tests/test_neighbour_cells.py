@@ -10,7 +10,7 @@ from minerva_bus import Reals, evolve, on
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.accelerator import NotCompilable
 from minerva_bus.world.context import Frame
-from minerva_fast.space import ORDERED, SHUFFLED, CellGrid, Space, beside, interpreted, kernel, rule
+from minerva_fast import ORDERED, SHUFFLED, CellGrid, Space, beside, interpreted, kernel, rule
 
 OFFSETS = list(product(range(-2, 3), repeat=2))
 

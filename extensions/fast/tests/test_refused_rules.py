@@ -8,8 +8,9 @@ from space_worlds import Sheep, meadow, moment
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.accelerator import NotCompilable
+from minerva_fast import ORDERED, interpreted, rule
 from minerva_fast.compiled.refused import EXPRESSIONS, STATEMENTS
-from minerva_fast.space import ORDERED, checking, interpreted, rule
+from minerva_fast.space import checking
 
 HEAD = """
 import random as dice
@@ -19,7 +20,7 @@ from random import randint
 import numpy as np
 
 from minerva_bus import Cells
-from minerva_fast.space import ORDERED, SIMULTANEOUS, Draws, kernel, normal, rule
+from minerva_fast import ORDERED, SIMULTANEOUS, Draws, kernel, normal, rule
 from space_worlds import Sheep
 
 

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from minerva_bus import MinervaError, World, each, evolve, run
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.context import Frame
-from minerva_fast.space import interpreted
+from minerva_fast import interpreted
 
 HEAD = """
 import math
@@ -31,7 +31,7 @@ import math
 import numpy as np
 
 from minerva_bus import Cells, EventType, Reals, on, portable
-from minerva_fast.space import *
+from minerva_fast import *
 
 eStep = EventType("eStep")
 TABLE = (1.0, -0.5, 3.0)

@@ -26,8 +26,7 @@ from minerva_bus import MinervaError, Reals, evolve, portable
 from minerva_bus.grammar.scene import agents
 from minerva_bus.portable import cos
 from minerva_bus.world.context import Frame
-from minerva_fast.compiled.loading import generated
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     SHUFFLED,
     SIMULTANEOUS,
@@ -50,6 +49,7 @@ from minerva_fast.space import (
     rule,
     uniform,
 )
+from minerva_fast.compiled.loading import generated
 from minerva_fast.space import field as field_module
 from minerva_fast.space.field import FieldGrid
 from minerva_fast.space.kernels import key

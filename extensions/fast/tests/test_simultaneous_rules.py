@@ -5,7 +5,7 @@ from space_worlds import Bird, Sheep, meadow, moment
 
 from minerva_bus import Cells, Reals
 from minerva_bus.world.accelerator import NotCompilable
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     SIMULTANEOUS,
     CellGrid,

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from minerva_bus import Cells, EventType, MinervaError, Reals, evolve, on
 from minerva_bus.world.context import Frame
-from minerva_fast.space import (
+from minerva_fast import (
     ORDERED,
     SHUFFLED,
     SIMULTANEOUS,

@@ -14,7 +14,7 @@ import traceback
 import numpy as np
 
 from minerva_bus import Cells, EventType, evolve, on
-from minerva_fast.space import ORDERED, SHUFFLED, Draws, Space, kernel, rule
+from minerva_fast import ORDERED, SHUFFLED, Draws, Space, kernel, rule
 from minerva_bus.world.context import Frame
 
 eStep = EventType("eStep", end=int)
