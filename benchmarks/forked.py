@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
@@ -90,7 +90,7 @@ def _run_member(world: str, make: Callable[[], Member], endpoint: int, others: l
 
 
 def coordinator(
-    world: World,
+    world: WorldSpec,
     listening: Callable[[str], None],
     frame_done: Callable[[s.FrameDone], None],
     status: Callable[[Any], None] = lambda _: None,

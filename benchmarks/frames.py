@@ -25,7 +25,7 @@ from benchmarks.comparison.stepping import eStep, members_of, world_of
 from minerva_bus import Agent, Event, Generator, Tick, Vocabulary, on
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.order import Order
@@ -74,7 +74,7 @@ def with_agent(generator: type[Generator] | None) -> InProcessRunner:
     members = [Member("host", agents=[Counter])]
     members += [Member("clock", generator())] if generator is not None else []
     vocabulary = Vocabulary.of(eStep, Counter)
-    world = World("frames", Counter("a").string, vocabulary, seed=1, order=Order(("eStep",)),
+    world = WorldSpec("frames", Counter("a").string, vocabulary, seed=1, order=Order(("eStep",)),
                   expected=frozenset(member.name for member in members))  # fmt: skip
     return InProcessRunner(FrameAlgorithm(world), members)
 

@@ -37,7 +37,7 @@ from benchmarks.plot import Line, plotted
 from minerva_bus import Agent, Cells, Context, Event, Primitive, Scene, Vocabulary, on
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.direct import InProcessRunner
 
@@ -104,10 +104,10 @@ def still(what: str, size: int) -> Scene:
     return PMap(np.zeros((side, side), np.int16))
 
 
-def world(what: str, size: int, frames: int) -> World:
+def world(what: str, size: int, frames: int) -> WorldSpec:
     """A world of ten walkers and an unchanging part."""
     walkers = Scene(tuple([Walker(f"w{n}", x=float(n)).string.pieces[0] for n in range(ACTIVE)]))
-    return World(
+    return WorldSpec(
         "incremental",
         still(what, size) + walkers,
         VOCABULARY,

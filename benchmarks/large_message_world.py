@@ -17,7 +17,7 @@ import zenoh
 from benchmarks.forked import coordinator, forked
 from benchmarks.large_message_cases import STRING, VOCABULARY, Case, Fox, Steps, hello
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.inbox import CAPACITY
 from minerva_bus.runtime.member import MemberProcess
@@ -82,7 +82,7 @@ def coordinate(
     def log(who: str, text: str, _: str) -> None:
         write(f"{who}: {text}"[:2000])
 
-    world = World(
+    world = WorldSpec(
         NAME,
         STRING,
         VOCABULARY,

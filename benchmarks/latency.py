@@ -41,7 +41,7 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.session import open_client, open_hub
@@ -143,7 +143,9 @@ def minerva(event: EventType, events: int) -> list[float]:
 
 
 def coordinate(pipes: Pipes, names: list[str]) -> None:
-    world = World("latency", VOCABULARY.read("ATouched#a"), VOCABULARY, expected=frozenset(names))
+    world = WorldSpec(
+        "latency", VOCABULARY.read("ATouched#a"), VOCABULARY, expected=frozenset(names)
+    )
 
     def frame_done(done: s.FrameDone) -> None:
         if done.frame == 0:

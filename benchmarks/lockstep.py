@@ -26,7 +26,7 @@ from benchmarks.command import PEERS_FOLDER, PLOT, Table, options
 from benchmarks.forked import Members, answered, coordinator, task
 from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 
 WARM_UP = 100
@@ -78,7 +78,7 @@ def minerva(workers: int, steps: int) -> dict[str, float]:
     names = [f"idle-{number}" for number in range(workers)]
     times: list[float] = []
     members = Members("lockstep", {name: partial(idle, name) for name in names})
-    world = World(
+    world = WorldSpec(
         "lockstep",
         VOCABULARY.read("PNothing"),
         VOCABULARY,

@@ -38,7 +38,7 @@ from benchmarks.plot import Line, plotted
 from minerva_bus import Scene
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import size
 from minerva_bus.runtime.direct import InProcessRunner
@@ -110,10 +110,10 @@ class Task:
         return Task(words[0], *map(int, words[1:]))
 
 
-def world_of(task: Task, members: Sequence[str]) -> World:
+def world_of(task: Task, members: Sequence[str]) -> WorldSpec:
     """The world of a model."""
     model = load(task.model)
-    return World(
+    return WorldSpec(
         "populations",
         model.scene(task.agents, task.seed),
         model.vocabulary,

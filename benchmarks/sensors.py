@@ -27,7 +27,7 @@ from benchmarks.command import options
 from benchmarks.forked import Members, coordinator
 from minerva_bus import Agent, Context, Event, EventType, Generator, Metres, Tick, Vocabulary, on
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.types import Degrees
 from minerva_bus.world.readings import Image, Scan
@@ -130,7 +130,7 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
         if now - frames[0] > WARM_UP + options.seconds:
             hub.inbox.put(s.End("measured"))
 
-    world = World(
+    world = WorldSpec(
         "sensors",
         VOCABULARY.read("AWatcher#a"),
         VOCABULARY,

@@ -31,7 +31,7 @@ from minerva_bus import (
 )
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.direct import InProcessRunner
 
@@ -74,7 +74,7 @@ def flock(agents: int) -> Scene:
 
 def measured(agents: int, frames: int) -> dict[str, float]:
     """Medians of frames: seconds of the frame and of its activity, and the newborns."""
-    world = World(
+    world = WorldSpec(
         "turnover", flock(agents), Vocabulary.of(eDay, Sheep), expected=frozenset(("days", "host"))
     )
     members = [Member("days", Days()), Member("host", agents=[Sheep])]

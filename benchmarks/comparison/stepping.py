@@ -8,7 +8,7 @@ from typing import Any, cast
 from minerva_bus import Event, EventType, Generator, Tick, Vocabulary
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.runtime.direct import InProcessRunner
@@ -25,11 +25,11 @@ class Clock(Generator, events=("eStep",)):
         yield eStep()
 
 
-def world_of(space: Space, steps: int, seed: int) -> World:
+def world_of(space: Space, steps: int, seed: int) -> WorldSpec:
     """The world with this space, which takes one step in each frame."""
     vocabulary = Vocabulary.of(eStep, type(space))
     expected = frozenset({"host", "clock"})
-    return World("comparison", space.string, vocabulary, seed=seed, order=Order(("eStep",)),
+    return WorldSpec("comparison", space.string, vocabulary, seed=seed, order=Order(("eStep",)),
                  frames=steps, expected=expected)  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 from minerva_bus.api.requests import Past
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.replays import Replay
 from minerva_bus.launch.supervisor import Supervisor
@@ -90,7 +90,7 @@ def _opened(config: dict[str, Any]) -> Replay:
 def _witnesses(create: Callable[..., Coordinator], last: Path, paused: bool) -> Any:
     """A factory of coordinators that write the last string and the counts of events to a file."""
 
-    def make(world: World, watchers: Watchers, **settings: Any) -> Coordinator:
+    def make(world: WorldSpec, watchers: Watchers, **settings: Any) -> Coordinator:
         from minerva_bus.api.running import EventCounts, write_result
 
         counts = EventCounts()

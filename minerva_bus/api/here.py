@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import WorldStopped
-from minerva_bus.frame.description import World as Description
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.runtime.asking import AskingOperator
@@ -15,7 +15,7 @@ from minerva_bus.runtime.asking import AskingOperator
 class Here:
     """A world that `run` runs frame by frame."""
 
-    def __init__(self, run: InProcessRun, world: Description) -> None:
+    def __init__(self, run: InProcessRun, world: WorldSpec) -> None:
         self.name, self.vocabulary = world.name, world.vocabulary
         self.operator = AskingOperator(run.ask)
         self._run = run

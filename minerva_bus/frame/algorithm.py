@@ -14,7 +14,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import EVENTS, FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import TRANSITIONS, Awaited, FrameInFlight, Phase
 from minerva_bus.frame.inputs import Checkpoint, FrameInputs, is_people, is_set_aside
 from minerva_bus.frame.members import MemberChange, MemberLifecycle, Members
@@ -106,7 +106,7 @@ class WorldGoal:
     """
 
     def __init__(
-        self, world: World, composition: Composition, saved: dict[str, Mapping[str, Any]]
+        self, world: WorldSpec, composition: Composition, saved: dict[str, Mapping[str, Any]]
     ) -> None:
         """`saved` is the world's saved state, which keeps the agents that have given up."""
         self._until, self._give_up = world.until, world.give_up
@@ -188,7 +188,7 @@ class FrameAlgorithm:
     """
 
     def __init__(
-        self, world: World, source: Callable[[FrameAlgorithm], FrameSource] | None = None
+        self, world: WorldSpec, source: Callable[[FrameAlgorithm], FrameSource] | None = None
     ) -> None:
         past, rules = world.past, world.policy.rules
         self.world = world

@@ -18,7 +18,7 @@ from minerva_bus.world.policy import Policy
 
 
 @dataclass(frozen=True, slots=True)
-class World:
+class WorldSpec:
     """A world: its initial string w₀, its vocabulary and the rules of its frames.
 
     `dt`: simulated seconds per frame. The world ends after `frames` frames (0: no limit), when its

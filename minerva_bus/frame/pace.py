@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Final
 
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 
 _MIN_SECONDS: Final = 1.0
 _MAX_SECONDS: Final = 60.0
@@ -136,7 +136,7 @@ _FIRST_REPORT: Final = 5
 """Late frames before the first report."""
 
 
-def real_period(rate: float, world: World) -> float:
+def real_period(rate: float, world: WorldSpec) -> float:
     """Seconds that a frame may take at this frame rate; 0: any number."""
     if rate > 0:
         return 1.0 / rate

@@ -9,7 +9,7 @@ from typing import Final
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.members import MemberIndex, Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
@@ -76,7 +76,7 @@ class ViewStream:
 class Views:
     """The view streams of a world; the frame `last_change` began with the latest change."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldSpec) -> None:
         self._streams = {
             view.event_type: ViewStream(
                 # A resumed world continues the sequence, because its

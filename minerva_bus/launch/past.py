@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, MisuseError, WorldFileError
 from minerva_bus.frame.algorithm import GIVEN_UP, FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import HALTED, Checkpoint
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -89,7 +89,7 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
     return Resumed(**settings)
 
 
-def continued(world: World, state: Keyframe, recorded: World) -> World:
+def continued(world: WorldSpec, state: Keyframe, recorded: WorldSpec) -> WorldSpec:
     """A world that continues from a state of a recorded one, maybe toward another goal `until`."""
     world = state.begins(world)
     if world.until == recorded.until:
@@ -192,13 +192,13 @@ def _options(description: Description) -> dict[str, str]:
     }
 
 
-def check_same(world: World, recorded: World, path: Path) -> None:
+def check_same(world: WorldSpec, recorded: WorldSpec, path: Path) -> None:
     """Raises MinervaError if the frames of two worlds would differ."""
     for what in differing(world, recorded):
         raise MinervaError(f"{path}: it is the record of another world: {what}")
 
 
-def differing(world: World, recorded: World) -> Iterator[str]:
+def differing(world: WorldSpec, recorded: WorldSpec) -> Iterator[str]:
     """Differences between two worlds, beside their strings, that change their frames."""
     for what in ("seed", "dt", "policy"):
         wanted, before = getattr(world, what), getattr(recorded, what)
@@ -242,7 +242,7 @@ def _used(vocabulary: Vocabulary) -> dict[str, Any]:
     return {declared[0]: declared[1:] for section in sections for declared in plain[section]}
 
 
-def check_unfinished(world: World, path: Path) -> None:
+def check_unfinished(world: WorldSpec, path: Path) -> None:
     """Raises MinervaError if the run is over."""
     algorithm = FrameAlgorithm(world)
     if algorithm.composition.empty:

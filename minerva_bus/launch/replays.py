@@ -24,7 +24,7 @@ from minerva_bus.errors import MinervaError, MisuseError, ProtocolError, WorldSt
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import Phase
 from minerva_bus.frame.inputs import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.member import Member
@@ -93,7 +93,7 @@ class Replay:
 
 
 def replay_coordinator(
-    path: Path, kinds: Kinds, stay: bool, world: World, watchers: Watchers, **options: Any
+    path: Path, kinds: Kinds, stay: bool, world: WorldSpec, watchers: Watchers, **options: Any
 ) -> Coordinator:
     """A coordinator that takes its frames from a record. Raises RecordError."""
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, Final
 
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted
 
@@ -84,7 +84,7 @@ class RunSummary:
     profile: Profile = field(default_factory=dict[str, Mapping[str, float]])
 
     @staticmethod
-    def of(world: World, report: EndReport, startup: Startup, failure: str) -> RunSummary:
+    def of(world: WorldSpec, report: EndReport, startup: Startup, failure: str) -> RunSummary:
         """The summary of a run over the bus."""
         began = startup.first_frame is not None
         return RunSummary(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from select import PIPE_BUF
 from typing import Any, Final
 
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.launch.child_processes import (
     CLOSED,
     END_OF_STACKS,
@@ -713,7 +713,7 @@ class Ending:
         self.deadline = deadline if self.deadline is None else min(self.deadline, deadline)
 
     def summary(
-        self, world: World, startup: Startup, frame: int, now: float, joined: Sequence[bool]
+        self, world: WorldSpec, startup: Startup, frame: int, now: float, joined: Sequence[bool]
     ) -> RunSummary:
         """The summary of the run; digest and figures are lost if the coordinator died.
 

@@ -23,7 +23,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, SceneError, VocabularyError, WorldFileError, nearest
 from minerva_bus.frame.collection import ID
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import source_of
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.placement import PlacementRules, Rule
@@ -109,7 +109,7 @@ class WorldFile:
     """
 
     path: Path
-    world: World
+    world: WorldSpec
     rate: float
     processes: tuple[ProcessSpec, ...]
     bus: BusSettings = field(default_factory=BusSettings)
@@ -290,7 +290,7 @@ def read_description(
     path: Path,
     options: Mapping[str, Any],
     processes: Sequence[ProcessSpec],
-) -> World:
+) -> WorldSpec:
     """The world, without its norms.
 
     The world waits for the `processes`; `options` are the arguments of a function that makes the
@@ -304,7 +304,7 @@ def read_description(
     # `dt` follows the file's rate only: `--rate` changes the pace of a run, but must not change the
     # string.
     own_rate: float = table.get("rate", number(), 0.0)
-    world = World(
+    world = WorldSpec(
         name=table.named(settings.name or path.stem, "a world"),
         scene=assigned(
             _scene(table, settings, vocabulary, path, options),
@@ -668,7 +668,7 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
     )
 
 
-def _hosts(process: ProcessSpec, world: World) -> Iterator[ProcessSpec]:
+def _hosts(process: ProcessSpec, world: WorldSpec) -> Iterator[ProcessSpec]:
     counts = kind_counts(*world.scene.pieces)
     work = sum(counts[cls.kind.name] * _seconds(cls) for cls in process.agents)
     count = 1 if world.policy.rules.makes_copies else hosts_for(work, cores())

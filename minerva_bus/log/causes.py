@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, first_of
 from minerva_bus.grammar.printer import shape_text, value_text
@@ -94,7 +94,7 @@ def explain_value(
 class Causes:
     """Causes in the frames `past` of a run, by number."""
 
-    def __init__(self, world: World, kinds: Kinds, past: Mapping[int, PastFrame]) -> None:
+    def __init__(self, world: WorldSpec, kinds: Kinds, past: Mapping[int, PastFrame]) -> None:
         self._world = world
         self._past = past
         # A copy processes other events than the agent, so only events are explained.

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from minerva_bus import __version__
 from minerva_bus.errors import MinervaError, ProtocolError
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.log.entries import FORMAT
@@ -67,7 +67,7 @@ class Description:
     before it.
     """
 
-    world: World
+    world: WorldSpec
     file: str = ""
     rate: float = 0.0
     options: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -130,7 +130,7 @@ def decode_description(data: bytes) -> tuple[Description, bool]:
 def _description(plain: Mapping[str, Any]) -> Description:
     vocabulary = read_vocabulary(plain["vocabulary"])
     reader = Reader(vocabulary, ON_DISK)
-    world = World(
+    world = WorldSpec(
         name=as_text(plain["name"], "the name"),
         scene=EMPTY if plain["string"] is None else reader.scene(plain["string"]),
         vocabulary=vocabulary,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
@@ -23,7 +23,7 @@ SHOWN_EVERY: Final = 0.1
 class Display:
     """Writes the channels for other tools; Minerva's own readers ignore them."""
 
-    def __init__(self, file: McapFile, world: World) -> None:
+    def __init__(self, file: McapFile, world: WorldSpec) -> None:
         self._file = file
         self._world = world
         self._surveyor = Surveyor(world.vocabulary, SHOWN)

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
@@ -61,7 +61,7 @@ class Keyframe:
     checkpoint: Checkpoint | None = None
     views: Sequence[m.ViewShown] = ()
 
-    def begins(self, world: World) -> World:
+    def begins(self, world: WorldSpec) -> WorldSpec:
         """A world that begins in this state, which has a checkpoint."""
         assert self.checkpoint is not None
         return replace(world, scene=self.scene, past=self.checkpoint, shown=self.views)

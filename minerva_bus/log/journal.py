@@ -27,7 +27,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import BusError, Followed
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.entries import (
@@ -202,7 +202,7 @@ class Journal:
         )
 
 
-def key_of(world: World) -> bytes:
+def key_of(world: WorldSpec) -> bytes:
     """Digest of the properties that a world must share with a journal's to continue it."""
     rules = [world.seed, world.dt, list(world.order.types), world.policy.value]
     return blake2b(pack([plain_vocabulary(world.vocabulary), *rules]), digest_size=16).digest()

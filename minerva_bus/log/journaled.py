@@ -12,7 +12,7 @@ from typing import Final
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.input_files import read_bytes
 from minerva_bus.log.description import Description, decode_description
@@ -49,7 +49,7 @@ class Journaled:
     """
 
     epoch: int
-    world: World
+    world: WorldSpec
     keyframe: Keyframe
     inputs: list[FrameInputs] = field(default_factory=list[FrameInputs])
     members: frozenset[str] = frozenset()
@@ -69,7 +69,7 @@ class Journaled:
         return self.rate
 
 
-def read_journal(path: Path, world: World) -> Journaled | None:
+def read_journal(path: Path, world: WorldSpec) -> Journaled | None:
     """Contents of a world's journal, or None if there is none.
 
     Entries after damaged bytes are ignored, because each frame needs the one before. Raises
@@ -162,7 +162,7 @@ def _is_keyframe(entry: bytes) -> bool:
     return entry.startswith(_KEYFRAME, 1)
 
 
-def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled | None:
+def _journaled(entries: Iterator[bytes], world: WorldSpec, path: Path) -> Journaled | None:
     first = next(entries, None)
     state = next(entries, None)
     if first is None or state is None:

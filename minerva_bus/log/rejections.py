@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import is_people
 from minerva_bus.frame.norms import Norms
 from minerva_bus.grammar.events import AnyEvent, single
@@ -17,7 +17,7 @@ from minerva_bus.log.sources import person_behind, sources_of
 from minerva_bus.world.norms import SOURCE, Norm
 
 
-def rejected_events(world: World, past: PastFrame, name: str) -> Iterator[str]:
+def rejected_events(world: WorldSpec, past: PastFrame, name: str) -> Iterator[str]:
     """Events of a frame to or from an agent that norms have rejected, in words."""
     norms = [norm for norm in world.norms if norm.on and norm.refuses]
     types = {event_type for norm in norms for event_type in norm.on}
@@ -41,7 +41,7 @@ def rejected_events(world: World, past: PastFrame, name: str) -> Iterator[str]:
                     break
 
 
-def rejected_step(world: World, past: PastFrame, name: str, result: Scene) -> str:
+def rejected_step(world: WorldSpec, past: PastFrame, name: str, result: Scene) -> str:
     """The norm that rejected the result of λ for an agent, in words; empty if none did.
 
     `result` is what its methods made of the part of the string around it.
@@ -69,7 +69,7 @@ def _of_type(past: PastFrame, event_type: str) -> list[AnyEvent]:
     return [event for event in past.frame.events if event.type == event_type]
 
 
-def _norms(world: World, norm: Norm, composition: Composition, past: PastFrame) -> Norms:
+def _norms(world: WorldSpec, norm: Norm, composition: Composition, past: PastFrame) -> Norms:
     checkpoint = past.checkpoint
     counts: Mapping[str, Any] = {}
     if checkpoint is not None:

@@ -17,7 +17,7 @@ from minerva_bus.errors import BusError, Followed
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.control import COMMANDS
@@ -78,7 +78,7 @@ class Coordinator(Sink):
 
     def __init__(
         self,
-        world: World,
+        world: WorldSpec,
         watchers: Watchers,
         *,
         rate: float = 0.0,

@@ -23,7 +23,7 @@ from typing import Any, Final, TypeAlias
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member import Member, Outgoing, Refusal
 from minerva_bus.grammar.events import AnyEvent, single
@@ -226,7 +226,7 @@ class MemoryBus:
 
     def __init__(
         self,
-        world: World,
+        world: WorldSpec,
         makers: Mapping[str, MemberFactory],
         sinks: Iterable[Sink | Callable[[Notice], None]] = (),
     ) -> None:

@@ -32,7 +32,7 @@ from minerva_bus.errors import (
     WorldFileError,
 )
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.world_files import read_world_file
@@ -63,7 +63,7 @@ from minerva_services.sensors.serial_line import LineSplitter
 MOST = 500
 """Maximum number of readings or frames to read from one file."""
 
-WORLD = World("yard", parse("AWalker#a<x=0> · AWalker#b<x=1>"), yard.vocabulary, seed=7)
+WORLD = WorldSpec("yard", parse("AWalker#a<x=0> · AWalker#b<x=1>"), yard.vocabulary, seed=7)
 _ENTRY = struct.Struct(">II")
 _folder = tempfile.TemporaryDirectory(prefix="minerva-fuzz-")
 

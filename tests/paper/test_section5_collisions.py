@@ -35,7 +35,7 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.events import single
@@ -157,7 +157,7 @@ class Story:
 
     def __init__(self, scene: Scene, members: list[Member], frames: int) -> None:
         names = frozenset(member.name for member in members)
-        world = World(
+        world = WorldSpec(
             "test",
             scene,
             VOCABULARY,

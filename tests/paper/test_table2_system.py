@@ -30,7 +30,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import EvolveRequest
 from minerva_bus.frame.stimuli import Begin, Ended, FrameDone
@@ -142,7 +142,7 @@ class Setting:
         members += [Host(f"host{n}", self.kinds, run) for n in range(self.hosts)]
         members.append(Member("screen", Screen(run, self.visual)))
         named = frozenset(member.name for member in members)
-        world = World(
+        world = WorldSpec(
             "w", self.w0, self.vocabulary, order=Order(self.order), policy=self.policy,
             expected=named, frames=self.most,
         )  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.models import flock, schelling
 from minerva_bus import Agent, Scene
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
@@ -33,7 +33,7 @@ def run(
     members = [Member(name, make()) for name, make in model.services(agents).items()]
     members += [Member(f"host-{number}", agents=kinds) for number in range(hosts)]
     names = frozenset(member.name for member in members)
-    world = World(
+    world = WorldSpec(
         "test",
         model.scene(agents, 5),
         model.vocabulary,

@@ -8,7 +8,7 @@ import pytest
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -34,7 +34,7 @@ def receiver_of(algorithm: FrameAlgorithm, put: Any) -> Receiver:
 
 
 def test_only_a_few_large_answers_of_a_member_wait(monkeypatch: pytest.MonkeyPatch):
-    algorithm = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop)))
+    algorithm = FrameAlgorithm(WorldSpec("w", PStone(), Vocabulary.of(PStone, eDrop)))
     algorithm.receive(s.Appeared("sonar"))
     hello = m.Hello(
         "sonar", PROTOCOL_VERSION, generates=("eDrop",), when=When(Participation.IN_STEP)

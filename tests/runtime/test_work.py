@@ -6,14 +6,14 @@ from typing import Any, cast
 
 import msgpack
 import pytest
-from running import World, eventually, put, write_world
+from running import WorldSpec, eventually, put, write_world
 from zenoh import ZBytes
 
 from minerva_bus import Agent, Context, Event, on
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World as Described
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.symbols import EventType, Primitive
@@ -43,7 +43,7 @@ VOCABULARY = Vocabulary.of(PStone, eDrop)
 
 
 def rain():
-    world = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
+    world = FrameAlgorithm(WorldSpec("w", PStone(), VOCABULARY))
     world.inbox.work.most_of_generator = 3
     world.receive(s.Appeared("rain"))
     world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
@@ -69,7 +69,7 @@ def test_a_journal_has_what_was_taken_and_what_waits():
     world.receive(m.Emitted("rain", tuple(map(eDrop, range(5)))))
     _, inputs = frame(world)
     assert [len(inputs.taken["rain"]), len(inputs.waiting["rain"])] == [3, 2]
-    again = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
+    again = FrameAlgorithm(WorldSpec("w", PStone(), VOCABULARY))
     again.receive(s.Begin(inputs=inputs))
     again.receive(s.Appeared("rain"))
     again.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",), when=FREELY))
@@ -109,7 +109,7 @@ BEACH = Vocabulary.of(eDrop, Crab)
 def asked_host(agents, limits):
     """A receiver whose frame waits for a host, and what it hands to the frame."""
     string = BEACH.read(" · ".join(f"ACrab#a{n}" for n in range(agents)))
-    algorithm = FrameAlgorithm(Described("w", string, BEACH))
+    algorithm = FrameAlgorithm(WorldSpec("w", string, BEACH))
     for name, hello in (
         ("rain", {"generates": ("eDrop",), "when": FREELY}),
         ("host", {"kinds": (Crab.kind,)}),
@@ -319,7 +319,7 @@ TOO_MUCH = {
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     path = write_world(tmp_path_factory.mktemp("work"), frames=0, rate=20)
-    with World(path) as world:
+    with WorldSpec(path) as world:
         world.runs("steps", "walkers")
         yield world
 

@@ -27,7 +27,7 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Abandoned
 from minerva_bus.grammar.traversal import walk
@@ -263,10 +263,10 @@ VOCABULARY = Vocabulary.of(
 )
 
 
-def world(text: str | Scene, expected: Iterable[str], **rest: Any) -> World:
+def world(text: str | Scene, expected: Iterable[str], **rest: Any) -> WorldSpec:
     """A world with the pond's vocabulary."""
     rest = {"order": Order(("eAdd", "eStep", "eSeen", "eCroak")), **rest}
-    return World(
+    return WorldSpec(
         rest.pop("name", "pond"),
         VOCABULARY.read(text) if isinstance(text, str) else text,
         VOCABULARY,

@@ -1,7 +1,7 @@
 """A street for norms: runners run, shout and breed; a light changes; λ in both forms."""
 
 from minerva_bus import EMPTY, Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
@@ -102,7 +102,9 @@ def street(scene, norms, expected=("runners", "steps"), **rest):
     """The world of the street."""
     rest = {"frames": 8, "seed": 3, "order": Order(("eFine", "eShout", "eBoo", "eStep")), **rest}
     string = VOCABULARY.read(scene) if isinstance(scene, str) else scene
-    return World("street", string, VOCABULARY, expected=frozenset(expected), norms=norms, **rest)
+    return WorldSpec(
+        "street", string, VOCABULARY, expected=frozenset(expected), norms=norms, **rest
+    )
 
 
 def states(scene):

@@ -16,7 +16,7 @@ from test_any_schedule import play
 from minerva_bus import Agent, EventType, Generator, Policy, Vocabulary, evolve, on
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
 from minerva_bus.grammar.traversal import walk
@@ -50,7 +50,9 @@ def world(scene, script, hosts, vocabulary=POND, **rest):
     string = vocabulary.read(scene) if isinstance(scene, str) else scene
     rest = {"frames": len(script), "seed": SEED, "order": ORDER, **rest}
     named = frozenset(members)
-    return World("w", string, vocabulary, expected=named, policy=Policy.LITERAL, **rest), members
+    return WorldSpec(
+        "w", string, vocabulary, expected=named, policy=Policy.LITERAL, **rest
+    ), members
 
 
 def bus_of(*what, **rest):
@@ -224,7 +226,7 @@ def test_a_world_in_which_agents_would_vanish_does_not_rest():
         "bell": service("bell", Bell),
         "host": partial(Member, "host", None, (Counter,)),
     }
-    described = World(
+    described = WorldSpec(
         "w",
         POND.read("ACounter#a · PDot<x=0>"),
         POND,

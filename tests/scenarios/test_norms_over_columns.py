@@ -15,7 +15,7 @@ from pond import host, service
 from street import Light, Steps, eBoo, eFine, eShout, eStep
 
 from minerva_bus import Agent, Vocabulary, on
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.norms import outcome_of
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Events, single
@@ -79,7 +79,7 @@ def run(scene, norms, kind=Walker, frames=4):
     order = Order(("eFine", "eShout", "eBoo", "eStep"))
     expected = frozenset(members)
     rest = {"norms": norms, "frames": frames, "seed": 5, "order": order}
-    world = World("street", scene, VOCABULARY, expected=expected, **rest)
+    world = WorldSpec("street", scene, VOCABULARY, expected=expected, **rest)
     scenes, events = [], []
 
     def watch(done, scene):

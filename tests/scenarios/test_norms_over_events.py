@@ -12,7 +12,7 @@ from street import Light, eFine, eStep
 from test_norms_over_columns import LIGHT, conditions
 
 from minerva_bus import Agent, EventType, Generator, Vocabulary, on
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
@@ -79,7 +79,7 @@ def run(norms, events, **world):
         "agents": host("agents", Walker, Rider, Light),
         "crier": service("crier", lambda: Crier(events)),
     }
-    street = World(
+    street = WorldSpec(
         "street", SCENE, VOCABULARY, expected=frozenset(members), norms=norms, frames=3,
         speaks_for={"crier": ("AWalker", "ARider", "ALight")}, **world,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from minerva_bus import EventType, Of, Primitive, Vocabulary, parse
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.orders import refusal_of_order, unknown_value
 from minerva_bus.world.norms import Norm
 
@@ -161,7 +161,7 @@ def test_people_may_send_types_of_a_keyboard(hands):
 def signs(string):
     eGo = EventType("eGo", to=Annotated[str, Of("PSign", "name")])
     PSign = Primitive("PSign", name=str)
-    world = World("signs", parse(string), Vocabulary.of(eGo, PSign), expected=frozenset())
+    world = WorldSpec("signs", parse(string), Vocabulary.of(eGo, PSign), expected=frozenset())
     return FrameAlgorithm(world), eGo
 
 

@@ -23,7 +23,7 @@ from minerva_bus import (
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.neutral_values import rested
@@ -149,7 +149,7 @@ def world(text, norms=(WALL,), hosts=1, **rest):
     members |= {"clock": service("clock", Clock), "motor": service("motor", lambda: motor)}
     w = VOCABULARY.read(text) if isinstance(text, str) else text
     rest = {"order": ORDER, "frames": 14, **rest}
-    made = World("carts", w, VOCABULARY, expected=frozenset(members), norms=norms, **rest)
+    made = WorldSpec("carts", w, VOCABULARY, expected=frozenset(members), norms=norms, **rest)
     bus = Bus(made, members)
     bus.motor = motor
     return bus

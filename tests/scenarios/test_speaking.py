@@ -11,7 +11,7 @@ from minerva_bus.frame import collection
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import PROTOCOL_VERSION
@@ -26,7 +26,7 @@ MANY = 100
 
 def begun(text="ACounter#a · ACounter#b · AFrog#f", when="freely", past=None, **speaks_for):
     string, rest = VOCABULARY.read(text), {"past": past or Checkpoint(), "speaks_for": speaks_for}
-    world = FrameAlgorithm(World("w", string, VOCABULARY, **rest))
+    world = FrameAlgorithm(WorldSpec("w", string, VOCABULARY, **rest))
     world.receive(s.Appeared("rain"))
     hello = m.Hello("rain", PROTOCOL_VERSION, generates=("eAdd", "eCroak"), when=When.read(when))
     world.receive(hello)

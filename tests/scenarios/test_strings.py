@@ -22,7 +22,7 @@ from pond import (
 )
 
 from minerva_bus import Agent, Vocabulary, on
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 
 
 def test_a_newborn_receives_its_first_events_in_the_next_frame():
@@ -218,7 +218,7 @@ def test_an_agent_may_become_many_in_columns(hosts):
     vocabulary = Vocabulary.of(eAdd, Spawner)
     members = {f"h{n}": host(f"h{n}", Spawner) for n in range(hosts)}
     members["add"] = service("add", Add)
-    w = World("spawn", vocabulary.read("ASpawner#a"), vocabulary, expected=frozenset(members))
+    w = WorldSpec("spawn", vocabulary.read("ASpawner#a"), vocabulary, expected=frozenset(members))
     bus = Bus(w, members)
     bus.do("start, run 4")
     assert bus.stuck == []

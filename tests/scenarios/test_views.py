@@ -23,7 +23,7 @@ from pond import (
 
 from minerva_bus import Agent, Device, Generator, Metres, Vocabulary, on, view, visualize
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 
 
 def shown(bus, name="screen"):
@@ -252,13 +252,13 @@ class Sizes(Device, draws=("eMark",), when="each frame"):
 
 
 def test_a_device_cannot_be_the_source_of_events_that_need_data():
-    from minerva_bus.frame.description import World
+    from minerva_bus.frame.description import WorldSpec
     from minerva_bus.frame.member import Member
     from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 
     members = {"host": lambda: Member("host", None, FAMILY)}
     w = FAMILY_VOCABULARY.read("AWalker#w")
-    bus = Bus(World("w", w, FAMILY_VOCABULARY, expected=frozenset(members)), members)
+    bus = Bus(WorldSpec("w", w, FAMILY_VOCABULARY, expected=frozenset(members)), members)
     bus.do("start, run 1")
     bus.join("sizes", service("sizes", Sizes))
     bus.run(2)
@@ -299,7 +299,7 @@ DRIFTING = Vocabulary.of(PDot, TAt, eStep, eShow, Drifter)
 @pytest.mark.parametrize("hosts", [1, 2])
 def test_key_views_and_what_differs_add_up_to_the_view_of_the_whole(hosts):
     """This includes a screen that joins late, and births."""
-    w = World("drift", Drifter.many("d", 200, x=np.arange(200.0)) + PDot(5), DRIFTING)
+    w = WorldSpec("drift", Drifter.many("d", 200, x=np.arange(200.0)) + PDot(5), DRIFTING)
     members = {f"h{n}": host(f"h{n}", Drifter) for n in range(hosts)}
     members |= {"steps": service("steps", Steps), "screen": service("screen", Screen)}
     members["late"] = service("late", Screen)

@@ -28,7 +28,7 @@ from minerva_bus import (
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
@@ -195,7 +195,7 @@ class Yard(InProcessRunner):
             Member("represent", Each("eRepresent", represents_every)),
         ]
         names = frozenset({"physics", *(other.name for other in others)})
-        world = World("yard", scene, VOCABULARY, seed, 0.1, ORDER, expected=names)
+        world = WorldSpec("yard", scene, VOCABULARY, seed, 0.1, ORDER, expected=names)
         members = [self.mortal, *others]
         super().__init__(FrameAlgorithm(world), members, self._saw, deliver=self._delivered)  # type: ignore[arg-type]
         self.start()

@@ -8,7 +8,7 @@ from typing import Any
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.coordinator import Coordinator
@@ -115,7 +115,9 @@ def observing(
 ) -> Callable[..., Coordinator]:
     """A factory of observed coordinators; `begins` and `ended` are called for each frame."""
 
-    def make(world: World, watchers: Watchers, *, system: System, **options: Any) -> Coordinator:
+    def make(
+        world: WorldSpec, watchers: Watchers, *, system: System, **options: Any
+    ) -> Coordinator:
         sink = _FrameSink(timeline, observed, begins, ended, system)
         sink.coordinator = Coordinator(world, watchers, sinks=[sink], system=system, **options)
         return sink.coordinator

@@ -33,7 +33,7 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.launch.process_specs import ProcessSpec
@@ -264,9 +264,9 @@ def sharing(process: ProcessSpec) -> ProcessSpec:
     return replace(process, shared=True, restarts=len(SHARING) * process.restarts)
 
 
-def world(frames: int, *, norms: bool = False) -> World:
+def world(frames: int, *, norms: bool = False) -> WorldSpec:
     """The world, with a number of frames, and perhaps with norms."""
-    return World(
+    return WorldSpec(
         NAME,
         _scene(),
         VOCABULARY,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.errors import BusError
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.registry import (
@@ -153,7 +153,7 @@ def test_of_several_worlds_the_preferred_one_is_chosen(tmp_path, monkeypatch):
         lock.release()
 
 
-WORLD = World("w", EMPTY, Vocabulary.of())
+WORLD = WorldSpec("w", EMPTY, Vocabulary.of())
 
 
 def ignore(*_):

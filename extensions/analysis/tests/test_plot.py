@@ -12,7 +12,7 @@ from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation,
 from minerva_bus.cli.main import app
 from minerva_bus.collect.reading import read_table
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.log.description import Description
 from minerva_bus.log.places import Surveyor
 from minerva_bus.log.writer import RecordWriter
@@ -156,7 +156,7 @@ def test_without_matplotlib(tmp_path, monkeypatch):
 
 def test_a_world_without_places_or_frames(tmp_path):
     pytest.importorskip("matplotlib")
-    world = World("names", WORLD.read("AName#n"), WORLD)
+    world = WorldSpec("names", WORLD.read("AName#n"), WORLD)
     stream = io.BytesIO()
     RecordWriter(stream, Description(world)).finish()
     path = tmp_path / "run.mcap"

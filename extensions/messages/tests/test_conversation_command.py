@@ -13,7 +13,7 @@ import pytest
 from extensions.messages.tests.auction import WORLD, auction
 from minerva_bus import Agent, EventType, Vocabulary
 from minerva_bus.errors import DamagedRecordWarning, MinervaError
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.log.description import Description
 from minerva_bus.log.errors import RecordError
@@ -59,7 +59,7 @@ def record(tmp_path):
         from minerva_bus.log.writer import RecordWriter
 
         vocabulary = Vocabulary.of(*MESSAGES, eStep, Rock)
-        world = World("quarry", scene=vocabulary.read("ARock#boss"), vocabulary=vocabulary)
+        world = WorldSpec("quarry", scene=vocabulary.read("ARock#boss"), vocabulary=vocabulary)
         stream = io.BytesIO()
         writer = RecordWriter(stream, Description(world, "", 0.0, {}, began=10**18))
         for frame in sorted({frame for frame, _ in events}):

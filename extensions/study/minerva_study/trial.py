@@ -17,7 +17,7 @@ from typing import Any
 from minerva_bus.blame import report
 from minerva_bus.errors import WorldFileError, WorldStopped
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
@@ -97,7 +97,7 @@ def _runtime_folder(folder: str) -> Generator[None]:
 
 
 def _reporting_coordinator(
-    end: Path, world: World, watchers: Watchers, **settings: Any
+    end: Path, world: WorldSpec, watchers: Watchers, **settings: Any
 ) -> Coordinator:
     """A coordinator that writes its final string and its numbers of events to a file."""
     counts: Counter[str] = Counter()
