@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.settings import tables
-from minerva_bus.settings.declaring import Setting, settings_of
+from minerva_bus.settings.kinds import Setting, settings_of
 from tools import blocks
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -1,8 +1,7 @@
 """Any world as text, by the forms of its symbols: minerva attach any_world:Ascii"""
 
 from minerva_bus import Device, Disc, Label, Raster, interpret
-from minerva_bus.semantics.bounds import bounds
-from minerva_bus.semantics.plane import PlaneGeometry, resolve
+from minerva_bus.semantics.plane import PlaneGeometry, bounds, resolve
 
 WIDTH = 76
 

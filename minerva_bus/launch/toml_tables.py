@@ -14,8 +14,7 @@ from contextlib import contextmanager
 from typing import Any, Final, NoReturn, TypeVar, cast
 
 from minerva_bus.errors import MinervaError, MisuseError, SceneError, WorldFileError, nearest
-from minerva_bus.settings.declaring import Setting, settings_of
-from minerva_bus.settings.kinds import TABLE, Kind
+from minerva_bus.settings.kinds import TABLE, Kind, Setting, settings_of
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.wire.keys import checked_name
 

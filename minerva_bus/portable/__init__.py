@@ -14,13 +14,11 @@ arrays of any shape they return a float64 array, with nan or infinity in place o
 in radians; `math.radians` and `math.degrees` are one multiplication and thus the same everywhere.
 """
 
-from minerva_bus.portable.arcs import acos, asin, atan, atan2
-from minerva_bus.portable.circle import cos, cos_sin, sin, tan
-from minerva_bus.portable.exponentials import exp, expm1, tanh
+from minerva_bus.portable.distributions import normal, normals
+from minerva_bus.portable.exponentials import exp, expm1, power, tanh
 from minerva_bus.portable.lengths import dist, hypot
 from minerva_bus.portable.logarithms import log, log1p, log2, log10
-from minerva_bus.portable.normal import normal, normals
-from minerva_bus.portable.powers import power
+from minerva_bus.portable.trigonometry import acos, asin, atan, atan2, cos, cos_sin, sin, tan
 
 __all__ = [
     "acos",

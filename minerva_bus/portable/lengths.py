@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from minerva_bus.portable.forms import Numbers, binary
+from minerva_bus.portable.polynomials import Numbers, binary
 
 _LARGE: Final = 2.0**510
 _SMALL: Final = 2.0**-480

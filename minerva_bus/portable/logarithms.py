@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from minerva_bus.portable.forms import F, Numbers, head, unary
+from minerva_bus.portable.polynomials import F, Numbers, head, unary
 
 LN2: Final = 6.93147180369123816490e-01  # ln 2 as a sum of two; its products with k are exact
 LN2_LOW: Final = 1.90821492927058770002e-10

@@ -1,13 +1,10 @@
-"""A geometric system of the plane that knows symbols by their forms only.
-
-`PlaneGeometry` tracks the pose to which the transformations of a string have led, and passes the
-shape of each primitive to its method `shape`. Pictures, windows and bounds derive from it.
-"""
+"""A geometric system of the plane that knows symbols by their forms only; bounds of a string."""
 
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,9 +13,9 @@ from numpy.typing import NDArray
 from minerva_bus import portable
 from minerva_bus.grammar.appearance import Disc, Line, Measure, Motion, Raster, Shape
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.scene import FigureNode, TransformationNode
+from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.geometry import Geometry
+from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.semantics.poses import Point, Pose
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -128,3 +125,43 @@ def _direction(angle: Floats, along: Floats, across: Floats) -> tuple[Floats, Fl
     if not angle.any() or not (along.any() or across.any()):
         return np.ones(len(angle)), np.zeros(len(angle))
     return portable.cos_sin(np.radians(angle))
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """An upright rectangle, metres."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+    def around(self, other: Bounds) -> Bounds:
+        """The smallest rectangle around both."""
+        return Bounds(
+            min(self.left, other.left),
+            min(self.bottom, other.bottom),
+            max(self.right, other.right),
+            max(self.top, other.top),
+        )
+
+
+class BoundingGeometry(PlaneGeometry):
+    """A geometric system in which each primitive extends a rectangle; None before the first."""
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        super().__init__(vocabulary)
+        self.bounds: Bounds | None = None
+
+    def shape(self, shape: Shape, figure: FigureNode) -> None:
+        points, margin = outline(shape, figure.parameters, self.pose)
+        for x, y in points:
+            corner = Bounds(x - margin, y - margin, x + margin, y + margin)
+            self.bounds = corner if self.bounds is None else self.bounds.around(corner)
+
+
+def bounds(scene: Scene, vocabulary: Vocabulary) -> Bounds | None:
+    """The rectangle around a string of L(E), or None if it draws nothing."""
+    geometry = BoundingGeometry(vocabulary)
+    interpret(scene, geometry)
+    return geometry.bounds

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from minerva_bus.settings.declaring import Setting, by_option, check_known
+from minerva_bus.settings.kinds import Setting, by_option, check_known
 from minerva_bus.settings.tables import TABLES
 
 OPTIONS: Final[Mapping[str, Setting]] = by_option(*TABLES)

@@ -14,7 +14,6 @@ from functools import partial
 from typing import Final
 
 from minerva_bus.runtime.waiting import THEN, Patience
-from minerva_bus.settings.declaring import setting
 from minerva_bus.settings.kinds import (
     ADDRESS,
     ANY,
@@ -24,6 +23,7 @@ from minerva_bus.settings.kinds import (
     TOPICS,
     choice,
     number,
+    setting,
     single,
     switch,
     whole,

@@ -22,15 +22,18 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.portable.distributions import between, exponential, normally, whole_between
-from minerva_bus.portable.splitmix import (
+from minerva_bus.portable.distributions import (
     GAMMA,
     MASK,
     Words,
+    between,
+    exponential,
     mixed_many,
     mixed_one,
+    normally,
     unit_many,
     unit_one,
+    whole_between,
 )
 
 Numbers = NDArray[np.float64]

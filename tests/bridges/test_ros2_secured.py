@@ -9,8 +9,8 @@ pytest.importorskip("cryptography")
 import zenoh
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.certificates import Wanted
-from minerva_bus.security.keys import KeyFolder
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages

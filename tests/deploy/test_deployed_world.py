@@ -8,8 +8,8 @@ import signal
 import pytest
 
 from minerva_bus.runtime.client import Client
+from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.certificates import Wanted
-from minerva_bus.security.keys import KeyFolder
 from tests.deploy.deployed import PODS
 from tests.runtime.running import Run, World, eventually
 

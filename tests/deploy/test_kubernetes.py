@@ -7,8 +7,8 @@ import subprocess
 import pytest
 import yaml
 
+from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.credentials import covers
-from minerva_bus.security.keys import KeyFolder
 from minerva_bus.wire.keys import is_name
 from tests.deploy.commands import DEPLOY, in_markdown
 from tests.deploy.deployed import CONTAINERS, MANIFESTS, PODS, README, SETS, manifests

@@ -10,9 +10,9 @@ from running import MEMBERS, World, eventually, write_world
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.client import Client
 from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.certificates import Wanted
 from minerva_bus.security.credentials import Credentials
-from minerva_bus.security.keys import KeyFolder
 from tests.patience import patience
 
 LISTEN = "tls/127.0.0.1:0"

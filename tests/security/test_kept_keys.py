@@ -3,8 +3,8 @@
 import pytest
 
 from minerva_bus.errors import KeysError
+from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.certificates import Wanted
-from minerva_bus.security.keys import KeyFolder
 
 
 @pytest.fixture

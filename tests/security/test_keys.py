@@ -14,9 +14,9 @@ sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import here, minerva
 
 from minerva_bus.errors import KeysError
+from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.certificates import Wanted, now
 from minerva_bus.security.credentials import ROLES
-from minerva_bus.security.keys import KeyFolder
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from minerva_bus.launch.access import local_endpoint, security
 from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoint
-from minerva_bus.security.keys import KeyFolder
+from minerva_bus.security.authority import KeyFolder
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
 from minerva_services.views.page_address import page_url

@@ -14,8 +14,8 @@ from secured import stolen
 from minerva_bus.errors import BusError
 from minerva_bus.runtime.session import Secured, listening_at, open_client, open_hub
 from minerva_bus.security.access import access_control
+from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.certificates import Wanted, now
-from minerva_bus.security.keys import KeyFolder
 from minerva_bus.wire.keys import Keys as WorldKeys
 
 GENERATOR = Wanted(("generator",))

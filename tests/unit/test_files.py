@@ -30,7 +30,7 @@ from minerva_bus.outputs import (
     write_output,
 )
 from minerva_bus.path_text import path_of_text, text_of_path
-from minerva_bus.security.certificate_files import read_certificate
+from minerva_bus.security.certificates import read_certificate
 from minerva_services.options import read_password
 
 SPARSE = 64 << 30

@@ -17,7 +17,7 @@ from minerva_bus import (
     Transformation,
     Vocabulary,
 )
-from minerva_bus.semantics.legend import LegendEntry, legend, words
+from minerva_bus.semantics.colors import LegendEntry, legend, words
 from minerva_bus.semantics.picture import Lists, Marks, Picture, Texts, combined
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary

@@ -19,8 +19,7 @@ from minerva_bus import (
     parse,
 )
 from minerva_bus.errors import MisuseError
-from minerva_bus.semantics.bounds import bounds
-from minerva_bus.semantics.plane import PlaneGeometry, raster_corner
+from minerva_bus.semantics.plane import PlaneGeometry, bounds, raster_corner
 from minerva_bus.semantics.poses import Pose
 
 PDisc = Primitive("PDisc", Disc("r"), r=Metres)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import minerva_bus.portable as portable
-from minerva_bus.portable.forms import FEW
+from minerva_bus.portable.polynomials import FEW
 from minerva_bus.world.rng import Rng, RngBatch, stream
 
 ONE = ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "expm1", "tanh"]

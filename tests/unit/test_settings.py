@@ -13,7 +13,6 @@ from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch.toml_tables import Table, read_toml
 from minerva_bus.launch.typed_text import read_view, settings_by_process, toml_value, typed_options
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.declaring import settings_of
 from minerva_bus.settings.kinds import (
     ADDRESS,
     BOOLEAN,
@@ -22,6 +21,7 @@ from minerva_bus.settings.kinds import (
     choice,
     fits,
     number,
+    settings_of,
     single,
     whole,
 )

@@ -9,9 +9,8 @@ from minerva_bus import Agent, EventType, Frame, Vocabulary, evolve, on
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.portable import distributions as d
-from minerva_bus.portable import log, splitmix
-from minerva_bus.portable.normal import standard_normal
-from minerva_bus.portable.splitmix import GAMMA, MASK, mixed_one
+from minerva_bus.portable import log
+from minerva_bus.portable.distributions import GAMMA, MASK, mixed_one, standard_normal
 from minerva_bus.world.rng import Rng, RngBatch, Streams, hash_of, stream
 
 KEY = 0x0123456789ABCDEF
@@ -168,13 +167,13 @@ def test_the_numbers_are_those_of_every_platform():
 def test_words_are_those_of_the_published_generator():
     """Reference values of Vigna's splitmix64.c for the seed 1234567."""
     published = [6457827717110365317, 3203168211198807973, 9817491932198370423]
-    states = [(1234567 + (step + 1) * splitmix.GAMMA) & splitmix.MASK for step in range(3)]
-    assert [splitmix.mixed_one(state) for state in states] == published
+    states = [(1234567 + (step + 1) * d.GAMMA) & d.MASK for step in range(3)]
+    assert [d.mixed_one(state) for state in states] == published
     words = np.array(states, np.uint64)
-    assert splitmix.mixed_many(words).tolist() == published
-    units = [splitmix.unit_one(state) for state in states]
+    assert d.mixed_many(words).tolist() == published
+    units = [d.unit_one(state) for state in states]
     assert (
-        splitmix.unit_many(words).tolist() == units == [(word >> 11) / 2**53 for word in published]
+        d.unit_many(words).tolist() == units == [(word >> 11) / 2**53 for word in published]
     )
 
 

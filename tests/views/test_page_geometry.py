@@ -12,7 +12,7 @@ from svg_world import VOCABULARY, PBall, PHeat, PInner, PMap, PPath, PRobot, PSi
 from minerva_agents.robot import world as house
 from minerva_bus import Label, Metres, Primitive, Scene, Vocabulary
 from minerva_bus.grammar.appearance import Disc
-from minerva_bus.semantics.legend import legend
+from minerva_bus.semantics.colors import legend
 from minerva_bus.semantics.picture import Discs, Lists, Marks, Polyline, Texts, Tiles
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.values import plain_scene

@@ -9,7 +9,7 @@ pytest.importorskip("pygame")
 from sprites_world import PDot, PPath, PSign, TPut, floor, picture
 
 from minerva_bus import EMPTY
-from minerva_bus.semantics.bounds import Bounds
+from minerva_bus.semantics.plane import Bounds
 from minerva_services.views.sprites.camera import MapCamera, extent
 
 METRES, PIXELS = st.floats(-1e4, 1e4), st.floats(-5000, 5000)

@@ -25,7 +25,7 @@ from svg_world import (
 )
 
 from minerva_bus import EMPTY, MinervaError, Scene
-from minerva_bus.semantics.bounds import Bounds
+from minerva_bus.semantics.plane import Bounds
 from minerva_bus.semantics.poses import Pose
 from minerva_services.views.svg.markup import exact, line_of_text, paint, short
 from minerva_services.views.svg.page import Page, frame_of

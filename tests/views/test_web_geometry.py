@@ -13,8 +13,8 @@ from web_world import FLOOR, PFloor, PStone, PWay, cart, named, picture, slot
 pytest.importorskip("viser")
 
 from minerva_bus import Line
-from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.picture import Discs, Polyline, Texts
+from minerva_bus.semantics.plane import Bounds
 from minerva_services.views.disc_table import disc_table
 from minerva_services.views.line_segments import segments
 from minerva_services.views.solids import arrow, cylinder, flat, pin, ring, walls

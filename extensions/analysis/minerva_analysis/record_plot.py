@@ -15,9 +15,8 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.reader import Record
 from minerva_bus.log.showing import painted
 from minerva_bus.plotting import COLORS, DOTS, FAINT, INK, draw, label_ends, show_grid
-from minerva_bus.semantics.bounds import Bounds, bounds
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.plane import PlaneGeometry, raster_corner, resolve
+from minerva_bus.semantics.plane import Bounds, PlaneGeometry, bounds, raster_corner, resolve
 
 MARGIN: Final = 0.03
 MAX_SEGMENTS: Final = 60_000

@@ -14,8 +14,8 @@ from minerva_bus.cli.output import print_json, print_result, print_table
 from minerva_bus.cli.shells import Command, Group
 
 if TYPE_CHECKING:
+    from minerva_bus.security.authority import KeyFolder
     from minerva_bus.security.certificates import Issued
-    from minerva_bus.security.keys import KeyFolder
 
 app = typer.Typer(
     cls=Group,
@@ -208,7 +208,7 @@ def _day(now: datetime, days: int) -> str:
 
 
 def _keys(folder: Path) -> KeyFolder:
-    from minerva_bus.security.keys import KeyFolder
+    from minerva_bus.security.authority import KeyFolder
 
     return KeyFolder(folder)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.legend import words
+from minerva_bus.semantics.colors import words
 from minerva_bus.world.operator import WorldStatus
 
 _SENDER = re.compile(r" from #(\S+)")

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from minerva_bus.semantics.rectangles import mask_rectangles
+from minerva_bus.semantics.volumes import mask_rectangles
 from minerva_services.views.blocks import sides
 
 Floats = NDArray[np.float64]

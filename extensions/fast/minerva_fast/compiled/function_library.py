@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 
 from minerva_bus.portable import (
-    arcs,
-    circle,
     distributions,
     exponentials,
     lengths,
     logarithms,
-    powers,
+    trigonometry,
 )
 from minerva_fast.compiled.library import compiled
 from minerva_fast.compiled.sources import PortableForms
@@ -136,28 +134,28 @@ _FAR = 1.6e6
 _BIG = 1.7e308
 
 
-_atan2 = _from_source(arcs.atan2_one)
+_atan2 = _from_source(trigonometry.atan2_one)
 
 
 _hypot = _from_source(lengths.hypot_one)
 
 
-_power = _from_source(powers.power_one)
+_power = _from_source(exponentials.power_one)
 
 
 _ONE = math.nextafter(1.0, 2.0)
 
 
-portable_acos = _portable(arcs.acos_one, -_ONE, _ONE)
+portable_acos = _portable(trigonometry.acos_one, -_ONE, _ONE)
 
 
-portable_asin = _portable(arcs.asin_one, -_ONE, _ONE)
+portable_asin = _portable(trigonometry.asin_one, -_ONE, _ONE)
 
 
-portable_atan = _portable(arcs.atan_one, -_BIG, _BIG)
+portable_atan = _portable(trigonometry.atan_one, -_BIG, _BIG)
 
 
-portable_cos = _portable(circle.cos_one, -_FAR, _FAR)
+portable_cos = _portable(trigonometry.cos_one, -_FAR, _FAR)
 
 
 portable_exp = _portable(exponentials.exp_one, -740.0, 709.0)
@@ -178,10 +176,10 @@ portable_log1p = _portable(logarithms.log1p_one, -1.0, _BIG)
 portable_log2 = _portable(logarithms.log2_one, 0.0, _BIG)
 
 
-portable_sin = _portable(circle.sin_one, -_FAR, _FAR)
+portable_sin = _portable(trigonometry.sin_one, -_FAR, _FAR)
 
 
-portable_tan = _portable(circle.tan_one, -_FAR, _FAR)
+portable_tan = _portable(trigonometry.tan_one, -_FAR, _FAR)
 
 
 portable_tanh = _portable(exponentials.tanh_one, -_BIG, _BIG)

@@ -7,7 +7,7 @@ from types import FunctionType
 from typing import Any, TypeGuard
 
 from minerva_bus import portable
-from minerva_bus.portable import circle
+from minerva_bus.portable import trigonometry as circle
 
 
 class PortableForms:

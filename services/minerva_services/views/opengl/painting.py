@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.picture import Tiles
-from minerva_bus.semantics.rectangles import color_ranges
+from minerva_bus.semantics.volumes import color_ranges
 from minerva_services.views.blocks import enclosed
 
 _WALL_DISTANCE = 0.45

@@ -14,7 +14,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.appearance import Disc
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.bounds import BoundingGeometry
+from minerva_bus.semantics.plane import BoundingGeometry
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.service_inputs import WorldInfo
 

@@ -6,8 +6,8 @@ import math
 
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.colors import legend
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.legend import legend
 from minerva_services.views.palette import BORDER, FAINT, INK, PANEL, PAPER
 from minerva_services.views.svg.drawing import Drawing
 from minerva_services.views.svg.legend import legend_height, legend_markup

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from minerva_bus.grammar.appearance import Disc, Label, Line
-from minerva_bus.semantics.legend import Legend, LegendEntry
+from minerva_bus.semantics.colors import Legend, LegendEntry
 from minerva_bus.semantics.poses import Pose
 from minerva_services.views.layout import flow
 from minerva_services.views.palette import BORDER, DARK, HEADING_MARK, INK, PANEL

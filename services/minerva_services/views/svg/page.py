@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from minerva_bus.grammar.appearance import Disc, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.bounds import BoundingGeometry, Bounds
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.plane import resolve
+from minerva_bus.semantics.plane import BoundingGeometry, Bounds, resolve
 from minerva_bus.semantics.poses import Pose
 from minerva_services.views.layout import round_step
 

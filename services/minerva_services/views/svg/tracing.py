@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.rectangles import color_ranges, rectangles
+from minerva_bus.semantics.volumes import color_ranges, rectangles
 
 Colors: TypeAlias = tuple[tuple[int, str], ...]
 """Lowest value and colour of each range, ascending, as in `Raster.colors`."""

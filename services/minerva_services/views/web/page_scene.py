@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from viser import SceneApi, ViserServer
 
-from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_bus.semantics.plane import Bounds
 from minerva_services.views.disc_table import DiscTable, disc_table
 from minerva_services.views.names import AgentName, agent_names
 from minerva_services.views.solids import ring, upright

@@ -11,7 +11,7 @@ from viser import GuiDropdownHandle, GuiEvent, ViserServer
 
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.legend import Legend
+from minerva_bus.semantics.colors import Legend
 from minerva_bus.world.operator import CollectedSeries, LogEntry, WorldStatus
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.reports import LatestReport

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from minerva_bus.settings.declaring import Setting, settings_of
-from minerva_bus.settings.kinds import TOPICS, whole
+from minerva_bus.settings.kinds import TOPICS, Setting, settings_of, whole
 from minerva_bus.settings.tables import TABLES, PatienceSettings
 from minerva_bus.wire.limits import DEFAULT, configurable_limits
 
