@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import msgpack
 import pytest
-from running import WorldSpec, eventually, put, write_world
+from running import World, eventually, put, write_world
 from zenoh import ZBytes
 
 from minerva_bus import Agent, Context, Event, on
@@ -319,7 +319,7 @@ TOO_MUCH = {
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     path = write_world(tmp_path_factory.mktemp("work"), frames=0, rate=20)
-    with WorldSpec(path) as world:
+    with World(path) as world:
         world.runs("steps", "walkers")
         yield world
 
