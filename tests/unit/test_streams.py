@@ -172,9 +172,7 @@ def test_words_are_those_of_the_published_generator():
     words = np.array(states, np.uint64)
     assert d.mixed_many(words).tolist() == published
     units = [d.unit_one(state) for state in states]
-    assert (
-        d.unit_many(words).tolist() == units == [(word >> 11) / 2**53 for word in published]
-    )
+    assert d.unit_many(words).tolist() == units == [(word >> 11) / 2**53 for word in published]
 
 
 def test_agents_roll_the_same_alone_and_in_company_and_in_any_order():
