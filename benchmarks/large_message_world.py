@@ -24,10 +24,10 @@ from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.session import open_client
-from minerva_bus.wire.epochs import stamped
+from minerva_bus.wire.codec import stamped
 from minerva_bus.wire.keys import Keys
+from minerva_bus.wire.message_limits import name_in
 from minerva_bus.wire.plain import pack
-from minerva_bus.wire.weighing import name_in
 
 NAME, RATE = "large-messages", 20.0
 

@@ -26,8 +26,7 @@ from pathlib import Path
 
 from benchmarks.command import Table, options
 from minerva_bus.frame import messages as m
-from minerva_bus.wire.codec import encode
-from minerva_bus.wire.epochs import stamp, stamped
+from minerva_bus.wire.codec import encode, stamp, stamped
 from minerva_bus.wire.plain import unpack
 from minerva_conformance.launching import RunningMember, command
 from minerva_conformance.scripted_world import ScriptedHub, ScriptedWorld

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.wire.vocabulary import plain_vocabulary
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from tools.vectors import messages, numbers, streams, strings
 from tools.vectors.notation import Cases, Json, tagged
 

@@ -17,7 +17,7 @@ from minerva_bus.security.credentials import Rights, family_start, rights_of
 from minerva_bus.settings.kinds import whole
 from minerva_bus.settings.tables import BusSettings
 from minerva_bus.wire.keys import COORDINATOR
-from minerva_bus.wire.limits import DEFAULT, Limits, configurable_limits
+from minerva_bus.wire.message_limits import DEFAULT, Limits, configurable_limits
 
 MAX_PATH_BYTES: Final = 100
 """Longest path of a socket: systems accept 104 to 108; Zenoh adds a lock file beside it."""

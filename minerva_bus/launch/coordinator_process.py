@@ -48,7 +48,7 @@ from minerva_bus.runtime.status import Status
 from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.watchers import Printed, Started, Watchers
 from minerva_bus.wire.codec import encode
-from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import FileStatus
 

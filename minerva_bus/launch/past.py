@@ -26,7 +26,7 @@ from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.log.errors import RecordError
 from minerva_bus.path_text import path_of_text
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.wire.vocabulary import plain_vocabulary
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.wording import named_some
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import Kinds, kinds_of

@@ -61,7 +61,7 @@ from minerva_bus.settings.overrides import Overrides
 from minerva_bus.settings.tables import RecordSettings
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
-from minerva_bus.wire.status import plain_status
+from minerva_bus.wire.status_codec import plain_status
 from minerva_bus.wording import frames_up_to
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import Kinds

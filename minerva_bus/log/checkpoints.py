@@ -17,7 +17,7 @@ from typing import Any
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.inputs import Checkpoint
-from minerva_bus.wire.limits import ON_DISK
+from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.plain import (
     as_bool,
     as_bytes,
@@ -28,8 +28,7 @@ from minerva_bus.wire.plain import (
     pack,
     unpack,
 )
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_event_list
+from minerva_bus.wire.strings_codec import Reader, plain_event_list
 
 
 @dataclass(frozen=True, slots=True)

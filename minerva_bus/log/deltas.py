@@ -3,8 +3,8 @@
     delta = [step, ...]                  along the pieces of the old string
     step  = n                            keep the next n pieces
           | -n                           remove the next n pieces
-          | string                       insert these pieces (wire/values.py)
-          | patch                        change the next piece, in columns (wire/columns.py)
+          | string                       insert these pieces (wire/strings_codec.py)
+          | patch                        change the next piece, in columns (wire/columns_codec.py)
           | {"scope": delta}             keep the next piece with a changed scope
 
 Pieces after the last step stay. A delta refers to positions, not to fragment names, because only
@@ -24,10 +24,9 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Scoped, with_scope
-from minerva_bus.wire.columns import is_patch, plain_patch
+from minerva_bus.wire.columns_codec import is_patch, plain_patch
 from minerva_bus.wire.plain import as_list
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_scene
+from minerva_bus.wire.strings_codec import Reader, plain_scene
 
 StringDelta = list[Any]
 

@@ -16,7 +16,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.errors import RecordError
-from minerva_bus.wire.limits import ON_DISK
+from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.plain import (
     as_int,
     as_list,
@@ -27,9 +27,8 @@ from minerva_bus.wire.plain import (
     pack,
     unpack,
 )
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_event, plain_scene
-from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.strings_codec import Reader, plain_event, plain_scene
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
 from minerva_bus.world.policy import Policy

@@ -28,7 +28,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint, entry_items
 from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.limits import ON_DISK
+from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.plain import (
     as_bytes,
     as_int,
@@ -40,8 +40,7 @@ from minerva_bus.wire.plain import (
     pack,
     unpack,
 )
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_event_list, plain_scene
+from minerva_bus.wire.strings_codec import Reader, plain_event_list, plain_scene
 
 FORMAT: Final = 3
 """Version of these entries, and so of records and journals."""

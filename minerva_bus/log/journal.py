@@ -39,7 +39,7 @@ from minerva_bus.log.entries import (
 )
 from minerva_bus.outputs import replacing
 from minerva_bus.wire.plain import pack
-from minerva_bus.wire.vocabulary import plain_vocabulary
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 
 REWRITE_RATIO: Final = 8
 """The journal is rewritten when its inputs are this many times as long as its keyframe."""

@@ -18,9 +18,9 @@ from typing import Any, Final
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.messages import Readings
 from minerva_bus.log.showing import GROUND, pose_of, time_stamp
-from minerva_bus.wire.limits import ON_DISK
+from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.plain import as_int, as_list, as_text, pack, unpack
-from minerva_bus.wire.readings import plain_reading, read_reading
+from minerva_bus.wire.readings_codec import plain_reading, read_reading
 from minerva_bus.world.readings import Image, Mount, Odometry, Position, Reading, Scan
 
 

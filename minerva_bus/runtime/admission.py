@@ -21,7 +21,7 @@ from minerva_bus.runtime.system import REAL, System
 from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import HUB, Credentials, Rights, rights_of
 from minerva_bus.wire.keys import COORDINATOR, Keys, is_name
-from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.message_limits import Limits
 
 LOCAL_KIND: Final = "unixsock-stream"
 LOOK_EVERY: Final = 0.5

@@ -20,8 +20,7 @@ from minerva_bus.security.credentials import (
     Rights,
     rights_of,
 )
-from minerva_bus.wire.limits import DEFAULT, Limits
-from minerva_bus.wire.weighing import values_in
+from minerva_bus.wire.message_limits import DEFAULT, Limits, values_in
 
 READING: Final = frozenset(
     {"status", "totals", "series", "scene", "fragment", "vocabulary", "logs", "orders"}

@@ -18,9 +18,8 @@ from minerva_bus.runtime.operated import ASKER, Command, Operated
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.watchers import LocalQuestion
 from minerva_bus.wire.keys import who_asks
-from minerva_bus.wire.limits import Limits, check
+from minerva_bus.wire.message_limits import Limits, check, values_in
 from minerva_bus.wire.plain import as_map, pack, unpack
-from minerva_bus.wire.weighing import values_in
 
 MAX_VALUES: Final = 25_000
 """Values of a question: the main thread reads an order at once, and prints it for people."""

@@ -14,8 +14,8 @@ from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import ANY_WORLD, asking_key, control_key
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, pack, unpack
-from minerva_bus.wire.status import read_lines, read_orders, read_series, read_status
-from minerva_bus.wire.values import plain_event
+from minerva_bus.wire.status_codec import read_lines, read_orders, read_series, read_status
+from minerva_bus.wire.strings_codec import plain_event
 from minerva_bus.world.operator import CollectedSeries, LogLine, OrderStatus, WorldStatus
 
 

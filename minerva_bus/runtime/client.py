@@ -20,7 +20,7 @@ from minerva_bus.runtime.session import open_client
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import COORDINATOR, Keys
-from minerva_bus.wire.vocabulary import read_vocabulary
+from minerva_bus.wire.vocabulary_codec import read_vocabulary
 
 ANSWER_WITHIN = 5.0
 QUIET_SECONDS = 0.5

@@ -33,8 +33,8 @@ from minerva_bus.runtime.operated import Command, Operated, person_of
 from minerva_bus.runtime.publishing import order, publish
 from minerva_bus.runtime.world_status import status_of
 from minerva_bus.wire.plain import as_int, as_map, as_number, as_text
-from minerva_bus.wire.status import plain_lines, plain_orders, plain_series, plain_status
-from minerva_bus.wire.vocabulary import plain_vocabulary
+from minerva_bus.wire.status_codec import plain_lines, plain_orders, plain_series, plain_status
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.world.operator import PersonOperation
 
 MAX_STEPS = 1_000_000_000

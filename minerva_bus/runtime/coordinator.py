@@ -38,7 +38,7 @@ from minerva_bus.runtime.waiting import Deadlines, Waits
 from minerva_bus.runtime.watchers import LocalQuestion, Printed, Started, Watchers
 from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.wire.keys import COORDINATOR, Keys
-from minerva_bus.wire.limits import DEFAULT, Limits
+from minerva_bus.wire.message_limits import DEFAULT, Limits
 from minerva_bus.world.operator import PersonOperation
 
 POLL_SECONDS: Final = 0.01

@@ -11,7 +11,7 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder
-from minerva_bus.wire.weighing import values_in
+from minerva_bus.wire.message_limits import values_in
 
 LARGE: Final = 32 * 1024
 """Bytes above which a message with many values is decoded in a thread."""

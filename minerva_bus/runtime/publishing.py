@@ -21,9 +21,9 @@ from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.measures import Of
 from minerva_bus.grammar.parser import parse
 from minerva_bus.runtime.operated import Operated, person_of
-from minerva_bus.wire.limits import DEFAULT, check
+from minerva_bus.wire.message_limits import DEFAULT, check
 from minerva_bus.wire.plain import as_list, as_map, as_text
-from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.strings_codec import Reader
 
 MAX_CHARS: Final = 16_384
 """Characters of the data and the condition of an event, which the main thread parses."""

@@ -22,9 +22,8 @@ from minerva_bus.runtime.large import (
 from minerva_bus.runtime.metrics import MICRO
 from minerva_bus.runtime.postponed import Postponed, PostponedMessage
 from minerva_bus.runtime.presence import TokenChanges, TokensChanged
-from minerva_bus.wire.codec import Decoder, declaration
-from minerva_bus.wire.epochs import stamped
-from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.codec import Decoder, declaration, stamped
+from minerva_bus.wire.message_limits import Limits
 
 if TYPE_CHECKING:
     from minerva_bus.runtime.coordinator import Coordinator

@@ -25,7 +25,7 @@ from minerva_bus.runtime.diagnosis import check_reachable, why_unreachable
 from minerva_bus.runtime.endpoints import check_endpoint, check_port_free, own_endpoint
 from minerva_bus.runtime.sockets import let_dead_links_go
 from minerva_bus.security.credentials import Credentials
-from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.message_limits import DEFAULT
 
 LOOPBACK = "tcp/127.0.0.1:0"
 

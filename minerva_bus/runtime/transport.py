@@ -13,10 +13,9 @@ from zenoh.handlers import Callback
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.runtime.metrics import Metrics
-from minerva_bus.wire.codec import encode
-from minerva_bus.wire.epochs import stamp
+from minerva_bus.wire.codec import encode, stamp
 from minerva_bus.wire.keys import Keys
-from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wire.plain import pack
 
 _GROUPS: Final = frozenset({s.EVERYONE, s.TICKED, s.HOSTS})

@@ -13,8 +13,7 @@ import msgpack
 from minerva_bus.errors import MisuseError, ProtocolError
 from minerva_bus.grammar.fields import NAME
 from minerva_bus.wire.keys import checked_name
-from minerva_bus.wire.limits import DEFAULT, Limits
-from minerva_bus.wire.weighing import values_in
+from minerva_bus.wire.message_limits import DEFAULT, Limits, values_in
 
 SLICE: Final = 1 << 18
 """Bytes decoded per call: msgpack holds the GIL for the duration of a call."""

@@ -13,7 +13,7 @@ from rover_yard import readings
 from minerva_bus import MinervaError, export_dataset
 from minerva_bus.cli.main import app
 from minerva_bus.log.record_frames import RecordFrames
-from minerva_bus.wire.readings import plain_reading
+from minerva_bus.wire.readings_codec import plain_reading
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.rosbag import Bag
 

@@ -12,7 +12,7 @@ from minerva_bus.errors import BusError, MisuseError, ProtocolError
 from minerva_bus.launch.metrics_server import Exporter, address, live, ready
 from minerva_bus.runtime.totals import BOUNDS, Durations, Totals, read_totals
 from minerva_bus.wire.plain import pack, unpack
-from minerva_bus.wire.status import plain_status
+from minerva_bus.wire.status_codec import plain_status
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 pytest.importorskip("prometheus_client")

@@ -2,7 +2,7 @@
 
 from minerva_bus import EventType, Vocabulary
 from minerva_bus.frame.orders import MAX_ORDERS, OrderFates
-from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_bus.world.order import Order
 
 eFetch = EventType("eFetch", what=str)

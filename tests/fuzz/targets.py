@@ -41,7 +41,7 @@ from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.log.reader import Record
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
-from minerva_bus.wire.status import read_lines, read_status
+from minerva_bus.wire.status_codec import read_lines, read_status
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.bridges.mqtt.event_rule import InvalidPayload, Payload
 from minerva_services.bridges.mqtt.pattern import Pattern

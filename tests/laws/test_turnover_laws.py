@@ -34,9 +34,9 @@ from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
 from minerva_bus.log.deltas import apply_delta, delta_between
-from minerva_bus.wire.columns import plain_columns, plain_patch
-from minerva_bus.wire.limits import Limits
-from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.columns_codec import plain_columns, plain_patch
+from minerva_bus.wire.message_limits import Limits
+from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.world.context import Frame
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.rng import RngBatch, hash_of

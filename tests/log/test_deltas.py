@@ -13,8 +13,7 @@ from minerva_bus.testing.family import FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_strings, worlds
 from minerva_bus.testing.strategies import strings_of as any_strings
 from minerva_bus.wire.plain import pack, unpack
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_scene
+from minerva_bus.wire.strings_codec import Reader, plain_scene
 from tests.log.recorded_runs import happened, strings_of
 
 PStar = Primitive("PStar", size=Metres)

@@ -12,7 +12,7 @@ from minerva_bus.log.display import SHOWN, SHOWN_EVERY
 from minerva_bus.log.queues import PATIENCE, WAITING
 from minerva_bus.log.scanning import CHUNK_FLOOR, FLOOR, RATIO
 from minerva_bus.log.writer import KEY_AFTER
-from minerva_bus.wire.limits import ON_DISK
+from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.plain import unpack
 from tests.log.recorded_runs import bytes_of, happened, strings_of
 

@@ -21,8 +21,8 @@ from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.wire.limits import ON_DISK
-from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.message_limits import ON_DISK
+from minerva_bus.wire.strings_codec import Reader
 from tests.log.recorded_runs import (
     CHECKPOINTS,
     ROOT,

@@ -23,7 +23,7 @@ from minerva_bus.log.sensing import Dropped, decode_sensed, encode_readings, sho
 from minerva_bus.log.writer import RecordWriter
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.codec import encode
-from minerva_bus.wire.readings import plain_reading
+from minerva_bus.wire.readings_codec import plain_reading
 from minerva_bus.world.readings import (
     Battery,
     Image,

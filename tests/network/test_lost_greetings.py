@@ -8,8 +8,7 @@ from running import MEMBERS, World, eventually, write_world
 
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.session import open_client
-from minerva_bus.wire.codec import Decoder
-from minerva_bus.wire.epochs import stamped
+from minerva_bus.wire.codec import Decoder, stamped
 from minerva_bus.wire.keys import Keys
 
 

@@ -10,8 +10,7 @@ from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.host_side import Host
 from minerva_bus.frame.messages import EvolveRequest, Fragments
 from minerva_bus.grammar.condition import holds, holds_of_many, parse_condition
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_event
+from minerva_bus.wire.strings_codec import Reader, plain_event
 from minerva_bus.world.context import Frame
 from minerva_bus.world.policy import Policy
 

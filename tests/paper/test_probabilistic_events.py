@@ -11,7 +11,7 @@ from minerva_bus.frame.members import incompatibility
 from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_bus.world.order import Order, collect
 
 eNear = EventType("eNear", by=float)

@@ -190,7 +190,7 @@ def test_questions_that_make_no_sense_are_answered_with_an_error(world):
     import msgpack
     from yard import eNoise, eStep
 
-    from minerva_bus.wire.values import plain_event
+    from minerva_bus.wire.strings_codec import plain_event
 
     with world.client() as asked:
         for payload in (

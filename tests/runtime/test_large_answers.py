@@ -15,7 +15,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.large import IN_COLUMNS, MAX_BEHIND
 from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.system import REAL
-from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wire.plain import pack
 from minerva_bus.world.when import Participation, When
 

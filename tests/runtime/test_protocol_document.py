@@ -23,11 +23,10 @@ from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.wire import codec
-from minerva_bus.wire.columns import plain_patch
-from minerva_bus.wire.limits import DEFAULT
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_event, plain_scene, plain_value
-from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.columns_codec import plain_patch
+from minerva_bus.wire.message_limits import DEFAULT
+from minerva_bus.wire.strings_codec import Reader, plain_event, plain_scene, plain_value
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.rng import Rng, answer_key, hash_of, stream

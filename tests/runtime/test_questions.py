@@ -9,7 +9,7 @@ from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.system import REAL
 from minerva_bus.wire.keys import Keys, who_asks
-from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.message_limits import Limits
 from minerva_bus.wire.plain import pack, unpack
 from tests.simulator.sessions import Query
 

@@ -10,8 +10,7 @@ from running import ALL_KINDS, World, ends_as_alone, eventually, put, write_worl
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.restraint import AT_ONCE
 from minerva_bus.runtime.session import open_client
-from minerva_bus.wire.codec import encode
-from minerva_bus.wire.epochs import stamp, stamped
+from minerva_bus.wire.codec import encode, stamp, stamped
 from minerva_bus.wire.keys import Keys
 from minerva_bus.world.when import Participation, When
 

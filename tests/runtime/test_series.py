@@ -12,7 +12,7 @@ from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.types import Metres
 from minerva_bus.wire.plain import pack
-from minerva_bus.wire.status import plain_series, read_series
+from minerva_bus.wire.status_codec import plain_series, read_series
 from minerva_bus.world.operator import CollectedSeries
 
 eTick = EventType("eTick")

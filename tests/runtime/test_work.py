@@ -25,10 +25,9 @@ from minerva_bus.runtime.postponed import Postponed, PostponedMessage
 from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.session import open_client
 from minerva_bus.runtime.system import System
-from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.epochs import stamp
+from minerva_bus.wire.codec import Decoder, encode, stamp
 from minerva_bus.wire.keys import Keys
-from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wire.plain import pack, unpack
 from minerva_bus.world.when import Participation, When
 from tests.patience import patience

@@ -7,8 +7,8 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.description import plain_norm, read_norms
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.wire.limits import DEFAULT
-from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.message_limits import DEFAULT
+from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.world.norms import Norm, Then
 
 WORLD = """

@@ -14,7 +14,7 @@ from minerva_bus.runtime.links import Linked, Links
 from minerva_bus.security.credentials import Rights
 from minerva_bus.wire.codec import declaration, encode
 from minerva_bus.wire.keys import Keys
-from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.message_limits import Limits
 from minerva_bus.wire.plain import pack
 
 

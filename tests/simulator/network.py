@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from typing import Any, Final
 
-from minerva_bus.wire.codec import declaration
-from minerva_bus.wire.epochs import stamp
+from minerva_bus.wire.codec import declaration, stamp
 from tests.simulator.links import Link, Weather
 from tests.simulator.process import SimulatedProcess
 from tests.simulator.sessions import Query, Session, matches

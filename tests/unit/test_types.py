@@ -29,7 +29,7 @@ from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.measures import Quantity, Range
 from minerva_bus.grammar.types import Type, parse_type, type_of
-from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 
 
 def fit(annotation, value):

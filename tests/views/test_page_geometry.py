@@ -15,8 +15,8 @@ from minerva_bus.grammar.appearance import Disc
 from minerva_bus.semantics.colors import legend
 from minerva_bus.semantics.picture import Discs, Lists, Marks, Polyline, Texts, Tiles
 from minerva_bus.wire.plain import pack
-from minerva_bus.wire.values import plain_scene
-from minerva_bus.wire.vocabulary import plain_vocabulary
+from minerva_bus.wire.strings_codec import plain_scene
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "services" / "minerva_services" / "views" / "page" / "static"

@@ -27,12 +27,10 @@ from minerva_bus.frame import messages as m
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Delta, difference
 from minerva_bus.grammar.events import Events
-from minerva_bus.wire.arrays import plain_ids
 from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.columns import plain_columns, plain_events, plain_patch
-from minerva_bus.wire.limits import Limits
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_scene
+from minerva_bus.wire.columns_codec import plain_columns, plain_events, plain_ids, plain_patch
+from minerva_bus.wire.message_limits import Limits
+from minerva_bus.wire.strings_codec import Reader, plain_scene
 
 PDot = Primitive("PDot", size=float, name=str)
 TMove = Transformation("TMove", x=Metres)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.wire.epochs import stamp, stamped
+from minerva_bus.wire.codec import stamp, stamped
 
 
 @given(epoch=st.integers(0, (1 << 64) - 1), message=st.binary(max_size=40))

@@ -19,10 +19,10 @@ from minerva_bus.log.entries import EntryDecoder, encode_frame, encode_inputs, e
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import Keys, checked_name
-from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.message_limits import Limits
 from minerva_bus.wire.plain import unpack
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.strings_codec import Reader
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 
 law = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 few = settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))

@@ -14,9 +14,8 @@ from minerva_bus.grammar.events import Events, in_columns, single
 from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.message_limits import STRING, Limits, name_in, values_in
 from minerva_bus.wire.plain import pack, unpack
-from minerva_bus.wire.weighing import STRING, name_in, values_in
 
 eNear = EventType("eNear", distance=float)
 eText = EventType("eText", text=str)
@@ -175,7 +174,7 @@ def test_expensive_messages_are_rejected_before_decoding(what, monkeypatch):
     """Each would take seconds and gigabytes; the limit applies before msgpack and the reader."""
     if what != "rows of nothing":  # For these the reader has to read the counts.
         monkeypatch.setattr("minerva_bus.wire.codec.unpack", lambda *_: pytest.fail("built"))
-    monkeypatch.setattr("minerva_bus.wire.columns.read_ids", lambda *_: pytest.fail("read"))
+    monkeypatch.setattr("minerva_bus.wire.columns_codec.read_ids", lambda *_: pytest.fail("read"))
     with pytest.raises(ProtocolError):
         Decoder(VOCABULARY).from_member("x", STALLING[what]())
 

@@ -6,9 +6,9 @@ import pytest
 
 from minerva_bus import Agent, Primitive, Transformation, Vocabulary
 from minerva_bus.errors import MinervaError
-from minerva_bus.wire import reader
+from minerva_bus.wire import strings_codec as reader
 from minerva_bus.wire.plain import pack, unpack
-from minerva_bus.wire.runs import RUN
+from minerva_bus.wire.strings_codec import RUN
 
 
 class Fox(Agent, symbol="AFox"):

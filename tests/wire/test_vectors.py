@@ -15,13 +15,11 @@ from minerva_bus.grammar.columns import Columns, has_columns, unfolded
 from minerva_bus.grammar.delta import patched
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.parser import parse_value
-from minerva_bus.wire.arrays import read_ids
-from minerva_bus.wire.codec import Decoder
-from minerva_bus.wire.epochs import stamped
+from minerva_bus.wire.codec import Decoder, stamped
+from minerva_bus.wire.columns_codec import read_ids
 from minerva_bus.wire.plain import unpack
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.values import plain_value
-from minerva_bus.wire.vocabulary import read_vocabulary
+from minerva_bus.wire.strings_codec import Reader, plain_value
+from minerva_bus.wire.vocabulary_codec import read_vocabulary
 from tools.protocol_tables import protocol
 from tools.protocol_vectors import FILES, FOLDER, contents
 

@@ -15,9 +15,8 @@ from minerva_bus.grammar.delta import difference
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.printer import text
-from minerva_bus.wire.arrays import plain_ids
-from minerva_bus.wire.columns import plain_columns, plain_patch
-from minerva_bus.wire.values import plain_event, plain_scene
+from minerva_bus.wire.columns_codec import plain_columns, plain_ids, plain_patch
+from minerva_bus.wire.strings_codec import plain_event, plain_scene
 from tools import golden_messages as golden
 from tools.vectors.notation import Cases, Json, packed_hex, tagged
 

@@ -12,8 +12,7 @@ from typing import Any, Final, Self
 
 from minerva_bus.errors import BusError
 from minerva_bus.frame import messages as m
-from minerva_bus.wire.codec import encode
-from minerva_bus.wire.epochs import stamp, stamped
+from minerva_bus.wire.codec import encode, stamp, stamped
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.plain import pack, unpack
 from minerva_conformance.case import Case, CaseOutcome, CaseResult, CoordinatorRole

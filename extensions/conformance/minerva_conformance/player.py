@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Refusal
-from minerva_bus.wire.codec import encode
-from minerva_bus.wire.epochs import stamp
+from minerva_bus.wire.codec import encode, stamp
 from minerva_bus.wire.plain import pack, unpack
 from minerva_conformance.case import (
     AwaitEnd,

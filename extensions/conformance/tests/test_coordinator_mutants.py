@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from minerva_bus.wire.epochs import stamp, stamped
+from minerva_bus.wire.codec import stamp, stamped
 from minerva_bus.wire.plain import pack, unpack
 from minerva_conformance import coordinating
 from minerva_conformance.case import CaseOutcome

@@ -8,7 +8,7 @@ import pytest
 from minerva_bus import Default, Event, EventType, Ids, MinervaError, Vocabulary
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.grammar.types import parse_type, type_of
-from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_messages import MESSAGES, OUTSIDE, Act, eMessage, reply
 from minerva_messages.acts import ACTS
 from minerva_messages.kqml import NEAREST, act_of, performative_of

@@ -16,7 +16,7 @@ from minerva_bus.log.exporting import ExportChoice
 from minerva_bus.log.info import kinds_in
 from minerva_bus.log.reader import Record
 from minerva_bus.log.record_frames import FrameContents, RecordFrames
-from minerva_bus.wire.vocabulary import plain_vocabulary
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.world.readings import Image, Reading
 from minerva_services.datasets.actions import Actions
 from minerva_services.datasets.vectors import RowVectors, is_numeric, reading_names

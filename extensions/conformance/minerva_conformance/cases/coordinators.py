@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from minerva_bus.wire.epochs import stamp
+from minerva_bus.wire.codec import stamp
 from minerva_bus.wire.plain import pack
 from minerva_conformance.case import Tier
 from minerva_conformance.cases.coordinated import COORDINATED, SUCCEEDED

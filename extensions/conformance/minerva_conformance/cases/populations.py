@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.wire.arrays import plain_array, read_ids
+from minerva_bus.wire.columns_codec import plain_array, read_ids
 from minerva_conformance.case import Tier
 from minerva_conformance.cases.coordinator_scripts import (
     SHOWN,

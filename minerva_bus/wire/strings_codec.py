@@ -1,15 +1,37 @@
-"""Reads values, strings and events from plain data, whose form values.py describes."""
+"""Values, strings and events as plain data: section 3 of PROTOCOL.md.
+
+A string is flat, in reading order, so that its depth costs no recursion:
+
+    scene  = [count of top pieces, piece, piece, ...]   each node is followed by its scope's
+    piece  = node | columns                             nodes of one shape (columns_codec.py)
+    node   = [symbol, values]                           figure
+           | [symbol, values, count]                    transformation
+           | [symbol, id, values, count]                agent; values is nil if it has none,
+                                                        and for a mere slot
+    event  = [type, values] | [type, values, condition, sender, [receivers]]
+           | events                                     a batch of one type (columns_codec.py)
+
+`values` are in the order of the vocabulary's fields. A matrix is extension 1 (a byte `i` or `r`,
+rows and columns as little-endian uint32, then int16 or float64 values in row order, little
+endian); a string as a value is extension 2 (a packed scene).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, cast
+import re
+import struct
+from collections.abc import Container, Iterable, Sequence
+from itertools import chain, repeat
+from operator import itemgetter
+from typing import Any, Final, cast
 
 import msgpack
 import numpy as np
 
 from minerva_bus.errors import ProtocolError, VocabularyError, nearest
-from minerva_bus.grammar.events import AnyEvent, Event
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.events import AnyEvent, Event, Events
+from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import Ids, repeated_id, same_id
 from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.scene import (
@@ -21,16 +43,102 @@ from minerva_bus.grammar.scene import (
     Piece,
     Scene,
     TransformationNode,
+    Value,
     agents,
 )
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.columns import ColumnsReader
-from minerva_bus.wire.limits import DEFAULT, Limits
+from minerva_bus.wire.columns_codec import ColumnsReader, plain_columns
+from minerva_bus.wire.columns_codec import plain_events as plain_batch
+from minerva_bus.wire.message_limits import DEFAULT, STRING, Limits
 from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
-from minerva_bus.wire.runs import end_of_run, nodes_of
-from minerva_bus.wire.values import HEADER, MATRIX, PLAIN_TYPES, are_plain_lists
-from minerva_bus.wire.weighing import STRING
+
+MATRIX = 1
+"""Extension type of a matrix."""
+HEADER = struct.Struct("<cII")
+"""Head of a matrix: the kind of its numbers, rows and columns."""
+PLAIN_TYPES = frozenset((float, int, bool, str))
+
+
+# --- to plain data ---
+
+
+def plain_value(value: Value) -> Any:
+    """A value as plain data."""
+    if isinstance(value, np.ndarray):
+        real = value.dtype == np.float64
+        cells = np.ascontiguousarray(value, "<f8" if real else "<i2")
+        head = HEADER.pack(b"r" if real else b"i", *value.shape)
+        return msgpack.ExtType(MATRIX, b"".join((head, cells.data)))
+    if isinstance(value, Scene):
+        return msgpack.ExtType(STRING, msgpack.packb(plain_scene(value)))
+    if isinstance(value, tuple):
+        if PLAIN_TYPES.issuperset(map(type, value)) or are_plain_lists(value, tuple):
+            return list(value)
+        return [plain_value(item) for item in value]
+    return value
+
+
+def plain_scene(scene: Scene) -> list[Any]:
+    """A string as a flat list, so that its depth costs no recursion."""
+    flat: list[Any] = [len(scene.pieces)]
+    stack = [iter(scene.pieces)]
+    while stack:
+        for piece in stack[-1]:
+            if isinstance(piece, Columns):
+                flat.append(plain_columns(piece))
+                continue
+            flat.append(_plain_node(piece))
+            # The iterator of this level stays on the stack and continues after the scope.
+            if not isinstance(piece, FigureNode) and piece.scope.pieces:
+                stack.append(iter(piece.scope.pieces))
+                break
+        else:
+            stack.pop()
+    return flat
+
+
+def _plain_node(node: Node) -> list[Any]:
+    values = _plain_values(node.values)
+    if isinstance(node, FigureNode):
+        return [node.symbol, values]
+    if isinstance(node, TransformationNode):
+        return [node.symbol, values, len(node.scope.pieces)]
+    return [node.symbol, node.id, values if node.names else None, len(node.scope.pieces)]
+
+
+def _plain_values(values: Sequence[Value]) -> list[Any]:
+    if PLAIN_TYPES.issuperset(map(type, values)):  # The usual case: nothing to convert.
+        return list(values)
+    return [value if value.__class__ in PLAIN_TYPES else plain_value(value) for value in values]
+
+
+def plain_event(event: AnyEvent) -> list[Any]:
+    """An event, or a batch."""
+    if isinstance(event, Events):
+        return plain_batch(event)
+    values = _plain_values(event.values)
+    if event.condition or event.sender or event.receivers:
+        return [event.type, values, event.condition, event.sender, list(event.receivers)]
+    return [event.type, values]
+
+
+def plain_event_list(events: Sequence[AnyEvent]) -> list[Any]:
+    """Events in order."""
+    return [plain_event(event) for event in events]
+
+
+def are_plain_lists(items: Sequence[Any], kind: type[Any]) -> bool:
+    """Whether all items are lists (of the type `kind`) of plain values.
+
+    Decided without a call for each of them, because a message may have tens of thousands.
+    """
+    if not {kind}.issuperset(map(type, items)):
+        return False
+    return PLAIN_TYPES.issuperset(map(type, chain.from_iterable(items)))
+
+
+# --- from plain data ---
 
 _MAX_ERROR_CHARS = 300
 _ITEMS = {"P": 2, "T": 3, "A": 4}
@@ -312,3 +420,76 @@ def _matrix(data: bytes) -> Any:
     if len(data) - HEADER.size != rows * columns * dtype.itemsize:
         raise ProtocolError(f"a matrix of {rows}x{columns} has {len(data) - HEADER.size} bytes")
     return np.frombuffer(data, dtype, offset=HEADER.size).reshape(rows, columns)
+
+
+# --- runs of flat nodes of one symbol, which are read together ---
+
+# Most nodes of a large string stand beside others of their kind. The checks of a node in Python
+# cost more than everything else, so those of a run are done by calls for all of its nodes.
+
+RUN: Final = 8
+"""Nodes from which on a run is read together."""
+
+_IDS: Final = re.compile(rf"(?:{AGENT_ID.pattern}+\n)*+")
+
+
+def end_of_run(flat: list[Any], begin: int, most: int) -> int:
+    """The end of the run of nodes without scopes that begins there, of at most `most` nodes."""
+    first, end = flat[begin], min(len(flat), begin + most)
+    if end - begin < RUN or first.__class__ is not list or not first:
+        return begin
+    # Columns begin with their number of rows.
+    if first[0].__class__ is not str or not _is_like(first, first):
+        return begin
+    for place in range(begin + 1, end):
+        if not _is_like(flat[place], first):
+            return place if place - begin >= RUN else begin
+    return end
+
+
+def _is_like(node: Any, first: Any) -> bool:
+    """Whether a node has the symbol of the first one, as many items, and no scope."""
+    return (
+        node.__class__ is list
+        and len(node) == len(first) > 1
+        and node[0] == first[0]
+        # A figure ends with its values, which are never 0.
+        and (node[-1] == 0 or len(node) == 2)
+    )
+
+
+def nodes_of(run: list[list[Any]], fields: Fields, known: Container[str]) -> list[Node]:
+    """The nodes of a run, whose values have these fields and whose ids are not `known`.
+
+    Empty if any of them needs the checks for single nodes, or would fail them.
+    """
+    symbol, names = run[0][0], fields.names
+    is_agent = symbol[:1] == "A"
+    values = _values(list(map(itemgetter(2 if is_agent else 1), run)), fields)
+    if values is None or (len(run[0]) > 2 and set(map(type, map(itemgetter(-1), run))) != {int}):
+        return []
+    if not is_agent:
+        if symbol[:1] == "P":
+            return list(map(FigureNode, repeat(symbol), repeat(names), values))
+        return list(map(TransformationNode, repeat(symbol), repeat(names), values))
+    ids = list(map(itemgetter(1), run))
+    if not _are_new(ids, known):
+        return []
+    return list(map(AgentNode, repeat(symbol), ids, repeat(names), values, repeat(EMPTY)))
+
+
+def _values(plain: list[Any], fields: Fields) -> Iterable[tuple[Any, ...]] | None:
+    """The values of each node if they are as declared, otherwise None."""
+    if set(map(type, plain)) != {list} or set(map(len, plain)) != {len(fields.names)}:
+        return None
+    return map(tuple, plain) if fields.are_final(zip(*plain, strict=True)) else None
+
+
+def _are_new(ids: list[Any], known: Container[str]) -> bool:
+    """Whether these are valid ids that differ from each other and from the known ones."""
+    if set(map(type, ids)) != {str} or len(set(ids)) < len(ids):
+        return False
+    if any(map(known.__contains__, ids)):
+        return False
+    lines = "\n".join(ids) + "\n"
+    return lines.count("\n") == len(ids) and _IDS.fullmatch(lines) is not None

@@ -7,17 +7,18 @@ plain data and that read and check them, and the name of the type in PROTOCOL.md
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Final, cast
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias, cast
 
 from minerva_bus.errors import MisuseError, ProtocolError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.messages import Mark
+from minerva_bus.frame.messages import AtLeast, AtMost, Mark, Note, Within
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.field_codec import DeclaredField, FieldCodec
-from minerva_bus.wire.limits import OF_A_HOST, check
+from minerva_bus.wire.columns_codec import is_patch, plain_patch
+from minerva_bus.wire.message_limits import OF_A_HOST, check
 from minerva_bus.wire.plain import (
     as_bool,
     as_event_type,
@@ -30,17 +31,14 @@ from minerva_bus.wire.plain import (
     as_topic,
     name_of,
 )
-from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.readings import plain_reading, read_reading
-from minerva_bus.wire.string_fields import (
-    part_patches,
-    skeleton_or_nil,
-    view_patches,
-    whole_parts,
-    whole_views,
+from minerva_bus.wire.readings_codec import plain_reading, read_reading
+from minerva_bus.wire.strings_codec import Reader, plain_event_list, plain_scene
+from minerva_bus.wire.vocabulary_codec import (
+    plain_kind,
+    plain_vocabulary,
+    read_kind,
+    read_vocabulary,
 )
-from minerva_bus.wire.values import plain_event_list
-from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_kind, read_vocabulary
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.when import When
 
@@ -50,6 +48,67 @@ _ADVICE: Final = "send those of one type in columns"
 MAX_SHOWN: Final = 200
 """Characters of a text about a member, for people."""
 
+Read: TypeAlias = Callable[[Reader, Any], Any]
+Write: TypeAlias = Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True)
+class FieldCodec:
+    """Codec of one field: `read` checks plain data, `write` makes it; None: values are plain.
+
+    `text`: its type in PROTOCOL.md. `write` also takes the values of the fields `Within` this one.
+    """
+
+    text: str
+    read: Read
+    write: Write | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredField:
+    """A field of a message: its name, its type and its marks."""
+
+    message: str
+    name: str
+    type: Any
+    marks: tuple[object, ...] = ()
+    default: Any = None
+    what: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "what", f"{self.message}: {self.name}")
+
+    def has(self, mark: Mark) -> bool:
+        """Whether the field has a mark."""
+        return mark in self.marks
+
+    @property
+    def note(self) -> str:
+        """Its description in PROTOCOL.md."""
+        return next((mark.text for mark in self.marks if isinstance(mark, Note)), "")
+
+    @property
+    def least(self) -> int | None:
+        """Minimum of a number, or None."""
+        return next((mark.value for mark in self.marks if isinstance(mark, AtLeast)), None)
+
+    @property
+    def host(self) -> str:
+        """The field whose map it shares, or empty if it has its own item."""
+        return next((mark.field for mark in self.marks if isinstance(mark, Within)), "")
+
+    @property
+    def travels(self) -> bool:
+        """Whether its value is part of the message."""
+        return not (self.has(Mark.FROM_KEY) or self.has(Mark.LOCAL))
+
+    def check_count(self, reader: Reader, count: int) -> None:
+        """Raise ProtocolError if a list or map has more values than its limit allows."""
+        for mark in self.marks:
+            if isinstance(mark, AtMost):
+                unit = mark.limit if mark.limit == self.name else f"{mark.limit} in {self.name}"
+                check(self.message, count, getattr(reader.limits, mark.limit), unit)
+
 
 def field_codec(declared: DeclaredField) -> FieldCodec:
     """The codec of a field. Raises TypeError for a type without a codec."""
@@ -57,6 +116,91 @@ def field_codec(declared: DeclaredField) -> FieldCodec:
     if make is None:
         raise TypeError(f"{declared.what}: {declared.type} does not travel in messages")
     return make(declared)
+
+
+# --- strings, whole or patched: fragments, views and the skeleton ---
+
+_NO_PATCHES: Final[m.Patches] = {}
+
+
+def _write_parts(parts: m.Parts, patches: m.Patches = _NO_PATCHES) -> dict[str, Any]:
+    plain: dict[str, Any] = {}
+    if parts:
+        plain = {name: plain_scene(scene) for name, scene in parts.items()}
+    # Encoded in one map with whole strings: a fragment or view is either changed or patched.
+    if patches:
+        plain.update((name, plain_patch(patch)) for name, patch in patches.items())
+    return plain
+
+
+def whole_parts(of: DeclaredField) -> FieldCodec:
+    """Strings by id, without the patches in the same map."""
+    what, view = of.what, of.has(Mark.VIEW)
+
+    def read(reader: Reader, plain: Any) -> m.Parts:
+        scene = reader.view if view else reader.scene
+        parts = as_map(plain, what)
+        if not parts:
+            return {}
+        # Strings and patches share one map; the field for patches reads the others.
+        return {name: scene(part) for name, part in parts.items() if not is_patch(part)}
+
+    return FieldCodec("{id: string}", read, _write_parts)
+
+
+def part_patches(of: DeclaredField) -> FieldCodec:
+    """Patches by id, without the whole strings in the same map."""
+
+    def read(reader: Reader, plain: Any) -> m.Patches:
+        parts = as_map(plain, of.what)
+        if not parts:
+            return {}
+        return {name: reader.columns.patch(part) for name, part in parts.items() if is_patch(part)}
+
+    return FieldCodec("{id: patch}", read)
+
+
+def whole_views(of: DeclaredField) -> FieldCodec:
+    """Strings by id for each visual event type, without patches."""
+    parts = whole_parts(of)
+
+    def read(reader: Reader, plain: Any) -> Mapping[str, m.Parts]:
+        return {name: parts.read(reader, view) for name, view in as_map(plain, of.what).items()}
+
+    def write(views: Mapping[str, m.Parts], patches: Mapping[str, m.Patches]) -> Any:
+        if not views:
+            return {}
+        # Every type with patches is in `views` as well, if only with an empty map.
+        return {
+            name: _write_parts(view, patches.get(name, _NO_PATCHES)) for name, view in views.items()
+        }
+
+    return FieldCodec("{event type: {id: string}}", read, write)
+
+
+def view_patches(of: DeclaredField) -> FieldCodec:
+    """Patches by id for each visual event type, without whole strings."""
+    patches = part_patches(of)
+
+    def read(reader: Reader, plain: Any) -> Mapping[str, m.Patches]:
+        views = {name: patches.read(reader, v) for name, v in as_map(plain, of.what).items()}
+        return {name: view for name, view in views.items() if view}
+
+    return FieldCodec("{event type: {id: patch}}", read)
+
+
+def skeleton_or_nil(of: DeclaredField) -> FieldCodec:
+    """A string, with slots if the field allows them, or nil."""
+
+    def read(reader: Reader, plain: Any) -> Scene | None:
+        if plain is None:
+            return None
+        return reader.skeleton(plain) if of.has(Mark.SLOTS) else reader.scene(plain)
+
+    def write(scene: Scene | None) -> Any:
+        return None if scene is None else plain_scene(scene)
+
+    return FieldCodec("string or nil", read, write)
 
 
 # --- numbers, text, lists of text ---
