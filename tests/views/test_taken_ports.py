@@ -4,8 +4,10 @@ import importlib
 from dataclasses import replace
 
 import pytest
-from web_world import taken_port, yard
+from web_world import PCart, PStone, taken_port, yard
 
+from minerva_bus import View
+from minerva_bus.semantics.picture import Discs
 from minerva_services.views import page_address
 from minerva_services.views.page_address import listen
 
@@ -34,3 +36,25 @@ def test_the_next_port_is_used(package, service, library, monkeypatch, capsys):
         made.joined(replace(yard(), endpoint="tcp/127.0.0.1:9"))
         made.close()
     assert f":{port}" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("package", "service", "library"),
+    [("web", "Web", "viser"), ("foxglove", "Foxglove", "foxglove")],
+)
+def test_two_views_of_one_kind_have_their_own_ports_and_pictures(package, service, library, capsys):
+    pytest.importorskip(library)
+    made = getattr(importlib.import_module(f"minerva_services.views.{package}"), service)
+    devices = {draws: made(draws=draws) for draws in ("ePicture", "eShade")}
+    try:
+        for device in devices.values():
+            device.joined(yard())
+        for draws, scene in (("ePicture", PCart()), ("eShade", PStone(0.3) + PStone(0.4))):
+            devices[draws].show(View(1, draws, scene))
+        discs = [sum(map(len, device._overlay.picture().of(Discs))) for device in devices.values()]
+        assert discs == [1, 2]
+    finally:
+        for device in devices.values():
+            device.close()
+    addresses = capsys.readouterr().out.split()
+    assert len({*addresses}) == len(addresses) == 2
