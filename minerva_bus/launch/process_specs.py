@@ -220,7 +220,21 @@ def check_members(
             reason = incompatibility(hello, vocabulary) or _invalid_topic(hello)
             if reason:
                 raise WorldFileError(f"{path}: [process.{process.name}]: {reason}")
+    _check_written(members, path)
     return members
+
+
+def _check_written(members: Iterable[Member], path: Path) -> None:
+    """Raise WorldFileError if two services write one file."""
+    writers: dict[str, str] = {}
+    for member in members:
+        for file in () if member.service is None else member.service.writes:
+            other = writers.setdefault(os.path.realpath(file), member.name)
+            if other != member.name:
+                raise WorldFileError(
+                    f"{path}: [process.{member.name}]: writes {file}, and so does {other};"
+                    f" choose another file, for example {file.with_stem(f'{file.stem}-2')}"
+                )
 
 
 def check_hosts(processes: Iterable[ProcessSpec], policy: Policy, path: Path) -> None:

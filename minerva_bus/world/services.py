@@ -17,6 +17,7 @@ from __future__ import annotations
 import threading
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, ClassVar, Final, cast
 
 from minerva_bus.errors import MisuseError, nearest
@@ -49,6 +50,9 @@ class Service:
 
     publishes: tuple[str, ...] = ()
     """Sensor topics on which it publishes readings."""
+
+    writes: tuple[Path, ...] = ()
+    """Files that it writes; a world in which two services write one file does not start."""
 
     takes: str = "newest"
     """Which readings to use if several arrive within a frame: the "newest" or "all"."""

@@ -399,6 +399,14 @@ def test_further_views_of_a_kind_get_numbers(minerva, home):
     assert sorted(file.name for file in home.glob("*.svg")) == ["a.svg", "c.svg", "d.svg"]
 
 
+def test_two_views_of_one_file_are_refused(minerva, home):
+    views = ("--view", "svg", "--view", "sprites:path=./minerva.png")
+    code, _, err = minerva("run", "meadow", "--in-process", "--quiet", "--frames", "2", *views)
+    assert code == 2
+    assert "[process.sprites]: writes minerva.png, and so does svg; choose another" in err
+    assert not (home / "minerva.svg").exists()
+
+
 @pytest.mark.parametrize(("words", "message"), [
     (("--foo", "1"), "changed has no option --foo"), (("--sise", "1"), "did you mean '--size'?"),
     (("--set", "steps"), "expected PROCESS.KEY=VALUE"), (("--set", "stps.x=1"), "did you mean 'steps'?"),

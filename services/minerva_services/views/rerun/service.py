@@ -46,6 +46,7 @@ class RerunView(Device, draws=("ePicture",)):
         self.when = f"each {every} frames"
         self.draws = event_types("rerun", draws)
         self._path = Path(path)
+        self.writes = (self._path,)
         self._file: RrdFile | None = None
         check_file(self._path, "rerun")
 

@@ -60,6 +60,7 @@ class Sound(Device, draws=("ePicture",)):
         self.when = f"each {every} frames" if every else ""
         self.draws = event_types("sound", draws)
         self._path = wav_path(path)
+        self.writes = (self._path,)
         # Also before the world starts, which may take long.
         check_file(self._path, "sound")
         self._named = names_in(voice), names_in(aim)

@@ -52,6 +52,7 @@ class Svg(Device, draws=("ePicture",)):
         self.when = f"each {every} frames" if every else ""
         self.draws = event_types("picture", draws)
         self._path = svg_path(path)
+        self.writes = (self._path, self._path.with_suffix(".png")) if png else (self._path,)
         self._keeps_all = frames
         self._makes_png = png
         self._width = width
@@ -69,9 +70,8 @@ class Svg(Device, draws=("ePicture",)):
         """Reject output files that must not be overwritten before the world runs."""
         if self._keeps_all:
             return  # file names depend on the frame
-        check_output(self._path, "picture")
-        if self._makes_png:
-            check_output(self._path.with_suffix(".png"), "picture")
+        for path in self.writes:
+            check_output(path, "picture")
 
     def joined(self, world: WorldInfo) -> None:
         self._pictures = self.pictures(world.world, world.vocabulary, self._width)

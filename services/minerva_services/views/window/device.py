@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 
 from minerva_bus.errors import MisuseError
@@ -40,6 +41,7 @@ class WindowDevice(Device):
         self.options = options = WindowOptions(self.service, self.needs, **window)
         self.draws = event_types(options.service, draws)
         self.when = options.when
+        self.writes = tuple([Path(file) for file in (options.path, options.video) if file])
         self.interactive = options.medium is Medium.WINDOW
         self.coupled = options.medium is Medium.VIDEO  # pyright: ignore
         self.pulse_every = 1 / 30 if self.interactive else 0.0
