@@ -1,7 +1,6 @@
 """The supervisor: starts the processes of a world, waits for what happens to them, and ends all.
 
-`CoordinatorReports` handles what the coordinator and the members report, `ProcessExits` decides
-what follows the end of a process, and `Succession` replaces a coordinator that was killed.
+`Succession` replaces a coordinator that was killed, `Ending` has why and until when a world runs.
 """
 
 from __future__ import annotations
@@ -85,9 +84,10 @@ class Supervisor:
 
     `began`: the start of the program on the monotonic clock. `coordinator` creates the
     coordinator. `run` does everything; a simulation calls `start` and `turn` itself.
-    """
 
-    _reports: CoordinatorReports
+    The coordinator and the members report through pipes (`ReportPipe`); the methods `_on_KIND` take
+    these reports.
+    """
 
     def __init__(
         self,
@@ -98,31 +98,25 @@ class Supervisor:
         coordinator: Callable[..., Coordinator] = Coordinator,
         machine: Machine = REAL,
     ) -> None:
-        context = LaunchContext(file, profiling, machine)
-        # The handlers of its reports are set later than the callbacks.
-        succession = Succession(
-            context,
-            coordinator,
-            lambda report: self._reports.receive(report),
-            lambda line: self._reports.receive_line(line),
-        )
-        log = ProcessLog(file.world.name, console, succession.command)
-        processes = ProcessTable(context, log, lambda report: self._reports.receive(report))
-        startup = Startup(began)
-        self._run = SupervisedRun(context, console, startup, Ending(), succession, log, processes)
-        self._reports = CoordinatorReports(self._run)
-        self._exits = ProcessExits(self._run, self._reports)
+        self._file, self._console, self._machine = file, console, machine
+        self._context = context = LaunchContext(file, profiling, machine)
+        self._startup, self._ending = Startup(began), Ending()
+        self._coordinator = Succession(context, coordinator, self._receive, self._receive_line)
+        self._log = ProcessLog(file.world.name, console, self._coordinator.command)
+        self._processes = ProcessTable(context, self._log, self._receive)
         self._stopped = StoppedCoordinator(machine)
+        self._publish: Callable[[str], None] = lambda endpoint: None
+        # The last line that the coordinator has printed and that has not been shown.
+        self._last_line = ""
 
     def run(self) -> RunSummary:
         """Run the world to its end. Raises BusError and MisuseError if it cannot begin."""
-        run = self._run
-        file, context = run.file, run.context
+        file, context = self._file, self._context
         check_record(file)
         # With a journal, the world and its tables continue.
         if not (file.bus.journal and journal_path(file).exists()):
             check_tables(file.collect.into)
-        check_capacity(len(run.processes))
+        check_capacity(len(self._processes))
         # Before the first fork, because the children inherit this setting.
         expect_links(len(file.processes))
         # Before any process starts: a second world of this name would replace the journal of the
@@ -130,10 +124,10 @@ class Supervisor:
         lock = WorldLock(file.world.name)
         try:
             # Before the first fork, too: the children inherit the machine code.
-            compile_agents(file.processes, run.console.progress)
+            compile_agents(file.processes, self._console.progress)
             context.shared = self._shares_memory()
-            run.startup.end("imports and checks")
-            with caught(context.pipes, self._on_interrupt):
+            self._startup.end("imports and checks")
+            with caught(context.pipes, self._interrupted):
                 try:
                     self.start(lock.publish)
                     while self.busy:
@@ -141,11 +135,11 @@ class Supervisor:
                 finally:
                     self.kill_all()
         finally:
-            run.console.end()
+            self._console.end()
             context.close()
             # Of a coordinator that was killed and has no successor.
-            if not run.ending.followed:
-                complete_tables(file.collect.into, run.log.note)
+            if not self._ending.followed:
+                complete_tables(file.collect.into, self._log.note)
                 discard_journal(file)
             # Processes that are killed leave their files of shared memory behind.
             if context.shared:
@@ -154,48 +148,47 @@ class Supervisor:
         return self.summary()
 
     def _shares_memory(self) -> bool:
-        file, needed = self._run.file, POOL_BYTES * (1 + len(self._run.processes))
-        return prepare(file.bus.shared_memory, file.world.scene, needed, self._run.log.note)
+        file, needed = self._file, POOL_BYTES * (1 + len(self._processes))
+        return prepare(file.bus.shared_memory, file.world.scene, needed, self._log.note)
 
     @property
     def endpoint(self) -> str:
         """Endpoint for local processes; empty before the coordinator listens."""
-        return self._run.context.endpoint
+        return self._context.endpoint
 
     @property
     def failure(self) -> str:
         """Reason for a premature end of the world in one line; otherwise empty."""
-        return self._run.ending.failure
+        return self._ending.failure
 
     @property
     def problem(self) -> str:
         """The reason, followed by the lines of user code that caused it if they are known."""
-        return self._run.ending.problem
+        return self._ending.problem
 
     # --- turns ---
 
     def start(self, publish: Callable[[str], None]) -> None:
         """Start the coordinator; `publish` receives its endpoint."""
-        self._reports.publish = publish
-        self._run.coordinator.start(self._run.processes.names)
+        self._publish = publish
+        self._coordinator.start(self._processes.names)
 
     @property
     def busy(self) -> bool:
         """Whether a process runs."""
-        return self._run.coordinator.child is not None or self._run.processes.running
+        return self._coordinator.child is not None or self._processes.running
 
     def turn(self) -> None:
         """Wait for reports, output, signals or a deadline, and handle them."""
-        run = self._run
-        run.context.pipes.wait(self.patience())
-        self._exits.reap()
-        now, ending = run.machine.monotonic(), run.ending
-        for process in run.processes:
+        self._context.pipes.wait(self.patience())
+        self._reap()
+        now, ending = self._machine.monotonic(), self._ending
+        for process in self._processes:
             if process.restart_at is not None and now >= process.restart_at:
-                run.processes.enqueue(process)
+                self._processes.enqueue(process)
             # It has ended with code 0 without a report of the world's end: a failure, too.
             if process.exited_at is not None and now >= process.exited_at and ending.reason is None:
-                self._exits.failed(process, 0)
+                self._failed(process, 0)
         self._start_processes()
         self._kill_stopped(now)
         if ending.deadline is not None and now >= ending.deadline:
@@ -204,328 +197,218 @@ class Supervisor:
 
     def _kill_stopped(self, now: float) -> None:
         """Kill a coordinator that a signal has stopped, because all members wait for it."""
-        run = self._run
-        child = run.coordinator.child
+        child = self._coordinator.child
         if child is not None and self._stopped.is_given_up(child.pid, now):
             text = f"stopped by a signal for {duration(STOPPED_SECONDS)}: killing it"
-            run.console.log(COORDINATOR, text, "warning")
-            run.machine.kill(child.pid)
+            self._console.log(COORDINATOR, text, "warning")
+            self._machine.kill(child.pid)
 
     def patience(self) -> float:
         """Seconds until the next deadline, at most 1 s."""
-        run = self._run
-        now = run.machine.monotonic()
-        times = [at for process in run.processes for at in process.due]
-        own = run.ending.deadline, run.processes.queue.next_at(now)
+        now = self._machine.monotonic()
+        times = [at for process in self._processes for at in process.due]
+        own = self._ending.deadline, self._processes.queue.next_at(now)
         times += [at for at in own if at is not None]
         return max(0.0, min(times) - now) if times else 1.0
 
     def _start_processes(self) -> None:
         """Start the processes that have a slot; from now on the coordinator waits for them."""
-        run = self._run
-        if run.ending.begun:
-            run.processes.queue.clear()
-        while (process := run.processes.start_next()) is not None:
+        if self._ending.begun:
+            self._processes.queue.clear()
+        while (process := self._processes.start_next()) is not None:
             for name in process.names:
-                run.coordinator.command(f"started {name}")
+                self._coordinator.command(f"started {name}")
 
-    # --- stopping ---
+    # --- reports of the coordinator and of members ---
 
-    def _on_interrupt(self, number: signal.Signals) -> None:
-        run = self._run
-        run.ending.interrupts += 1
-        if run.ending.interrupts > 1:
-            # After a second interrupt, the next turn kills all processes.
-            run.ending.deadline = 0.0
-        elif run.ending.deadline is None:
-            run.stop("interrupted" if number == signal.SIGINT else "terminated")
-
-    def _log_unfinished(self) -> None:
-        """Name the members that are killed after a regular end."""
-        run = self._run
-        if run.ending.failure or run.ending.interrupts:
-            return
-        for process in run.processes:
-            if process.child is not None:
-                text = "still running after the end of the world: killing it"
-                advice = f"; its files may be incomplete{MORE_TIME}"
-                run.console.log(process.name, f"{text}{advice}", "warning")
-
-    def kill_all(self) -> None:
-        """Kill all processes, start no others, and wait for their ends."""
-        run = self._run
-        # With a deadline, `ProcessExits` starts neither a successor nor a process again.
-        run.ending.deadline = 0.0
-        if run.coordinator.child is not None:
-            run.machine.kill(run.coordinator.child.pid)
-        run.processes.kill()
-        while self.busy and (ended := run.machine.next_ended(wait=True)) is not None:
-            self._exits.ended(*ended)
-
-    def summary(self) -> RunSummary:
-        """The summary of the run."""
-        run = self._run
-        joined = [name not in each.awaited for each in run.processes for name in each.names]
-        now, frame = run.machine.monotonic(), run.coordinator.frame
-        return run.ending.summary(run.file.world, run.startup, frame, now, joined)
-
-
-@dataclass(frozen=True, slots=True)
-class SupervisedRun:
-    """The processes of one world, what is logged about them, and how the world begins and ends."""
-
-    context: LaunchContext
-    console: Console
-    startup: Startup
-    ending: Ending
-    coordinator: Succession
-    log: ProcessLog
-    processes: ProcessTable
-
-    @property
-    def file(self) -> WorldFile:
-        """The world file."""
-        return self.context.file
-
-    @property
-    def machine(self) -> Machine:
-        """The operating system."""
-        return self.context.machine
-
-    @property
-    def report_seconds(self) -> float:
-        """Time for a process to end after the end of the world."""
-        # A profile is written after the end of the world.
-        return PROFILE_SECONDS if self.context.profiling.member else REPORT_SECONDS
-
-    def stop(self, problem: str) -> None:
-        """Stop the world early; see `Ending.problem`."""
-        self.ending.fail(problem)
-        self.coordinator.command("stop")
-        self.ending.deadline = self.machine.monotonic() + STOP_SECONDS
-
-    def abandon(self, process: SupervisedProcess) -> None:
-        """Tell the coordinator that a process will not be started again."""
-        for name in process.names:
-            self.coordinator.command(f"abandoned {name}")
-
-
-class CoordinatorReports:
-    """Handles each kind of report of `_Reporter` (coordinator_process.py) in a method of its name.
-
-    A member reports why this world does not suit it. `publish` receives the endpoint of the
-    coordinator. `last_line`: the last line that it has printed and that has not been shown.
-    """
-
-    def __init__(self, run: SupervisedRun) -> None:
-        self._run = run
-        self.publish: Callable[[str], None] = lambda endpoint: None
-        self.last_line = ""
-
-    def receive(self, report: dict[str, Any]) -> None:
-        """Handle a report."""
+    def _receive(self, report: dict[str, Any]) -> None:
+        """Handle a report in the method of its kind."""
         getattr(self, f"_on_{report.pop('kind')}")(**report)
 
     def _on_listening(self, endpoint: str, listens_at: str) -> None:
         """Local processes connect to `endpoint`, others to the endpoint it `listens_at`."""
-        run = self._run
-        if self.last_line and not run.context.endpoint:
-            run.console.log(COORDINATOR, self.last_line)
-        run.context.endpoint, run.coordinator.listens_at = endpoint, listens_at
-        self.publish(endpoint)
+        if self._last_line and not self._context.endpoint:
+            self._console.log(COORDINATOR, self._last_line)
+        self._context.endpoint, self._coordinator.listens_at = endpoint, listens_at
+        self._publish(endpoint)
         # A successor: the members run already, and their endpoint is the same.
-        if run.coordinator.count:
+        if self._coordinator.count:
             self._inform_successor()
             return
-        run.startup.end("bus")
-        run.log.note(f"{counted(len(run.processes), 'process')}, bus at {endpoint}")
-        remote = [process.name for process in run.file.processes if process.elsewhere]
+        self._startup.end("bus")
+        self._log.note(f"{counted(len(self._processes), 'process')}, bus at {endpoint}")
+        remote = [process.name for process in self._file.processes if process.elsewhere]
         if remote:
-            run.log.note(f"to be attached from other machines: {', '.join(remote)}")
-        for note in run.file.notes:
-            run.log.note(note)
-        if run.ending.deadline is None:
+            self._log.note(f"to be attached from other machines: {', '.join(remote)}")
+        for note in self._file.notes:
+            self._log.note(note)
+        if self._ending.deadline is None:
             # Otherwise an interrupt has arrived before the first member was started.
-            for process in run.processes:
-                run.processes.enqueue(process)
+            for process in self._processes:
+                self._processes.enqueue(process)
 
     def _inform_successor(self) -> None:
         """Send a new coordinator the states of processes that its predecessor had."""
-        run = self._run
-        run.log.note(f"a new coordinator listens at {run.context.endpoint}")
-        if run.ending.reason is not None:  # Only the launcher has it, not the journal.
-            run.coordinator.command(f"end {run.ending.reason}")
+        self._log.note(f"a new coordinator listens at {self._context.endpoint}")
+        if self._ending.reason is not None:  # Only the launcher has it, not the journal.
+            self._coordinator.command(f"end {self._ending.reason}")
         # The journal contains neither processes that are not restarted nor those that are starting.
-        for process in run.processes:
-            if process.abandoned or (run.ending.reason is not None and process.child is None):
-                run.abandon(process)
+        for process in self._processes:
+            if process.abandoned or (self._ending.reason is not None and process.child is None):
+                self._abandon(process)
             elif process.child is not None and process.joined_at is None:
                 for name in process.names:
-                    run.coordinator.command(f"started {name}")
+                    self._coordinator.command(f"started {name}")
 
     def _on_log(self, member: str, text: str, details: str = "") -> None:
-        process = self._run.processes.get(member)
+        process = self._processes.get(member)
         if process is not None and FAILURE_REPORT.match(text):
             # The cause explains the exit that follows, and `repeated` compares it with earlier
             # ones.
-            self._run.log.failures.explained.update(process.names)
+            self._log.failures.explained.update(process.names)
             process.cause = FailureCause(member, text)
-        self._run.log.reported(member, text, details)
+        self._log.reported(member, text, details)
 
     def _on_unready(self, member: str, reason: str) -> None:
         """Note why a process cannot take part; it ends. Further ones for this reason are known."""
-        process = self._run.processes.get(member)
+        process = self._processes.get(member)
         if process is not None:
             process.cause = FailureCause(member, reason)
-        if self._run.log.failures.is_new(f"{member} {reason}"):
-            self._run.log.add(member, reason, "info")
+        if self._log.failures.is_new(f"{member} {reason}"):
+            self._log.add(member, reason, "info")
 
     def _on_note(self, text: str) -> None:
-        self._run.log.note(text)
+        self._log.note(text)
 
     def _on_status(self, **status: Any) -> None:
-        run = self._run
-        world, console = run.file.world, run.console
-        console.frame = run.coordinator.frame = int(status["frame"])
-        if run.startup.first_frame is not None or status["frame"] or not status["waiting"]:
-            console.live(live_line(world.name, status, world.frames, run.startup.began))
+        world, console = self._file.world, self._console
+        console.frame = self._coordinator.frame = int(status["frame"])
+        if self._startup.first_frame is not None or status["frame"] or not status["waiting"]:
+            console.live(live_line(world.name, status, world.frames, self._startup.began))
             return
-        total = len(run.file.processes)
+        total = len(self._file.processes)
         text = starting_line(status, total)
         # The lines about the members that frame 0 waits for, and about restarts, say more.
-        is_reported = int(status["members"]) >= total or any(p.failures for p in run.processes)
+        is_reported = int(status["members"]) >= total or any(p.failures for p in self._processes)
         if console.terminal:
             console.progress(world.name, min(int(status["members"]), total), total, text)
         elif not is_reported:
-            console.periodic(f"{world.name}: {text}", run.machine.monotonic())
+            console.periodic(f"{world.name}: {text}", self._machine.monotonic())
 
     def _on_first_frame(self, frame: int, at: float) -> None:
-        self._run.startup.completed(frame, at)
+        self._startup.completed(frame, at)
 
     def _on_joined(self, member: str) -> None:
-        run = self._run
-        process = run.processes.get(member)
+        process = self._processes.get(member)
         if process is not None:
-            process.joined(member, run.coordinator.frame)
-            run.log.failures.explained.discard(member)
+            process.joined(member, self._coordinator.frame)
+            self._log.failures.explained.discard(member)
             if not process.awaited:
-                run.processes.queue.free(process.name)
+                self._processes.queue.free(process.name)
 
     def _on_timed_out(self, member: str, waited: float) -> None:
-        run = self._run
-        process, silence = run.processes.get(member), f"no answer for {duration(waited)}"
+        process, silence = self._processes.get(member), f"no answer for {duration(waited)}"
         if process is None:
-            known = any(spec.name == member for spec in run.file.processes)
-            if known and run.ending.reason is None:
-                run.log.add(member, f"{silence}: restart it on its machine")
+            known = any(spec.name == member for spec in self._file.processes)
+            if known and self._ending.reason is None:
+                self._log.add(member, f"{silence}: restart it on its machine")
         else:
-            run.processes.give_up(process, waited)
+            self._processes.give_up(process, waited)
 
     def _on_restart(self, member: str) -> None:
-        process = self._run.processes.get(member)
-        if process is not None and self._run.ending.reason is None:
-            self._run.log.add(member, "restarting on request")
+        process = self._processes.get(member)
+        if process is not None and self._ending.reason is None:
+            self._log.add(member, "restarting on request")
             process.restart()
 
     def _on_stack(self, member: str) -> None:
         """Keep the stacks of a process in its log, followed by a line that ends them."""
-        run = self._run
-        process = run.processes.get(member)
+        process = self._processes.get(member)
         child = None if process is None else process.child
-        stacks = [] if process is None else run.processes.stacks(process)
-        is_stopped = child is not None and run.machine.is_stopped(child.pid)
+        stacks = [] if process is None else self._processes.stacks(process)
+        is_stopped = child is not None and self._machine.is_stopped(child.pid)
         end = NOT_STARTED if child is None else STOPPED if is_stopped else END_OF_STACKS
-        run.log.keep(member, "\n".join([*filter(None, stacks), end]), "info")
+        self._log.keep(member, "\n".join([*filter(None, stacks), end]), "info")
 
     def _on_stopping(self, reason: str) -> None:
-        self._run.ending.reason = reason
-        self._run.ending.stopping_at = self._run.machine.monotonic()
+        self._ending.reason = reason
+        self._ending.stopping_at = self._machine.monotonic()
 
     def _on_followed(self) -> None:
-        self._run.ending.followed = True
+        self._ending.followed = True
 
     def _on_ended(self, **report: Any) -> None:
-        run = self._run
-        ending = run.ending
+        ending = self._ending
         ending.report = EndReport(**report)
         # A view may still draw the last frame or write its file; only an interrupt or a failure is
         # urgent.
-        now = run.machine.monotonic()
-        ending.deadline = now + run.report_seconds
+        now = self._machine.monotonic()
+        ending.deadline = now + self._report_seconds
         if ending.regular:
-            processes = [process for process in run.processes if process.child is not None]
+            processes = [process for process in self._processes if process.child is not None]
             running = [name for process in processes for name in process.names]
             stopping = now if ending.stopping_at is None else ending.stopping_at
-            ending.deadline = run.file.deadlines.end_of_output(running, stopping, now)
+            ending.deadline = self._file.deadlines.end_of_output(running, stopping, now)
 
-    def receive_line(self, line: str) -> None:
+    def _receive_line(self, line: str) -> None:
         """Handle a line that the coordinator has printed."""
         # Until it listens, the last line is the error that ends the run, which the summary names.
-        listens = bool(self._run.context.endpoint)
+        listens = bool(self._context.endpoint)
         if listens and line.startswith(" "):
             # It continues the error before it, with a line of the world's code.
-            self._run.console.log(COORDINATOR, line)
+            self._console.log(COORDINATOR, line)
             return
-        shown, self.last_line = line if listens else self.last_line, line
+        shown, self._last_line = line if listens else self._last_line, line
         if shown:
-            self._run.console.log(COORDINATOR, shown)
+            self._console.log(COORDINATOR, shown)
 
+    # --- ends of processes ---
 
-class ProcessExits:
-    """Decides what follows the end of a process."""
-
-    def __init__(self, run: SupervisedRun, reports: CoordinatorReports) -> None:
-        self._run = run
-        self._reports = reports
-
-    def reap(self) -> None:
+    def _reap(self) -> None:
         """Handle the ends of all processes that have ended."""
-        while (ended := self._run.machine.next_ended()) is not None:
-            self.ended(*ended)
+        while (ended := self._machine.next_ended()) is not None:
+            self._ended(*ended)
 
-    def ended(self, pid: int, code: int) -> None:
+    def _ended(self, pid: int, code: int) -> None:
         """Handle the end of a process."""
-        run = self._run
-        if run.coordinator.child is not None and pid == run.coordinator.child.pid:
-            self._on_coordinator_exit(code)
+        if self._coordinator.child is not None and pid == self._coordinator.child.pid:
+            self._coordinator_ended(code)
             return
-        process = run.processes.ended(pid)
+        process = self._processes.ended(pid)
         if process is None:
             return
-        if run.ending.begun:
+        if self._ending.begun:
             if code == UNREADY:  # Its report says why.
-                run.ending.fail(f"{_member(process)} {process.cause.text or CANNOT_TAKE_PART}")
+                self._ending.fail(f"{_member(process)} {process.cause.text or CANNOT_TAKE_PART}")
             # A successor must not wait for it; the first coordinator was notified that it left.
-            if run.coordinator.count:
-                run.abandon(process)
+            if self._coordinator.count:
+                self._abandon(process)
         elif process.restarting:
-            process.restarting, process.restart_at = False, run.machine.monotonic()
+            process.restarting, process.restart_at = False, self._machine.monotonic()
         elif code == 0:
             process.exited()
         else:
-            self.failed(process, code)
+            self._failed(process, code)
 
-    def _on_coordinator_exit(self, code: int) -> None:
-        run = self._run
-        coordinator, ending = run.coordinator, run.ending
+    def _coordinator_ended(self, code: int) -> None:
+        coordinator, ending = self._coordinator, self._ending
         coordinator.ended()
         if ending.report is not None:
             return  # The deadline of its members is set.
         if ending.deadline is None and coordinator.may_continue(code):
-            ended = f"failed ({self._reports.last_line})" if code == FAILED else how_ended(code)
+            ended = f"failed ({self._last_line})" if code == FAILED else how_ended(code)
             text = f"{ended}; a successor continues from its journal"
             number = f"({coordinator.count + 1} of {MAX_SUCCESSIONS})"
-            run.console.log(COORDINATOR, f"{text} {number}", "warning")
-            coordinator.start_successor(run.processes.queued)
+            self._console.log(COORDINATOR, f"{text} {number}", "warning")
+            coordinator.start_successor(self._processes.queued)
             return
         # It printed its error last, if it had one.
-        ending.fail(self._reports.last_line or f"the coordinator {how_ended(code)}")
+        ending.fail(self._last_line or f"the coordinator {how_ended(code)}")
         # The report that would set the deadline no longer arrives.
-        ending.end_by(run.machine.monotonic() + run.report_seconds)
+        ending.end_by(self._machine.monotonic() + self._report_seconds)
 
-    def failed(self, process: SupervisedProcess, code: int) -> None:
+    def _failed(self, process: SupervisedProcess, code: int) -> None:
         """Restart a process that has failed, or end its part or the world."""
-        run = self._run
         spec, name = process.spec, process.name
         # These codes announce a report, which decides between a restart and the end; a program in
         # another language may have sent one with any code.
@@ -535,20 +418,20 @@ class ProcessExits:
         unready = code == UNREADY
         how = "failed" if process.cause.text else process.cause.blocked or _how(process, code)
         how = CANNOT_TAKE_PART if unready else how
-        delay = process.fail(run.coordinator.frame, killed=code < 0)
-        if delay is not None and run.log.failures.repeated(spec, code, process.cause.text):
+        delay = process.fail(self._coordinator.frame, killed=code < 0)
+        if delay is not None and self._log.failures.repeated(spec, code, process.cause.text):
             # `fail` has set the time of a restart.
             process.restart_at = None
             again = "failed again with the same error in the same frame"
             self._stop_for(process, f"{again}: a restart would not help")
         elif delay is not None:
             number = f"restart {process.failures} of {spec.restarts} in {delay:.2f} s"
-            run.log.add(name, f"{how}; {number}")
+            self._log.add(name, f"{how}; {number}")
         # A view that never starts is a wrong request, unlike one that fails later.
         elif spec.on_failure == "ignore" and not unready:
-            run.log.add(name, f"{how}; continuing without it")
+            self._log.add(name, f"{how}; continuing without it")
             process.abandoned = True
-            run.abandon(process)
+            self._abandon(process)
         else:
             times = f", {process.failures} times in a row" if process.failures > 1 else ""
             # The summary names the cause.
@@ -558,16 +441,69 @@ class ProcessExits:
 
     def _stop_for(self, process: SupervisedProcess, why: str) -> None:
         """Stop the world because of a process."""
-        self._run.stop(f"{_member(process)} {process.cause.text or why}")
-        raised = FAILURE_REPORT.match(process.cause.text) and not self._run.console.traceback
+        self._stop(f"{_member(process)} {process.cause.text or why}")
+        raised = FAILURE_REPORT.match(process.cause.text) and not self._console.traceback
         more = " (--traceback shows all frames)" if raised else ""
-        self._run.console.log(process.name, f"{why}; the world stops{more}", "error")
+        self._console.log(process.name, f"{why}; the world stops{more}", "error")
 
     def _await_cause(self, process: SupervisedProcess) -> None:
         """Wait for the report of a failure: the coordinator may pass it on after the exit."""
-        until = self._run.machine.monotonic() + REPORT_SECONDS
-        while not process.cause.text and (left := until - self._run.machine.monotonic()) > 0:
-            self._run.context.pipes.wait(left)
+        until = self._machine.monotonic() + REPORT_SECONDS
+        while not process.cause.text and (left := until - self._machine.monotonic()) > 0:
+            self._context.pipes.wait(left)
+
+    # --- stopping ---
+
+    @property
+    def _report_seconds(self) -> float:
+        """Time for a process to end after the end of the world."""
+        # A profile is written after the end of the world.
+        return PROFILE_SECONDS if self._context.profiling.member else REPORT_SECONDS
+
+    def _stop(self, problem: str) -> None:
+        """Stop the world early; see `Ending.problem`."""
+        self._ending.fail(problem)
+        self._coordinator.command("stop")
+        self._ending.deadline = self._machine.monotonic() + STOP_SECONDS
+
+    def _abandon(self, process: SupervisedProcess) -> None:
+        """Tell the coordinator that a process will not be started again."""
+        for name in process.names:
+            self._coordinator.command(f"abandoned {name}")
+
+    def _interrupted(self, number: signal.Signals) -> None:
+        self._ending.interrupts += 1
+        if self._ending.interrupts > 1:
+            # After a second interrupt, the next turn kills all processes.
+            self._ending.deadline = 0.0
+        elif self._ending.deadline is None:
+            self._stop("interrupted" if number == signal.SIGINT else "terminated")
+
+    def _log_unfinished(self) -> None:
+        """Name the members that are killed after a regular end."""
+        if self._ending.failure or self._ending.interrupts:
+            return
+        for process in self._processes:
+            if process.child is not None:
+                text = "still running after the end of the world: killing it"
+                advice = f"; its files may be incomplete{MORE_TIME}"
+                self._console.log(process.name, f"{text}{advice}", "warning")
+
+    def kill_all(self) -> None:
+        """Kill all processes, start no others, and wait for their ends."""
+        # With a deadline, neither a successor nor a process is started again.
+        self._ending.deadline = 0.0
+        if self._coordinator.child is not None:
+            self._machine.kill(self._coordinator.child.pid)
+        self._processes.kill()
+        while self.busy and (ended := self._machine.next_ended(wait=True)) is not None:
+            self._ended(*ended)
+
+    def summary(self) -> RunSummary:
+        """The summary of the run."""
+        joined = [name not in each.awaited for each in self._processes for name in each.names]
+        now, frame = self._machine.monotonic(), self._coordinator.frame
+        return self._ending.summary(self._file.world, self._startup, frame, now, joined)
 
 
 def _how(process: SupervisedProcess, code: int) -> str:

@@ -3,8 +3,7 @@
 import os
 import subprocess
 import sys
-from types import SimpleNamespace
-from typing import Any
+from io import StringIO
 
 import pytest
 from running import write_world
@@ -16,6 +15,7 @@ from minerva_bus.launch.child_processes import (
     how_ended,
     next_ended,
 )
+from minerva_bus.launch.console import Console
 from minerva_bus.launch.os_interface import Machine
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.process_table import (
@@ -25,7 +25,8 @@ from minerva_bus.launch.process_table import (
     MIN_RESTART_SECONDS,
     SupervisedProcess,
 )
-from minerva_bus.launch.supervisor import CoordinatorReports
+from minerva_bus.launch.supervisor import Supervisor
+from minerva_bus.launch.world_files import read_world_file
 from tests.patience import patience
 
 FAILING = """
@@ -205,14 +206,13 @@ def test_a_line_reader_finishes_with_an_unterminated_line_although_the_pipe_stay
     pipes.close()
 
 
-def test_the_reason_of_a_coordinator_is_the_first_line_of_its_last_error():
-    shown = []
-    console = SimpleNamespace(log=lambda _, line: shown.append(line))
-    context = SimpleNamespace(endpoint="tcp/127.0.0.1:1")
-    run: Any = SimpleNamespace(console=console, context=context)
-    reports = CoordinatorReports(run)
+def test_the_reason_of_a_coordinator_is_the_first_line_of_its_last_error(tmp_path):
+    stream = StringIO()
+    supervisor = Supervisor(read_world_file(write_world(tmp_path)), Console(stream), 0.0)
+    supervisor._context.endpoint = "tcp/127.0.0.1:1"
     lines = ["at first", "Goat.picture: ZeroDivisionError", "  goat.py:28", "    1 / 0"]
     for line in lines:
-        reports.receive_line(line)
-    assert shown == lines
-    assert reports.last_line == "Goat.picture: ZeroDivisionError"
+        supervisor._receive_line(line)
+    assert [line.partition("│ ")[2] for line in stream.getvalue().splitlines()] == lines
+    assert supervisor._last_line == "Goat.picture: ZeroDivisionError"
+    supervisor._context.close()
