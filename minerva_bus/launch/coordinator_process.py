@@ -104,7 +104,7 @@ class CoordinatorRun:
         reporter.record = recording(file, algorithm, reporter.say, again=past is not None)
         reporter.collected = collect_sink(file.collect, algorithm, note, again=past is not None)
         if past is not None:
-            resume_from(past, algorithm, reporter.caught_up)
+            resume_from(past, algorithm, reporter.write)
             # The new journal begins at this frame.
             reporter.save()
             lost = f"; {past.lost:,} bytes at its end are unreadable" if past.lost else ""
@@ -203,20 +203,18 @@ class _Reporter:
         record, keys = self.record, self.coordinator.keys
         # Sensor topics travel directly between members, so the record needs subscriptions of its
         # own.
-        return overhear(session, keys, record.topics, record.received) if record.topics else []
+        return overhear(session, keys, record.topics, record.heard) if record.topics else []
 
-    def caught_up(self, done: s.FrameDone) -> None:
-        """Take over a frame of the journal."""
-        self.record.frame(done)
+    def write(self, done: s.FrameDone) -> None:
+        """Write a frame to the record and the tables."""
+        self.record.frame_done(done)
         if self.collected is not None:
             self.collected.frame_done(done)
 
     def _frame_done(self, done: s.FrameDone) -> None:
         # The journal first: a successor can restore the record from it, not the reverse.
         self.journal.frame(done)
-        self.record.frame(done)
-        if self.collected is not None:
-            self.collected.frame_done(done)
+        self.write(done)
         # Last, because it saves the rows of this frame, too.
         self.journal.shorten(self.save)
         if not self._began:

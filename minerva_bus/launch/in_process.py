@@ -59,7 +59,9 @@ from minerva_bus.world.services import Generator as EventGenerator
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""
 
-STATUS_EVERY: Final = 0.1
+STATUS_SECONDS: Final = 0.1
+"""Time between two status lines."""
+
 
 ANSWER_SECONDS: Final = 1.0
 
@@ -78,7 +80,7 @@ def never() -> bool:
     return False
 
 
-class InProcessRun:
+class InProcessRun(Sink):
     """One world without a bus: the same frames, the same digests.
 
     `run` runs it to its end. Its parts are for stepping: `open`, any number of `advance`, and
@@ -99,9 +101,11 @@ class InProcessRun:
         self.collected: CollectSink | None = None
         self._file = file
         self._console = console
+        self._began = began
+        self._first_frame_at: float | None = None
         self._sinks = sinks
         self._schedule = FrameSchedule(self.algorithm, file.rate, time.monotonic, self._warn)
-        self._progress = InProcessProgress(file, console, began, self.algorithm, self._schedule)
+        self._status = StatusMeter(self.algorithm, self._schedule.pace, began)
         self._questions = InProcessQuestions(file.world.name)
         self._record = RunRecord()
         self._metrics = Metrics(self.algorithm, time.monotonic)
@@ -193,7 +197,33 @@ class InProcessRun:
     def summary(self) -> RunSummary:
         """The summary of the run, also of one that has failed."""
         ended = None if self._parts is None else self._parts.runner.ended
-        return self._progress.summary(ended, self._reason)
+        first, algorithm, world = self._first_frame_at, self.algorithm, self._file.world
+        figures = dict(ended.figures) if ended is not None else {}
+        return RunSummary(
+            world=world.name,
+            frames=algorithm.frame,
+            digest=algorithm.scene.digest.hex(),
+            reached=algorithm.reached,
+            ended=self._reason or (ended.reason if ended is not None else ""),
+            wall_seconds=0.0 if first is None else self._schedule.last_frame_at - first,
+            first_frame_seconds=None if first is None else max(0.0, first - self._began),
+            members=len(self._file.processes),
+            seed=world.seed,
+            startup={},
+            figures={**figures, **self._schedule.overruns.figures()},
+            before=world.past.frame,
+        )
+
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Show the frame rate every STATUS_SECONDS."""
+        now = self._schedule.last_frame_at
+        if self._first_frame_at is None:
+            self._first_frame_at = now
+        if now - self._status.at >= STATUS_SECONDS:
+            rate, world = self._status.status(now, ()).rate, self._file.world
+            frame = self.algorithm.frame
+            status = {"frame": frame, "rate": rate, "members": 1, "waiting": (), "waited": 0.0}
+            self._console.live(live_line(world.name, status, world.frames, self._began))
 
     def _prepare(self, members: list[Member]) -> tuple[InProcessRunner, RunRecord]:
         record = recording(
@@ -203,18 +233,17 @@ class InProcessRun:
         self.collected = collect_sink(
             self._file.collect, self.algorithm, lambda text: self._console.log("collect", text)
         )
-        status = self._progress.status
         collected = () if self.collected is None else (self.collected,)
-        # Sinks are called in this order; `_progress` needs the time of the frame from `_schedule`.
+        # Sinks are called in this order; this one needs the time of the frame from `_schedule`.
         runner = InProcessRunner(
             self.algorithm,
             members,
-            recorded(record),
+            record,
             *collected,
             self._metrics,
             self._schedule,
             self._log,
-            self._progress,
+            self,
             *self._sinks,
             on_readings=record.sensed if record.topics else None,
             deliver=timed(self._schedule.overruns, time.monotonic),
@@ -225,7 +254,7 @@ class InProcessRun:
             self._log.event_log,
             self._log.orders,
             self._metrics,
-            status,
+            self._status,
             _no_rejections,
             _no_restart,
             _no_stack,
@@ -273,14 +302,21 @@ class InProcessRun:
 
     def _failed(self, error: Exception, runner: InProcessRunner, record: RunRecord) -> WorldStopped:
         """Show an error in a member's code; returns the exception that stops the world."""
-        running = runner.direct.running
+        running, console = runner.direct.running, self._console
         member = MEMBERS if running is None else running.name
         frame = max(self.algorithm.frame if running is None else running.frame, 0)
-        self._console.frame = frame
-        failure = CodeFailure.of(error, member, frame)
-        record.said(member, f"failed in frame {frame}: {failure.problem}\n{failure.details}")
-        self._reason = failure.reason
-        return failure.stops(self._console)
+        shown, details = f"failed in frame {frame}: {report(error)}", whole(error)
+        record.said(member, f"{shown}\n{details}")
+        console.frame = frame
+        console.log(member, shown, "error")
+        console.details(member, details)
+        # The summary has the same words as on the bus.
+        self._reason = f"{member} {shown}".partition("\n")[0]
+        hint = "" if console.traceback else " (--traceback shows all frames)"
+        return WorldStopped(
+            f"{self._reason}; the world stops ({VARIABLE}=1 shows all frames)",
+            f"{member} failed in frame {frame}; the world stops{hint}",
+        )
 
     def _warn_of_slow_code(self, waited: float, place: SourceLine) -> None:
         # Between two frames, windows and commands are served; before the first call of a member,
@@ -345,66 +381,6 @@ def members_of(file: WorldFile) -> list[Member]:
         if process.elsewhere:
             raise MinervaError(f"{process.name} runs elsewhere: run without --in-process")
     return [process.make_member() for process in file.processes]
-
-
-def recorded(record: RunRecord) -> Callable[[Notice], None]:
-    """The sink that records each frame of a run."""
-
-    def observe(notice: Notice) -> None:
-        if isinstance(notice, s.FrameDone):
-            record.frame(notice)
-
-    return observe
-
-
-class InProcessProgress(Sink):
-    """Shows the state of the run, and makes its summary."""
-
-    def __init__(
-        self,
-        file: WorldFile,
-        console: Console,
-        began: float,
-        algorithm: FrameAlgorithm,
-        schedule: FrameSchedule,
-    ) -> None:
-        self.status = StatusMeter(algorithm, schedule.pace, began)
-        self._file = file
-        self._console = console
-        self._began = began
-        self._algorithm = algorithm
-        self._schedule = schedule
-        self._first_frame_at: float | None = None
-
-    def frame_done(self, notice: s.FrameDone) -> None:
-        """Show the frame rate every STATUS_EVERY seconds."""
-        now = self._schedule.last_frame_at
-        if self._first_frame_at is None:
-            self._first_frame_at = now
-        if now - self.status.at >= STATUS_EVERY:
-            rate = self.status.status(now, ()).rate
-            frame, frames = self._algorithm.frame, self._file.world.frames
-            status = {"frame": frame, "rate": rate, "members": 1, "waiting": (), "waited": 0.0}
-            self._console.live(live_line(self._file.world.name, status, frames, self._began))
-
-    def summary(self, ended: s.Ended | None, reason: str) -> RunSummary:
-        """The summary of the run; `reason` replaces that of the world."""
-        first, algorithm, file = self._first_frame_at, self._algorithm, self._file
-        figures = dict(ended.figures) if ended is not None else {}
-        return RunSummary(
-            world=file.world.name,
-            frames=algorithm.frame,
-            digest=algorithm.scene.digest.hex(),
-            reached=algorithm.reached,
-            ended=reason or (ended.reason if ended is not None else ""),
-            wall_seconds=0.0 if first is None else self._schedule.last_frame_at - first,
-            first_frame_seconds=None if first is None else max(0.0, first - self._began),
-            members=len(file.processes),
-            seed=file.world.seed,
-            startup={},
-            figures={**figures, **self._schedule.overruns.figures()},
-            before=file.world.past.frame,
-        )
 
 
 class InProcessQuestions:
@@ -618,39 +594,3 @@ def _executed(thread: int, began_in: str) -> SourceLine | None:
         for frame, line in traceback.walk_stack(top)
     )
     return innermost(list(takewhile(lambda place: place.file != began_in, places)))
-
-
-@dataclass(frozen=True, slots=True)
-class CodeFailure:
-    """An error in the code of a member: its report, and all of its frames as `details`."""
-
-    member: str
-    frame: int
-    problem: str
-    details: str
-
-    @staticmethod
-    def of(error: Exception, member: str, frame: int) -> CodeFailure:
-        """The failure that an exception is."""
-        return CodeFailure(member, frame, report(error), whole(error))
-
-    @property
-    def reason(self) -> str:
-        """Why the world ends, for its summary: the same words as on the bus."""
-        what = self.problem.partition("\n")[0]
-        return f"{self._failed}: {what}"
-
-    def stops(self, console: Console) -> WorldStopped:
-        """Show the failure; returns the exception that stops the world."""
-        console.frame = self.frame
-        console.log(self.member, f"failed in frame {self.frame}: {self.problem}", "error")
-        console.details(self.member, self.details)
-        hint = "" if console.traceback else " (--traceback shows all frames)"
-        return WorldStopped(
-            f"{self.reason}; the world stops ({VARIABLE}=1 shows all frames)",
-            f"{self._failed}; the world stops{hint}",
-        )
-
-    @property
-    def _failed(self) -> str:
-        return f"{self.member} failed in frame {self.frame}"

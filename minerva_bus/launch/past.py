@@ -76,16 +76,16 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
         file = read_source(world, description, wanted, given)
         check_same(file.world, description.world, path)
         damage = tuple(damage_of(record))
-        world = continued(file.world, Past(record, file).state(), description.world)
-        check_unfinished(world, path)
+        resumed = continued(file.world, Past(record, file).state(), description.world)
+        check_unfinished(resumed, path)
     # Without --record the run is recorded in the same file.
     kept = replace(file.record, path=file.record.path or str(path))
-    notes = (f"continuing from frame {world.past.frame} of {path}", *damage)
-    notes += tuple(_unused(world.past, file))
+    notes = (f"continuing from frame {resumed.past.frame} of {path}", *damage)
+    notes += tuple(_unused(resumed.past, file))
     notes += file.notes
     # `replace` cannot make an object of another class.
     settings: dict[str, Any] = {f.name: getattr(file, f.name) for f in fields(WorldFile)}
-    settings.update(world=world, notes=notes, record=kept, origin=path)
+    settings.update(world=resumed, notes=notes, record=kept, origin=path)
     return Resumed(**settings)
 
 

@@ -273,6 +273,12 @@ class Rerun:
         self._cursor = Cursor(record, state=True, inputs=True)
         self._without = without or Without()
 
+    def run(self, runner: InProcessRunner, *, to_difference: bool = False) -> None:
+        """Compute all frames, or those up to the first that differs; raises as `step`."""
+        runner.start()
+        while not (to_difference and self.difference is not None) and self.step(runner):
+            pass
+
     def step(self, runner: InProcessRunner) -> bool:
         """Compute one frame; False if the run is over. Raises any exception of user code."""
         algorithm, frame = self.algorithm, self._cursor.ahead
@@ -333,11 +339,19 @@ def recompute(record: Record, kinds: Kinds, progress: Callable[[int], None]) -> 
     world = replace(world, frames=record.last()[0], expected=frozenset((_HOST,)))
     algorithm = FrameAlgorithm(world)
     rerun = Rerun(record, algorithm)
-    host = Member(_HOST, None, kinds.values())
-    runner = InProcessRunner(algorithm, [host], rerun.compare, deliver=_deliver_without_views)
-    runner.start()
-    while rerun.difference is None and rerun.step(runner):
-        progress(algorithm.frame)
+
+    def watch(notice: Notice) -> None:
+        if isinstance(notice, s.FrameDone):
+            progress(notice.frame + 1)
+
+    runner = InProcessRunner(
+        algorithm,
+        [Member(_HOST, None, kinds.values())],
+        rerun.compare,
+        watch,
+        deliver=_deliver_without_views,
+    )
+    rerun.run(runner, to_difference=True)
     return rerun.result()
 
 
@@ -450,7 +464,8 @@ def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member],
     """Hosts, the new member and recorded readings; and the inputs that they replace."""
     old = _replaced(file, swap.member)
     others = [process for process in file.processes if process not in old]
-    types = frozenset(event for process in old for event in _generated(process))
+    # A command has none of these: what it offers is known only when it joins.
+    hellos = [process.make_member().hello() for process in old]
     # The member that publishes recorded readings needs a name that no process has.
     names = {process.name for process in file.processes}
     reader = Member(next(name for name in READERS if name not in names), RecordedReadings(record))
@@ -458,9 +473,12 @@ def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member],
     for member in new:
         _check_new(member, file, reader.hello().publishes, swap)
     hosts = [process.make_member() for process in others if process.agents]
-    drawn = {event for process in others for event in _drawn(process)}
-    draws = frozenset(event for process in old for event in _drawn(process)) - drawn
-    without = Without(frozenset(process.name for process in old), draws, types)
+    drawn = {event for process in others for event in process.make_member().hello().draws}
+    without = Without(
+        frozenset(process.name for process in old),
+        frozenset(event for hello in hellos for event in hello.draws) - drawn,
+        frozenset(event for hello in hellos for event in hello.generates),
+    )
     return [reader, *new, *hosts], without
 
 
@@ -493,14 +511,6 @@ def _new_member(old: ProcessSpec, swap: Swap, file: WorldFile) -> Member:
     return Member(old.name, None, (*kept, cls))
 
 
-def _generated(process: ProcessSpec) -> tuple[str, ...]:
-    return () if process.command else process.make_member().hello().generates
-
-
-def _drawn(process: ProcessSpec) -> tuple[str, ...]:
-    return () if process.command else process.make_member().hello().draws
-
-
 def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:
     """Raises MisuseError if a member cannot take part."""
     where, service = f"swap {swap.member}", new.service
@@ -529,22 +539,27 @@ def _run(
     algorithm = FrameAlgorithm(file.world)
     rerun = Rerun(record, algorithm, without)
     problems: list[str] = []
-    sink = recording(file, algorithm, problems.append)
+    again = recording(file, algorithm, problems.append)
 
     def watch(notice: Notice) -> None:
         if isinstance(notice, s.Notify):
-            sink.said(notice.member, notice.text)
+            again.said(notice.member, notice.text)
         elif isinstance(notice, s.FrameDone):
-            sink.frame(notice)
             progress(notice.frame + 1, file.world.frames)
 
-    on_readings = sink.sensed if sink.topics else None
-    runner = InProcessRunner(algorithm, members, rerun.compare, watch, on_readings=on_readings)
+    on_readings = again.sensed if again.topics else None
+    runner = InProcessRunner(
+        algorithm, members, rerun.compare, again, watch, on_readings=on_readings
+    )
     try:
-        _run_to_end(rerun, runner)
+        rerun.run(runner)
+    except Exception as error:
+        own = isinstance(error, MinervaError)
+        problem = error if own else f"{type(error).__name__}: {error}"
+        raise WorldStopped(f"frame {algorithm.frame}: {problem}") from error
     finally:
         # Services may hold files or devices, so they are closed after a failure, too.
-        sink.close()
+        again.close()
         for member in members:
             if member.service is not None:
                 member.service.close()
@@ -560,15 +575,3 @@ def _run(
         file.world.frames,
         dict(ended.figures) if ended is not None else {},
     )
-
-
-def _run_to_end(rerun: Rerun, runner: InProcessRunner) -> None:
-    try:
-        runner.start()
-        while rerun.step(runner):
-            pass
-    except MinervaError as error:
-        raise WorldStopped(f"frame {rerun.algorithm.frame}: {error}") from error
-    except Exception as error:
-        problem = f"{type(error).__name__}: {error}"
-        raise WorldStopped(f"frame {rerun.algorithm.frame}: {problem}") from error

@@ -33,7 +33,7 @@ SAVE_SECONDS: Final = 5.0
 """Time after which rows are written that still wait for more."""
 
 
-class RunRecord:
+class RunRecord(Sink):
     """The record of a run; records nothing until `open` is called.
 
     `topics` are the sensor topics to record.
@@ -99,15 +99,15 @@ class RunRecord:
             keep_old=keep_old,
         )
 
-    def frame(self, done: s.FrameDone) -> None:
+    def frame_done(self, notice: s.FrameDone) -> None:
         """Record a frame that has ended."""
-        if self._recorder is None or done.frame < self._next:
+        if self._recorder is None or notice.frame < self._next:
             return  # Recorded by the previous coordinator.
-        if done.frame > self._next:
-            self._log(f"frames {self._next} to {done.frame - 1} are not in the record")
-        self._next = done.frame + 1
+        if notice.frame > self._next:
+            self._log(f"frames {self._next} to {notice.frame - 1} are not in the record")
+        self._next = notice.frame + 1
         scene, checkpoint = self._algorithm.scene, self._algorithm.checkpoint
-        self._recorder.frame(done, scene, self._seconds(), checkpoint=checkpoint)
+        self._recorder.frame(notice, scene, self._seconds(), checkpoint=checkpoint)
 
     def save(self) -> None:
         """Write all frames up to the last one to the disk."""
@@ -115,7 +115,7 @@ class RunRecord:
             self._recorder.flush()
 
     def idle(self) -> None:
-        """Do pending work while the caller of `frame` waits for members."""
+        """Do pending work while the caller of `frame_done` waits for members."""
         if self._recorder is not None:
             self._recorder.idle()
 
@@ -130,12 +130,12 @@ class RunRecord:
             self._recorder.noted(operation, self._seconds())
 
     def sensed(self, readings: Readings) -> None:
-        """Record readings of a sensor topic; like `received` callable from any thread."""
+        """Record readings of a sensor topic; like `heard` callable from any thread."""
         wanted = ALL in self.topics or readings.topic in self.topics
         if self._recorder is not None and wanted:
             self._recorder.sensed(readings, self._seconds())
 
-    def received(self, topic: str, member: str, data: bytes) -> None:
+    def heard(self, topic: str, member: str, data: bytes) -> None:
         """Record readings of a sensor topic as received from the bus."""
         if self._recorder is not None:
             self._recorder.received(topic, member, data, self._seconds())

@@ -42,7 +42,7 @@ record = recording(file, algorithm, print)
 
 def watch(told):
     if isinstance(told, s.FrameDone):
-        record.frame(told)
+        record.frame_done(told)
         print(record._recorder.frames, flush=True)
 
 runner = InProcessRunner(algorithm, [one.make_member() for one in file.processes], watch)

@@ -54,7 +54,7 @@ def lived(file, stop=None):
 
     def watch(message):
         if isinstance(message, s.FrameDone):
-            record.frame(message)
+            record.frame_done(message)
             digests[message.frame] = message.record.digest
 
     runner = InProcessRunner(
@@ -266,7 +266,7 @@ def test_waiting_events_of_people_are_in_the_frame(tmp_path):
     def watch(message):
         if isinstance(message, s.FrameDone):
             algorithm.inbox.events["~order"] = [order] if message.frame == 3 else []
-            record.frame(message)
+            record.frame_done(message)
 
     runner = InProcessRunner(
         algorithm, [process.make_member() for process in file.processes], watch
