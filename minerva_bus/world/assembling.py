@@ -16,10 +16,10 @@ from minerva_bus.grammar.ids import RowDelta
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.population import Birth, Emitted, PopulationState
 
-_FEW = 0.25
+_FEW_CHANGED = 0.25
 """Up to this part, changed values are put into the old column, which keeps its digests."""
 
-_TYPES: Final[dict[str, type]] = {"f": float, "i": int, "b": bool, "O": str}
+_OF_DTYPE: Final[dict[str, type]] = {"f": float, "i": int, "b": bool, "O": str}
 """The type of a column's values, by the kind of its dtype."""
 
 
@@ -75,7 +75,7 @@ def _unlike(state: PopulationState, lives: Mapping[int, Scene]) -> Mapping[int, 
 
 def _like_rows(scene: Scene, part: Columns) -> list[AgentNode] | None:
     """The nodes of a string if all of them could be rows of these columns."""
-    types = [_TYPES[column.dtype.kind] for column in part.columns]
+    types = [_OF_DTYPE[column.dtype.kind] for column in part.columns]
     nodes: list[AgentNode] = []
     for node in scene.nodes:
         if not isinstance(node, AgentNode) or shape_of(node) != part.shape:
@@ -121,7 +121,7 @@ def _column(state: PopulationState, name: str, old: Column) -> Column:
     if state.away is not None or state.born:
         return column
     rows = old.differs(column)
-    if rows is None or len(rows) >= _FEW * len(column):
+    if rows is None or len(rows) >= _FEW_CHANGED * len(column):
         return column
     return old.changed(rows, column) if len(rows) else old
 
