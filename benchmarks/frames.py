@@ -28,7 +28,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 
 WARM_UP: Final = 50
 COUNTED: Final = 100
@@ -74,7 +74,7 @@ def with_agent(generator: type[Generator] | None) -> InProcessRunner:
     members = [Member("host", agents=[Counter])]
     members += [Member("clock", generator())] if generator is not None else []
     vocabulary = Vocabulary.of(eStep, Counter)
-    world = WorldSpec("frames", Counter("a").string, vocabulary, seed=1, order=Order(("eStep",)),
+    world = WorldSpec("frames", Counter("a").string, vocabulary, seed=1, order=Priority(("eStep",)),
                   expected=frozenset(member.name for member in members))  # fmt: skip
     return InProcessRunner(FrameAlgorithm(world), members)
 

@@ -42,7 +42,7 @@ from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import size
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 
 WARM_UP: Final = 3
 SYSTEMS: Final = ("minerva", "mesa", "mesa-frames")
@@ -118,7 +118,7 @@ def world_of(task: Task, members: Sequence[str]) -> WorldSpec:
         model.scene(task.agents, task.seed),
         model.vocabulary,
         seed=task.seed,
-        order=Order(model.order),
+        order=Priority(model.order),
         frames=task.frames,
         expected=frozenset(members),
     )

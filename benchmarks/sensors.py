@@ -31,7 +31,7 @@ from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.types import Degrees
 from minerva_bus.world.readings import Image, Scan
-from minerva_bus.world.service_inputs import Emit
+from minerva_bus.world.services import Emit
 from minerva_services.sensors.laser import Laser
 
 IMAGE_BYTES, IMAGE_HERTZ = 40_000, 30.0

@@ -47,14 +47,12 @@ if TYPE_CHECKING:
     from minerva_bus.semantics.geometry import Geometry, interpret
     from minerva_bus.world.agent import Agent
     from minerva_bus.world.context import BatchContext, Context, Frame
-    from minerva_bus.world.event_batch import EventBatch
-    from minerva_bus.world.evolution import evolve
+    from minerva_bus.world.decorators import on, view
+    from minerva_bus.world.evolution import Policy, evolve
     from minerva_bus.world.expressions import count, data
-    from minerva_bus.world.marking import on, view
-    from minerva_bus.world.policy import Policy
-    from minerva_bus.world.service_inputs import Tick, View, WorldInfo
-    from minerva_bus.world.services import Device, Generator
-    from minerva_bus.world.views import visualize
+    from minerva_bus.world.population import EventBatch
+    from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
+    from minerva_bus.world.visualization import visualize
 
 
 __version__ = "0.6.0"
@@ -83,15 +81,13 @@ _HOMES = {
     "grammar.vocabulary": "Vocabulary",
     "semantics.geometry": "Geometry interpret",
     "world.agent": "Agent",
-    "world.evolution": "evolve",
-    "world.policy": "Policy",
+    "world.evolution": "Policy evolve",
     "world.context": "BatchContext Context Frame",
-    "world.event_batch": "EventBatch",
+    "world.population": "EventBatch",
     "world.expressions": "count data",
-    "world.marking": "on view",
-    "world.service_inputs": "Tick View WorldInfo",
-    "world.services": "Device Generator",
-    "world.views": "visualize",
+    "world.decorators": "on view",
+    "world.services": "Device Generator Tick View WorldInfo",
+    "world.visualization": "visualize",
 }
 
 _report_uncaught_errors()

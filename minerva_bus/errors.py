@@ -10,11 +10,11 @@
     ├── TomlError                a text is not TOML                              launch.toml_tables
     ├── MisuseError              the caller of the library asks for something impossible
     │   ├── StateError           an attribute of an agent has an invalid value
-    │   │   └── Unsound          an attribute of one row is not finite           world.assembling
+    │   │   └── Unsound          an attribute of one row is not finite         world.population_step
     │   ├── SignatureError       a method takes other arguments than it is called with
     │   └── NotCompilable        a method uses what cannot be compiled            world.accelerator
     ├── UserCodeError            a method of an agent or a service failed
-    │   └── ActivityError        a method of an agent failed at an event         world.kinds
+    │   └── ActivityError        a method of an agent failed at an event         world.agent
     ├── RecordError              a record cannot be written or read              log.errors
     ├── RecordingError           a sensor recording cannot be read               world.recordings
     ├── ProtocolError            a member sent what the protocol does not allow

@@ -43,7 +43,7 @@ from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.types import parse_type
 from minerva_bus.wire.codec import encode
 from minerva_bus.world import readings as r
-from minerva_bus.world.when import Participation, When
+from minerva_bus.world.services import Participation, When
 
 GOLDEN = Path(__file__).resolve().parents[1] / "tests" / "golden" / "messages.toml"
 LONGEST_HEX = 600

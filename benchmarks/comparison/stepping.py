@@ -12,7 +12,7 @@ from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 from minerva_fast import Space
 
 eStep = EventType("eStep")
@@ -29,7 +29,7 @@ def world_of(space: Space, steps: int, seed: int) -> WorldSpec:
     """The world with this space, which takes one step in each frame."""
     vocabulary = Vocabulary.of(eStep, type(space))
     expected = frozenset({"host", "clock"})
-    return WorldSpec("comparison", space.string, vocabulary, seed=seed, order=Order(("eStep",)),
+    return WorldSpec("comparison", space.string, vocabulary, seed=seed, order=Priority(("eStep",)),
                  frames=steps, expected=expected)  # fmt: skip
 
 

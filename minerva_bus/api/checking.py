@@ -25,7 +25,7 @@ from minerva_bus.launch.world_files import (
     unpublished,
 )
 from minerva_bus.wording import counted
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 
 
 @dataclass(frozen=True, slots=True)

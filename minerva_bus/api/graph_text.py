@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from minerva_bus.api.graphs import EventEntry, Graph, KindEntry, ProcessEntry
-from minerva_bus.world.when import Participation
+from minerva_bus.world.services import Participation
 
 
 def mermaid(graph: Graph) -> str:

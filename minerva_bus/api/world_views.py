@@ -16,7 +16,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import find_service
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.views import visualize
+from minerva_bus.world.visualization import visualize
 
 Visual: TypeAlias = Event | EventType | str
 """A visual event, or the type of one without data."""

@@ -132,8 +132,7 @@ def _echo_view(
     from minerva_bus.cli.attaching import leave_on_signals
     from minerva_bus.frame.member import Member
     from minerva_bus.runtime.member import MemberProcess
-    from minerva_bus.world.service_inputs import View
-    from minerva_bus.world.services import Device
+    from minerva_bus.world.services import Device, View
 
     class Echo(Device):
         """A geometric system that prints each string."""

@@ -30,7 +30,7 @@ from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wording import counted
 from minerva_bus.world.norms import SOURCE
-from minerva_bus.world.order import collect
+from minerva_bus.world.priority import collect
 
 
 class Shutdown:

@@ -45,7 +45,7 @@ from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.norms import SOURCE
-from minerva_bus.world.order import collect
+from minerva_bus.world.priority import collect
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm

@@ -11,10 +11,10 @@ from minerva_bus.frame.messages import ViewShown
 from minerva_bus.frame.placement import PlacementRules
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.lineage import newest_copy
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import Norm
-from minerva_bus.world.order import Order
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.population import newest_copy
+from minerva_bus.world.priority import Priority
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class WorldSpec:
     vocabulary: Vocabulary
     seed: int = 0
     dt: float = 0.1
-    order: Order = field(default_factory=Order)
+    order: Priority = field(default_factory=Priority)
     policy: Policy = Policy.SEQUENTIAL
     frames: int = 0
     until: str = ""

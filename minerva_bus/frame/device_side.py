@@ -9,8 +9,7 @@ from minerva_bus.blame import blamed
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.world.service_inputs import View
-from minerva_bus.world.services import Device, Service
+from minerva_bus.world.services import Device, Service, View
 
 
 @dataclass(slots=True)

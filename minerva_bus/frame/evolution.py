@@ -24,7 +24,7 @@ from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
-from minerva_bus.world.lineage import copy_id
+from minerva_bus.world.population import copy_id
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm

@@ -18,9 +18,7 @@ from minerva_bus.grammar.scene import AGENT_ID
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.context import Frame
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_inputs import Tick
-from minerva_bus.world.services import Device, Generator, Service
-from minerva_bus.world.when import When
+from minerva_bus.world.services import Device, Generator, Service, Tick, When
 
 MAX_READINGS: Final = 1000
 """Readings of one publisher that wait for a frame; the oldest are dropped."""

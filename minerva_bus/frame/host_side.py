@@ -17,12 +17,10 @@ from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.addressing import Addressed
-from minerva_bus.world.agent import Agent
+from minerva_bus.world.agent import Agent, Kinds
 from minerva_bus.world.context import Frame
-from minerva_bus.world.evolution import Evolved, evolve
-from minerva_bus.world.kinds import Kinds
-from minerva_bus.world.policy import Policy
-from minerva_bus.world.views import visualize
+from minerva_bus.world.evolution import Evolved, Policy, evolve
+from minerva_bus.world.visualization import visualize
 
 _TYPE: Final = attrgetter("type")
 

@@ -25,16 +25,12 @@ from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.frame.service_calls import figures_by, made_events
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.source import handler_name
-from minerva_bus.world.agent import Agent
+from minerva_bus.world.agent import Agent, kinds_of, with_own_fields
 from minerva_bus.world.context import Frame
-from minerva_bus.world.kinds import kinds_of, with_own_fields
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.operator import NoOperator, Operator
-from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_attributes import check_attributes
-from minerva_bus.world.service_inputs import WorldInfo
-from minerva_bus.world.services import Device, Generator, Service
-from minerva_bus.world.when import When
+from minerva_bus.world.services import Device, Generator, Service, When, WorldInfo, check_attributes
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 

@@ -27,7 +27,7 @@ from minerva_bus.frame.orders import refusal_of_guest
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.when import Participation, objection
+from minerva_bus.world.services import Participation, objection
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm

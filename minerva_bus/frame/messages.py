@@ -24,9 +24,9 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.when import Participation, When
+from minerva_bus.world.services import Participation, When
 
 _T = TypeVar("_T")
 

@@ -36,8 +36,6 @@ from minerva_bus.grammar.neutral_values import rested
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents
 from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.assembling import emissions
-from minerva_bus.world.lineage import parents_of
 from minerva_bus.world.norms import (
     EVENT,
     REFUSED,
@@ -49,6 +47,8 @@ from minerva_bus.world.norms import (
     sanction_of,
 )
 from minerva_bus.world.operator import NormStatus
+from minerva_bus.world.population import parents_of
+from minerva_bus.world.population_step import emissions
 
 Sent: TypeAlias = tuple[AnyEvent, ...]
 Elsewhere = Callable[[str], Any]

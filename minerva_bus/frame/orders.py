@@ -15,7 +15,7 @@ from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.measures import Of
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import OrderStatus
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -148,7 +148,7 @@ def listed(names: Iterable[str]) -> str:
 MAX_ORDERS: Final = 1000
 """Orders whose fates are kept; older ones are dropped."""
 
-_BY_NAME: Final = Order()
+_BY_NAME: Final = Priority()
 
 
 @dataclass(slots=True)
@@ -178,7 +178,7 @@ class OrderFates:
 
     """
 
-    def __init__(self, vocabulary: Vocabulary, order: Order = _BY_NAME) -> None:
+    def __init__(self, vocabulary: Vocabulary, order: Priority = _BY_NAME) -> None:
         self._order = order
         self._completes = {e.name: e.completes for e in vocabulary.events.values() if e.completes}
         self._fails = {e.name: e.fails for e in vocabulary.events.values() if e.fails}

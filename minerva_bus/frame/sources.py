@@ -18,10 +18,10 @@ from minerva_bus.frame.members import MemberEntry
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
+from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
-from minerva_bus.world.kinds import Kinds
-from minerva_bus.world.order import collect
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.priority import collect
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm

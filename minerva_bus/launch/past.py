@@ -28,10 +28,9 @@ from minerva_bus.path_text import path_of_text
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.wording import named_some
-from minerva_bus.world.agent import Agent
-from minerva_bus.world.kinds import Kinds, kinds_of
+from minerva_bus.world.agent import Agent, Kinds, kinds_of
 from minerva_bus.world.norms import SOURCE
-from minerva_bus.world.views import visualize
+from minerva_bus.world.visualization import visualize
 
 if TYPE_CHECKING:
     from minerva_bus.log.description import Description

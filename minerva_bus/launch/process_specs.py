@@ -30,7 +30,7 @@ from minerva_bus.settings.tables import (
 )
 from minerva_bus.wire.keys import COORDINATOR, checked_name
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.services import Service
 
 PEOPLE: Final = "people"

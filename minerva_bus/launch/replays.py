@@ -63,10 +63,9 @@ from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
 from minerva_bus.wire.status_codec import plain_status
 from minerva_bus.wording import frames_up_to
-from minerva_bus.world.agent import Agent
-from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.agent import Agent, Kinds
 from minerva_bus.world.operator import FileStatus
-from minerva_bus.world.order import collect
+from minerva_bus.world.priority import collect
 from minerva_bus.world.services import Generator, Service
 
 if TYPE_CHECKING:

@@ -37,8 +37,7 @@ from minerva_bus.launch.toml_tables import Table
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.service_attributes import check_attributes
-from minerva_bus.world.services import Service
+from minerva_bus.world.services import Service, check_attributes
 
 _folders: set[Path] = set()
 

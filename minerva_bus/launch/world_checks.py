@@ -23,8 +23,7 @@ from minerva_bus.launch.typed_text import filled, read_options
 from minerva_bus.launch.world_files import WorldFile, open_tables
 from minerva_bus.settings.kinds import TEXT, TEXTS
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
-from minerva_bus.world.service_attributes import when_of
-from minerva_bus.world.services import Generator
+from minerva_bus.world.services import Generator, when_of
 
 WORLD_CODE: Final = ("vocabulary", "scene", "defaults", "notes")
 PROCESS_CODE: Final = ("service", "agents", "command")

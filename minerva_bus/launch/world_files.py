@@ -65,10 +65,10 @@ from minerva_bus.settings.tables import (
 from minerva_bus.wire.keys import is_name
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.expressions import Expression, read_expression
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_conditions, sanction_of
-from minerva_bus.world.order import Order
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.priority import Priority
 
 ENDINGS: Final = (".parquet", ".csv")
 
@@ -314,7 +314,7 @@ def read_description(
         vocabulary=vocabulary,
         seed=settings.seed,
         dt=settings.dt if "dt" in table else 1.0 / own_rate if own_rate else settings.dt,
-        order=Order(_event_types(table, "order", settings.order, vocabulary)),
+        order=Priority(_event_types(table, "order", settings.order, vocabulary)),
         people=_event_types(table, "people", settings.people, vocabulary),
         speaks_for={each.name: each.speaks_for for each in processes if each.speaks_for},
         policy=Policy(settings.policy),

@@ -36,10 +36,10 @@ from minerva_bus.log.rejections import rejected_events, rejected_step
 from minerva_bus.log.sources import same_event, source_of
 from minerva_bus.source import SourceLine, assignments, defined, handler_name
 from minerva_bus.world.addressing import addressed
+from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
-from minerva_bus.world.kinds import Kinds
-from minerva_bus.world.lineage import parents_of
-from minerva_bus.world.step_trace import TracedCall, trace_calls
+from minerva_bus.world.evolution import TracedCall, trace_calls
+from minerva_bus.world.population import parents_of
 
 MAX_LINKS: Final = 5
 RECENT: Final = 10

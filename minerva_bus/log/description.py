@@ -29,9 +29,9 @@ from minerva_bus.wire.plain import (
 )
 from minerva_bus.wire.strings_codec import Reader, plain_event, plain_scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import Norm, Then
-from minerva_bus.world.order import Order
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.priority import Priority
 
 _LEAST: Final = -(1 << 63)
 
@@ -135,7 +135,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
         vocabulary=vocabulary,
         seed=as_int(plain["seed"], "the seed", _LEAST),
         dt=as_number(plain["dt"], "dt"),
-        order=Order(as_texts(plain["order"], "order")),
+        order=Priority(as_texts(plain["order"], "order")),
         policy=Policy(as_text(plain["policy"], "the policy")),
         frames=as_int(plain["frames"], "frames"),
         until=as_text(plain["until"], "until"),

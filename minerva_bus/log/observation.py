@@ -12,7 +12,7 @@ from minerva_bus.log.explanation import EventSource, rejected_lines, short
 from minerva_bus.log.past_frames import agent_at, end_of, past_frames
 from minerva_bus.log.reader import Record
 from minerva_bus.log.sources import source_of
-from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.agent import Kinds
 
 MAX_RECEIVED: Final = 40
 """Entries about received events."""

@@ -27,7 +27,7 @@ from minerva_bus.log.intact import IntactMessages
 from minerva_bus.log.losses import Losses
 from minerva_bus.log.sensing import Dropped, decode_sensed
 from minerva_bus.world.operator import PersonOperation
-from minerva_bus.world.order import collect
+from minerva_bus.world.priority import collect
 
 _END: Final = 1 << 62
 """A number greater than that of any frame."""

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Iterator
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.log.reader import Record
-from minerva_bus.world.service_inputs import Tick
-from minerva_bus.world.services import Generator
+from minerva_bus.world.services import Generator, Tick
 
 
 class RecordedReadings(Generator):

@@ -14,7 +14,7 @@ from minerva_bus.grammar.types import Metres
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
-from minerva_bus.world.marking import on, view
+from minerva_bus.world.decorators import on, view
 
 PDot = Primitive("PDot", size=float)
 PGrave = Primitive("PGrave")

@@ -40,7 +40,7 @@ from minerva_bus.wire.vocabulary_codec import (
     read_vocabulary,
 )
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.when import When
+from minerva_bus.world.services import When
 
 _OF_CONDITIONS: Final = "characters of conditions"
 _ADVICE: Final = "send those of one type in columns"

@@ -2,8 +2,8 @@
 
     equation 2, λ                world/agent_step.py
     equation 3, η                world/evolution.py
-    equations 4 and 5, θ and π   world/views.py
-    equation 6, E(C*, t)         world/order.py
+    equations 4 and 5, θ and π   world/visualization.py
+    equation 6, E(C*, t)         world/priority.py
 
 Equation 1, φ, is in semantics/geometry.py.
 """

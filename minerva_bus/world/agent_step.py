@@ -16,10 +16,9 @@ from minerva_bus.grammar.scene import AgentNode, Node, Scene, agents, rescoped, 
 from minerva_bus.grammar.traversal import identities, rebuild
 from minerva_bus.source import assignments
 from minerva_bus.world.addressing import Addressed
-from minerva_bus.world.agent import Agent
+from minerva_bus.world.agent import ActivityError, Agent, Kinds
 from minerva_bus.world.context import Context
-from minerva_bus.world.event_batch import EventBatch, merged
-from minerva_bus.world.kinds import ActivityError, Kinds
+from minerva_bus.world.population import EventBatch, merged
 
 Activity = Callable[..., Any]
 

@@ -1,14 +1,15 @@
-"""η, the evolution of a string (equation 3)."""
+"""η, the evolution of a string (equation 3): its policies, and the calls of λ for one agent."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from enum import Enum
+from typing import Any, Final, TypeAlias
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import Columns, rewritten
-from minerva_bus.grammar.events import AnyEvent, Event
+from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
@@ -17,16 +18,69 @@ from minerva_bus.grammar.scene import (
     agents,
     checked_string,
     rescoped,
+    with_scope,
 )
 from minerva_bus.grammar.traversal import rebuild, walk
 from minerva_bus.world.addressing import Addressed, addressed
-from minerva_bus.world.agent import Agent
-from minerva_bus.world.agent_step import evolve_agent
+from minerva_bus.world.agent import ActivityError, Agent, Kinds, kinds_of
+from minerva_bus.world.agent_step import AgentStep, evolve_agent, process_all
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.kinds import Kinds, kinds_of
-from minerva_bus.world.lineage import copy_id, newest_copy
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.population import copy_id, newest_copy
 from minerva_bus.world.population_step import evolve_population
+
+Division: TypeAlias = Callable[[Addressed], Sequence[Addressed]]
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyRules:
+    """Everything that depends on the policy of a world.
+
+    Args:
+        divide: the events that each copy of an agent processes, from the events of a frame. The
+            first copy is the agent. There is one copy, or there are at most as many as events.
+        makes_copies: whether there may be several copies, or none. Each agent is then a fragment
+            of its own, ids of copies derive from its id (world/population.py), and one host evolves
+            all agents.
+        without_events: whether agents may change in a frame without events that concern them. The
+            host then evolves them in every frame, and the world never rests.
+
+    """
+
+    divide: Division
+    makes_copies: bool = False
+    without_events: bool = False
+
+
+def _together(events: Addressed) -> Sequence[Addressed]:
+    return (events,)
+
+
+def _each(events: Addressed) -> Sequence[Addressed]:
+    return [Addressed((event,)) for event in single(events.events)]
+
+
+class Policy(Enum):
+    """Reading of equation 3 for an agent with several events in a frame, or none.
+
+    - SEQUENTIAL: the agent processes its events in order; without events it does not change.
+    - LITERAL: the equation to the letter: one copy of the agent for each event of the frame,
+      whether or not the event concerns it, and no copy in a frame without events.
+
+    A policy is a name with its rules; no other code compares policies.
+    """
+
+    _value_: str
+    rules: PolicyRules
+
+    SEQUENTIAL = "sequential", PolicyRules(_together)
+    LITERAL = "literal", PolicyRules(_each, makes_copies=True, without_events=True)
+
+    def __new__(cls, name: str, rules: PolicyRules) -> Policy:
+        """A member whose value is its name."""
+        policy = object.__new__(cls)
+        policy._value_ = name
+        policy.rules = rules
+        return policy
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,3 +232,93 @@ def _nesting(scene: Scene) -> int:
             level += 1 if opens else -1
             deepest = max(deepest, level)
     return deepest
+
+
+# --- the calls of λ for one agent ---
+#
+# A frame's result does not contain the method that made it, so the frame is computed again for one
+# agent. An agent within another one is changed by its own methods first, then by those of the
+# agents around it.
+
+
+@dataclass(frozen=True, slots=True)
+class TracedCall:
+    """One call of a method: of the agent `caller`, for `event` or a batch that begins with it.
+
+    `emitted` are the events that this call sent, `string` what the agent has become after it.
+    """
+
+    caller: AgentNode
+    method: Callable[..., Any]
+    event: Event
+    emitted: tuple[Event, ...]
+    string: Scene
+
+    def agent(self, name: str) -> AgentNode | None:
+        """The agent with an id after the call; None if it is gone."""
+        return next((agent for agent in agents(self.string) if agent.id == name), None)
+
+
+class _TracedStep(AgentStep):
+    """An agent that processes its events, with a list of the calls."""
+
+    def __init__(self, node: AgentNode, kinds: Kinds, context: Context) -> None:
+        super().__init__(node, kinds, context)
+        self.calls: list[TracedCall] = []
+        self._sent = 0
+
+    def become(self, result: Scene | None, event: Event) -> None:
+        super().become(result, event)
+        emitted = self.context.emitted
+        sent, self._sent = tuple(emitted[self._sent :]), len(emitted)
+        try:
+            string = self.string
+        # A state is only checked when it is needed, so it may be invalid between two events.
+        except ActivityError:
+            string = self.calls[-1].string if self.calls else Scene((self._node,))
+        self.calls.append(TracedCall(self._node, self._ran[-1][0], event, sent, string))
+
+
+def trace_calls(
+    around: Scene, name: str, events: Addressed, kinds: Kinds, frame: Frame
+) -> list[TracedCall]:
+    """The calls of a frame for the agent `name` and those around it, in order.
+
+    Args:
+        around: the part of the string that is the agent, or contains it.
+        name: an id.
+        events: those of the frame, in order.
+        kinds: agent classes; agents of other kinds do not change.
+        frame: for random numbers and the time.
+
+    Raises:
+        ActivityError: code of an agent fails.
+
+    """
+    calls: list[TracedCall] = []
+    for agent in reversed(_path(around, name)):
+        cls = kinds.get(agent.symbol)
+        concerning = [] if cls is None else events.to(agent.id, cls.activities)
+        if not concerning:
+            continue
+        # A scope is evolved before the agent around it (equation 3).
+        node = with_scope(agent, evolve(agent.scope, events, kinds, frame).scene)
+        step = _TracedStep(node, kinds, Context(frame, f"#{agent.id}"))
+        process_all(step, agent.id, events, concerning, kinds)
+        calls += step.calls
+    return calls
+
+
+def _path(around: Scene, name: str) -> list[AgentNode]:
+    """The agents from the outermost one down to the one with an id."""
+    path: list[AgentNode] = []
+    for opens, node in walk(around):
+        if not isinstance(node, AgentNode):
+            continue
+        if not opens:
+            path.pop()
+            continue
+        path.append(node)
+        if node.id == name:
+            return path
+    return []

@@ -7,14 +7,26 @@
 
 `self` has the agents that the events concern, each once. Its attributes and the data of `hunger`
 are arrays of shape (n,) with a row per agent; data are single values if one event is for all. An
-agent with several events in a frame processes them in several calls.
+agent with several events in a frame processes them in several calls, or in one with an
+`EventBatch`. A single agent is a population of one.
+
+Ids of newborns and copies derive from other ids, so they are equal wherever a world runs:
+
+    a:3        the third child of #a, by the count in its state
+    a:7-2      the second copy of #a that frame 7 makes under the literal policy (equation 3)
+    a:7-2-3    #a in the second copy of an agent around it; 3 is its height (see `copy_id`)
+
+The form of the suffix determines the rule, so two rules, parents, frames or copies never give the
+same id. An id longer than `LONGEST` is hashed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from hashlib import blake2b
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +35,17 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.column import Coded, Column, fit_array, is_array, repeated
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.conversion import Unfit
-from minerva_bus.grammar.events import AnyEvent, Event, Events
+from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch
 from minerva_bus.grammar.fields import Fields
-from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.lineage import check_births, child_ids
+from minerva_bus.grammar.ids import LONGEST, Ids
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
+from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.world.class_declaration import TOGETHER
+from minerva_bus.world.context import Context
 
 if TYPE_CHECKING:
     from minerva_bus.world.agent import Agent
+
 
 Mask: TypeAlias = NDArray[np.bool_] | bool
 
@@ -273,3 +289,199 @@ class Turn:
             return Turn(self.event, self.rows[places], self.begins[places], self.ends[places])
         event = self.event if isinstance(self.event, Event) else self.event.take(places)
         return Turn(event, self.rows[places])
+
+
+class EventBatch:
+    """n events of one type; data by name are arrays of shape (n,).
+
+    Iterating yields single events, which are created only then. Separate from `Events`, whose own
+    attributes (`count`, `columns`) would hide data with these names.
+    """
+
+    __slots__ = ("_chosen", "_events", "_row")
+
+    def __init__(self, events: Events, row: Rows | None = None, chosen: Rows | None = None) -> None:
+        self._events = events
+        self._chosen = chosen
+        self._row = row
+
+    @property
+    def row(self) -> Rows:
+        """The row of each event's receiver, shape (n,)."""
+        return np.arange(self._events.count) if self._row is None else self._row
+
+    @property
+    def sender(self) -> Ids | None:
+        """The senders; None if a generator made the events."""
+        return self._selected().senders
+
+    def __len__(self) -> int:
+        return self._events.count if self._chosen is None else len(self._chosen)
+
+    def __iter__(self) -> Iterator[Event]:
+        return iter(self._selected())
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self.__slots__:  # not set yet, as in copy.copy()
+            raise AttributeError(name)
+        events = self._selected()
+        if name not in events.names:
+            known = ", ".join(events.names) or "no data"
+            raise AttributeError(f"{events.type} has no {name}; it has {known}")
+        return events.data(name)
+
+    def _selected(self) -> Events:
+        if self._chosen is not None:  # as late as possible: most methods read few columns
+            self._events, self._chosen = self._events.take(self._chosen), None
+        return self._events
+
+
+def joined(parts: Sequence[Events]) -> Events | None:
+    """Events of one type for known agents, as one batch; None if their forms differ.
+
+    If only a part of them names receivers, the batch names none.
+    """
+    batch = Events.concatenated(parts)
+    if batch is None:
+        # The receivers are known here, and single events and batches may name them differently.
+        batch = Events.concatenated([replace(part, receivers=None) for part in parts])
+    return batch
+
+
+def merged(items: Sequence[AnyEvent]) -> Sequence[Events]:
+    """Events of one type for one agent, in order, as one batch if their forms agree."""
+    parts = [as_batch(item) for item in items]
+    batch = joined(parts)
+    return parts if batch is None else [batch]
+
+
+Activity = Callable[[Any, Any, Any], Any]
+
+
+def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
+    """λ of one agent from the λ of a population."""
+    together: bool = getattr(activity, TOGETHER, False)
+
+    def apply(agent: Agent, event: Event, moment: Context) -> Scene | None:
+        state, population = _population_of(agent)
+        given = EventBatch(Events.repeated(event, 1)) if together else event
+        returns_nothing(activity(population, given, moment.batch(population)))
+        for name, array in state.arrays.items():
+            # As a Python object: attributes have exactly the types of the language, not those of
+            # numpy.
+            setattr(agent, name, array.tolist()[0])
+        for _, sent in state.sent:
+            for each in sent:
+                moment.emit(each)
+        young = [node for birth in state.born for node in birth.newborn.nodes()]
+        # The agent has died; its newborns take its place.
+        if state.away is not None:
+            return Scene(tuple(young)) if young else EMPTY
+        return agent.string + Scene(tuple(young)) if young else None
+
+    apply.__wrapped__ = activity  # type: ignore[attr-defined]
+    return apply
+
+
+def view_as_one(view: Callable[[Any, Any], Any]) -> Callable[[Any, Event], Scene]:
+    """θ of one agent from the θ of a population."""
+
+    def apply(agent: Agent, event: Event) -> Scene:
+        _, population = _population_of(agent)
+        return view(population, event)
+
+    apply.__wrapped__ = view  # type: ignore[attr-defined]
+    return apply
+
+
+def _population_of(agent: Agent) -> tuple[PopulationState, Population]:
+    node = agent.freeze()
+    # Columns hold agents without scopes, and methods for populations do not access the scope.
+    bare = AgentNode(node.symbol, node.id, node.names, node.values)
+    state = PopulationState(Columns.of([bare]), agent.kind.fields)
+    return state, Population(state, type(agent), None)
+
+
+MAX_UNUSED: Final = 100
+"""Consecutive births without a newborn after which `parents_of` stops comparing hashed ids."""
+
+
+def check_births(kind: AgentKind) -> None:
+    """Check that a kind counts its births, on which ids depend. Raises MisuseError."""
+    if not any(field.name == "births" and field.type.kind == "int" for field in kind.fields.all):
+        raise MisuseError(
+            f"{kind.name} gives birth: declare `births: int = 0` in its class, so that its"
+            " children's ids can be told apart"
+        )
+
+
+def child_id(parent: str, births: int) -> str:
+    """The id of the child of a birth; hashed if it is too long."""
+    return _derived(parent, f"{births}", "")
+
+
+def parents_of(newborns: Iterable[str], parents: Mapping[str, int]) -> dict[str, str]:
+    """The parents of newborns by id; ids that do not derive from any of `parents` are left out.
+
+    `parents` has the number of births of each possible parent before these newborns. A parent need
+    not exist any longer.
+    """
+    lineage, hashed = dict[str, str](), set[str]()
+    for newborn in newborns:
+        parent, _, _ = newborn.rpartition(":")
+        # First, because the text before a hash is the id of an ancestor, which may exist, too.
+        if _HASHED_CHILD.search(newborn):
+            hashed.add(newborn)
+        elif parent in parents:
+            lineage[newborn] = parent
+    # A hash does not contain the parent's id, so the ids of the next births are compared. Their
+    # numbers may have gaps, because a parent need not place each child beside itself.
+    birth, unused = 1, 0
+    while hashed and unused < MAX_UNUSED:
+        ids = {child_id(parent, births + birth): parent for parent, births in parents.items()}
+        born = hashed & ids.keys()
+        lineage |= {newborn: ids[newborn] for newborn in born}
+        hashed -= born
+        birth, unused = birth + 1, 0 if born else unused + 1
+    return lineage
+
+
+def copy_id(original: str, frame: int, number: int, height: int = 1) -> str:
+    """The id of a copy that a frame makes of an agent; `number` starts at 2.
+
+    `height` is 1 for the agent to which λ is applied. For agents in its scope it is the number of
+    nested agents from the copied one inwards, so that copies of an agent differ from those that
+    are made with each agent around it.
+    """
+    mark = f"{frame}-{number}" if height == 1 else f"{frame}-{number}-{height}"
+    return _derived(original, mark, f"{frame}")
+
+
+def newest_copy(ids: Iterable[str]) -> int:
+    """The last frame that has made copies with any of these ids; -1 if there are none."""
+    return max((int(frame) for agent_id in ids for frame in _COPY.findall(agent_id)), default=-1)
+
+
+_HASHED_CHILD: Final = re.compile(r":-[0-9a-f]{24}$")
+# Hashed ids of copies keep the frame in front of the hash, so that `newest_copy` finds it there.
+_COPY: Final = re.compile(r":([0-9]{1,18})-(?:[0-9]+(?:-[0-9]+)?|[0-9a-f]{24})(?=:|$)")
+
+
+def _derived(source: str, mark: str, before_hash: str) -> str:
+    name = f"{source}:{mark}"
+    if len(name) <= LONGEST:
+        return name
+    # 96 bits: a collision would give two agents the same id.
+    lineage = blake2b(name.encode(), digest_size=12).hexdigest()
+    return f"{source[:16].split(':')[0]}:{before_hash}-{lineage}"
+
+
+def child_ids(parents: Ids, births: NDArray[np.int64]) -> Ids:
+    """The ids of one birth of each parent, equal to `child_id` of each."""
+    # 20 bytes hold every 64-bit integer.
+    names = np.strings.add(np.strings.add(parents.spelled, b":"), births.astype("S20"))
+    longest = int(np.strings.str_len(names).max())
+    if longest <= LONGEST:
+        return Ids(None, names.astype(f"S{longest}")).sound_like((parents,))
+    texts = [child_id(*pair) for pair in zip(parents.texts(), births.tolist(), strict=True)]
+    return Ids.of(texts).sound_like((parents,))

@@ -9,23 +9,224 @@
                 yield eRain()
 
 The keyword arguments of the constructor are the options of the process in the world file. A class
-may be both a generator and a device.
+may be both a generator and a device. Its text `when` says in which frames it takes part:
+
+    in step          a generator: each frame asks it and waits for its events
+    on orders        a generator: its first frame asks it, and frames with orders for it
+    freely           a generator: no frame asks it, it sends events at any time
+    each frame       a device: its view is made in each frame
+    each N frames    a device: its view is made in each frame that N divides;
+                     a generator in step that draws nothing: only these frames ask it
+    at N Hz          a device: its view is made at most N times per second
+
+A generator without a term of the first three is in step. A device without a term of the last three
+gets a view when another member or an agent sends the visual event.
 """
 
 from __future__ import annotations
 
+import math
+import re
 import threading
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Final, cast
+from typing import Any, ClassVar, Final, Protocol, TypeAlias, cast
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.traversal import fill
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.class_declaration import check_overridden
+from minerva_bus.world.context import Context
+from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_inputs import Emit, Tick, View, WorldInfo
-from minerva_bus.world.signatures import check_overridden
-from minerva_bus.world.when import When
+
+_POSSIBLE: Final = (
+    '"in step", "on orders", "freely", "each frame", "each N frames" and "at N Hz", with a comma'
+    ' between two of them, as in "freely, each 2 frames"'
+)
+_EACH: Final = re.compile(r"each (?:frame|([0-9]{1,18}) frames)")
+_RATE: Final = re.compile(r"at ([0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?) Hz")
+
+
+class Participation(StrEnum):
+    """When frames ask a generator for its events; `NEVER` if the member is none."""
+
+    NEVER = ""
+    IN_STEP = "in step"
+    ON_ORDERS = "on orders"
+    FREELY = "freely"
+
+
+@dataclass(frozen=True, slots=True)
+class When:
+    """When a member takes part in frames; `str` makes its text.
+
+    `asked`: when it is asked for events. `every` > 0: the frames from one view of a device to the
+    next, or from one request of a generator that draws nothing to the next. `rate` > 0: the most
+    views of a device per second.
+    """
+
+    asked: Participation = Participation.NEVER
+    every: int = 0
+    rate: float = 0.0
+
+    def __str__(self) -> str:
+        terms = [str(self.asked)] if self.asked else []
+        if self.every:
+            terms.append("each frame" if self.every == 1 else f"each {self.every} frames")
+        if self.rate:
+            short = f"{self.rate:g}"
+            terms.append(f"at {short if float(short) == self.rate else repr(self.rate)} Hz")
+        return ", ".join(terms)
+
+    @classmethod
+    def read(cls, text: str) -> When:
+        """The value of a text. Raises MisuseError."""
+        when = cls()
+        for term in text.split(", ") if text else ():
+            when = when._with(term, text)
+        return when
+
+    def _with(self, term: str, text: str) -> When:
+        where = f'when = "{text:.80}"'
+        if term in (Participation.IN_STEP, Participation.ON_ORDERS, Participation.FREELY):
+            if self.asked:
+                raise MisuseError(f'{where}: choose one of "{self.asked}" and "{term}"')
+            return replace(self, asked=Participation(term))
+        each, at = _EACH.fullmatch(term), _RATE.fullmatch(term)
+        if (each or at) and (self.every or self.rate):
+            before = replace(self, asked=Participation.NEVER)
+            raise MisuseError(f'{where}: choose one of "{before}" and "{term}"')
+        every, rate = int(each[1] or 1) if each else 0, float(at[1]) if at else 0.0
+        if every or 0 < rate < math.inf:
+            return replace(self, every=every, rate=rate)
+        if each or at:
+            raise MisuseError(f'{where}: expected a number above 0 in "{term}"')
+        raise MisuseError(f'{where}: "{term:.80}" is not possible; it may have {_POSSIBLE}')
+
+    @property
+    def is_awaited(self) -> bool:
+        """Whether frames wait for the events of this generator."""
+        return self.asked in (Participation.IN_STEP, Participation.ON_ORDERS)
+
+
+def objection(
+    when: When, *, draws: bool, generates: bool, topics: bool, publishes: bool, orders: bool
+) -> str:
+    """Why a member with these abilities cannot take part at these times, or an empty string."""
+    if when.rate and not draws:
+        return f'its `when` is "{when}", but it draws no views'
+    if generates and not when.asked:
+        return 'it sends events, so its `when` needs "in step", "on orders" or "freely"'
+    if when.every and not draws and when.asked is not Participation.IN_STEP:
+        return f'its `when` is "{when}", but it draws no views and is not in step'
+    reasons = {"subscribes to topics": topics, "publishes on topics": publishes}
+    if when.asked is Participation.ON_ORDERS:
+        needs = {"draws views": draws, **reasons}
+        what = "so it has events on orders only"
+    elif when.every and not draws:
+        needs, what = {**reasons, "takes orders": orders}, "so some frames do not ask it"
+    else:
+        return ""
+    reason = next((reason for reason, applies in needs.items() if applies), "")
+    return reason and f'its `when` is "{when}", {what}, but it {reason}'
+
+
+@dataclass(frozen=True, slots=True)
+class WorldInfo:
+    """The world that a member has joined.
+
+    Attributes:
+        world: its name.
+        vocabulary: its symbols and event types.
+        seed: its seed.
+        dt: duration of a frame, simulated seconds.
+        operator: pause, step, send events: for services with controls for people.
+        ended: returns whether the world has ended. False in `close` means that the member leaves a
+            world that continues, or has lost it.
+        endpoint: where the member is connected to the bus, such as `tcp/127.0.0.1:40123`, for
+            services through which others join; "" in a world in one process.
+
+    """
+
+    world: str
+    vocabulary: Vocabulary
+    seed: int
+    dt: float
+    operator: Operator = field(
+        default_factory=lambda: cast("Operator", NoOperator()), compare=False
+    )
+    ended: Callable[[], bool] = field(default=lambda: False, compare=False, repr=False)
+    endpoint: str = field(default="", compare=False)
+
+
+@dataclass(slots=True)
+class Tick(Context):
+    """The context in which a generator in step produces C^d(t); a `Context` with inputs.
+
+    Attributes:
+        readings: this frame's readings of its topics, sorted by topic and publisher.
+        orders: the events that people have sent through it since the previous tick.
+        published: what it has published in this frame, as (topic, reading).
+
+    """
+
+    readings: tuple[Reading, ...] = ()
+    orders: tuple[AnyEvent, ...] = ()
+    published: list[tuple[str, Reading]] = field(default_factory=list[tuple[str, Reading]])
+
+    def publish(self, topic: str, reading: Reading) -> None:
+        """Publish a reading on a sensor topic, for this frame."""
+        self.published.append((topic, reading))
+
+
+# No slots: `cached_property` stores the string in `__dict__`.
+@dataclass(frozen=True)
+class View:
+    """The view π of a frame's string for one visual event type: a string of L(E).
+
+    Attributes:
+        frame: the frame's number.
+        event_type: the visual event type.
+        skeleton: the string with a slot `A#name()` for each outermost agent, or part of a
+            population.
+        parts: the views of these, by name. A part that is the same object as in the previous view
+            has not changed.
+        halted: ids of agents whose step does not count in this frame, because a norm rejected it or
+            their host is absent. A device that executes commands in a view, such as motors,
+            executes none for these agents, because the string still has them at their former
+            position.
+
+    """
+
+    frame: int
+    event_type: str
+    skeleton: Scene
+    parts: Mapping[str, Scene] = field(default_factory=dict[str, Scene])
+    halted: frozenset[str] = frozenset()
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The complete string v."""
+        return fill(self.skeleton, self.parts)
+
+
+class Emit(Protocol):
+    """Output of a free-running generator, called from its own thread."""
+
+    def __call__(self, event: AnyEvent) -> None:
+        """Emit an event, which belongs to the next frame."""
+
+    def publish(self, topic: str, reading: Reading) -> None:
+        """Publish a reading on a sensor topic that `publishes` of the class lists."""
+        ...
+
 
 CALLED: Final = {
     "Service": ("check", "joined", "save", "restore", "pulse", "leaves", "report", "close"),
@@ -43,7 +244,7 @@ class Service:
     """
 
     when: str = ""
-    """When it takes part in frames: terms such as "freely" or "each 5 frames" (world/when.py)."""
+    """When it takes part in frames: terms such as "freely" or "each 5 frames", as in the module."""
 
     topics: tuple[str, ...] = ()
     """Sensor topics whose readings it receives."""
@@ -248,3 +449,81 @@ class Device(Service):
     @abstractmethod
     def show(self, view: View) -> None:
         """g = φ(v), step 7 of Table 2."""
+
+
+def check_attributes(service: Service) -> When:
+    """When a service takes part in frames, after a check of all attributes that its member reads.
+
+    A constructor may overwrite them by accident, for example with an option of this name.
+
+    Raises MisuseError for one that is not what the member expects.
+    """
+    names = ["topics", "publishes"]
+    # A class with its own `generates` does not use the attribute.
+    if isinstance(service, Generator) and type(service).generates is Generator.generates:
+        names.append("events")
+    if isinstance(service, Device):
+        names.append("draws")
+    for name in names:
+        declared = getattr(service, name)
+        names_only = isinstance(declared, tuple | list) and all(
+            isinstance(event, str) for event in cast("Iterable[Any]", declared)
+        )
+        if not names_only:
+            raise MisuseError(
+                f"{type(service).__name__}: self.{name} must be a tuple of names, not"
+                f" {declared!r:.60};"
+                " call an attribute for something else, as an option's value, otherwise"
+            )
+    _check_settings(service)
+    return when_of(service)
+
+
+def when_of(service: Service) -> When:
+    """When a service takes part in frames; a generator is in step unless it says otherwise.
+
+    Raises MisuseError if it cannot take part at these times.
+    """
+    cls, generates = type(service), isinstance(service, Generator)
+    when = read_when(cls, service.when)
+    if generates and not when.asked:
+        when = replace(when, asked=Participation.IN_STEP)
+    if when.asked and not generates:
+        raise MisuseError(f'{cls.__name__}: when = "{when}" is for generators, and it is a device')
+    reason = objection(
+        when,
+        draws=isinstance(service, Device) and bool(service.draws),
+        generates=generates,
+        topics=bool(service.topics),
+        publishes=bool(service.publishes),
+        orders=isinstance(service, Generator) and bool(service.takes_orders()),
+    )
+    if reason:
+        raise MisuseError(f"{cls.__name__}: {reason}")
+    return when
+
+
+def _check_settings(service: Service) -> None:
+    for name, (is_valid, expected) in _OF_SERVICES.items():
+        value = getattr(service, name)
+        if not is_valid(value):
+            problem = f"{type(service).__name__}: self.{name} must be {expected}, not {value!r:.60}"
+            raise MisuseError(problem)
+
+
+def _is_positive(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 1
+
+
+def _is_amount(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value) and value >= 0
+
+
+_Setting: TypeAlias = tuple[Callable[[Any], bool], str]
+
+_OF_SERVICES: Final[dict[str, _Setting]] = {
+    "takes": (lambda value: value in ("newest", "all"), "'newest' or 'all'"),
+    "nth": (_is_positive, "a whole number from 1"),
+    "pulse_every": (_is_amount, "a number of seconds from 0"),
+    "when": (lambda value: isinstance(value, str), 'a text such as "freely"'),
+}

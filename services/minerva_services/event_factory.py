@@ -19,7 +19,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import type_of
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 
 
 def event_type(service: str, world: WorldInfo, name: str) -> EventType:

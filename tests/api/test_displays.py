@@ -17,7 +17,7 @@ from minerva_bus.api.pictures import MAX_PICTURES
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch import interrupts
 from minerva_bus.log.reader import Record
-from minerva_bus.world.kinds import ActivityError
+from minerva_bus.world.agent import ActivityError
 
 SVG = "{http://www.w3.org/2000/svg}"
 

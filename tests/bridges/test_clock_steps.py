@@ -15,11 +15,14 @@ from minerva_agents.robot.mapping import Drift, TrajectoryPoint, draw_map
 from minerva_agents.robot.trajectories import Posed, ScanMotion, located_scans, posed_scans
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.beams import hits
-from minerva_bus.world.clock_steps import STEP_SECONDS, RecordingClock
-from minerva_bus.world.compensation import Compensator
-from minerva_bus.world.readings import Odometry, Scan
-from minerva_bus.world.recordings import MapChoice, Recorded
+from minerva_bus.world.readings import Odometry, Scan, hits
+from minerva_bus.world.recordings import (
+    STEP_SECONDS,
+    Compensator,
+    MapChoice,
+    Recorded,
+    RecordingClock,
+)
 from minerva_services.sensors.carmen import CarmenLog
 
 BACK = [0.3, 2.0, 100.0, 1e6]

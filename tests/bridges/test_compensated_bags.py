@@ -17,8 +17,7 @@ from minerva_agents.robot.maps import OCCUPIED, load_map
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.beams import hits
-from minerva_bus.world.readings import Odometry, Scan
+from minerva_bus.world.readings import Odometry, Scan, hits
 from minerva_services.bridges.ros2 import Ros2, Ros2Robot
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.sensors import _Listening

@@ -13,10 +13,8 @@ from minerva_agents.robot.mapping import draw_map
 from minerva_agents.robot.trajectories import ScanMotion, located_scans
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wire.readings_codec import plain_reading, read_reading
-from minerva_bus.world.beams import hits
-from minerva_bus.world.compensation import Compensator, path_of
-from minerva_bus.world.readings import Odometry, Scan
-from minerva_bus.world.recordings import MapChoice, Recorded
+from minerva_bus.world.readings import Odometry, Scan, hits
+from minerva_bus.world.recordings import Compensator, MapChoice, Recorded, path_of
 from minerva_services.bridges.ros2.buffers import scanned_from
 
 FORWARD, TURNING, BOTH = (1.0, 0.0), (0.0, 90.0), (0.5, -60.0)

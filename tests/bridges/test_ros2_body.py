@@ -16,7 +16,7 @@ from minerva_bus import Frame, Tick, WorldInfo
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan
-from minerva_bus.world.service_inputs import View
+from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2Robot
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.driver import STILL

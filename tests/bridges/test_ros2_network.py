@@ -10,7 +10,7 @@ pytest.importorskip("rosbags")
 from minerva_agents.robot.vocabulary import PGoal, PGrid, PMarker, PPath, TPlace
 from minerva_agents.robot.world import vocabulary
 from minerva_bus import WorldInfo
-from minerva_bus.world.service_inputs import View
+from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2, Ros2View
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages

@@ -34,7 +34,7 @@ from minerva_bus.grammar.types import Type
 from minerva_bus.runtime.waiting import Deadlines, Patience, Waits
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY, Mortal
 from minerva_bus.testing.strategies import family_strings, ids
-from minerva_bus.world.when import Participation, When
+from minerva_bus.world.services import Participation, When
 
 law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 read = FAMILY_VOCABULARY.read

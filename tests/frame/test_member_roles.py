@@ -2,7 +2,7 @@
 
 from minerva_bus.frame.members import MemberChange, Members
 from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
-from minerva_bus.world.when import When
+from minerva_bus.world.services import When
 
 
 def present(*hellos, expected=()):

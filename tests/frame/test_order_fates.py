@@ -3,7 +3,7 @@
 from minerva_bus import EventType, Vocabulary
 from minerva_bus.frame.orders import MAX_ORDERS, OrderFates
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 
 eFetch = EventType("eFetch", what=str)
 eStay = EventType("eStay")
@@ -84,7 +84,7 @@ def test_an_order_that_all_its_agents_drop_for_another_is_replaced():
 
 def test_orders_of_one_frame_replace_each_other_as_agents_receive_them():
     # By type, then by person, although the orders are judged person by person.
-    fates = OrderFates(VOCABULARY, Order(("eSit", "eFetch")))
+    fates = OrderFates(VOCABULARY, Priority(("eSit", "eFetch")))
     fates.judge(eFetch("ball"), "anna", 1)
     fates.judge(eSit("here"), "anna", 1)
     fates.judge(eSit("there"), "bert", 1)

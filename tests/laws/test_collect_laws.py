@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from minerva_bus import Agent, EventType, Generator, World, on, service
 from minerva_bus import run as run_world
 from minerva_bus.grammar.events import Event, Events, single
-from minerva_bus.world.order import Order, collect
+from minerva_bus.world.priority import Priority, collect
 
 eFirst = EventType("eFirst", n=int)
 eLast = EventType("eLast", name=str)
 eAlone = EventType("eAlone")
-ORDER = Order(("eLast", "eFirst"))
+ORDER = Priority(("eLast", "eFirst"))
 
 NAMES = st.sampled_from(["a", "b", "c:1"])
 SENDERS = st.sampled_from(["", "a", "b"])

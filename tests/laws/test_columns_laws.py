@@ -35,8 +35,8 @@ from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Evolved
-from minerva_bus.world.order import Order, collect
-from minerva_bus.world.views import visualize
+from minerva_bus.world.priority import Priority, collect
+from minerva_bus.world.visualization import visualize
 
 PDot = Primitive("PDot", size=float, name=str)
 TMove = Transformation("TMove", x=Metres, y=Metres)
@@ -168,7 +168,7 @@ def batches(draw, ids):
                 )
             )
         )
-    return collect(Order(), {"a": collected})
+    return collect(Priority(), {"a": collected})
 
 
 @st.composite
@@ -415,10 +415,10 @@ def test_each_event_counts_once_in_columns_as_well(data):
     )
     batch = eHit(np.array(amounts), receivers=ids.take(np.array(rows)))
     sources = {"a": [batch], "b": [eHit(1.0, receivers=["f1"]), *batch]}
-    collected = collect(Order(), sources)
+    collected = collect(Priority(), sources)
     assert isinstance(collected[0], Events)
     assert list(single(collected)) == list(
-        collect(Order(), {name: list(single(e)) for name, e in sources.items()})
+        collect(Priority(), {name: list(single(e)) for name, e in sources.items()})
     )
 
 

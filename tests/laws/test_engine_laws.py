@@ -13,12 +13,11 @@ from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.testing import transcription
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
+from minerva_bus.world.agent import kinds_of
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.evolution import evolve
-from minerva_bus.world.kinds import kinds_of
-from minerva_bus.world.order import Order, collect
-from minerva_bus.world.policy import Policy
-from minerva_bus.world.views import visualize
+from minerva_bus.world.evolution import Policy, evolve
+from minerva_bus.world.priority import Priority, collect
+from minerva_bus.world.visualization import visualize
 
 law = settings(suppress_health_check=list(HealthCheck))
 KINDS = kinds_of(FAMILY)
@@ -205,7 +204,7 @@ sources = family_strings().flatmap(
 def test_collect_does_not_depend_on_arrival(sources, order, chance):
     arrived = list(sources.items())
     chance.shuffle(arrived)
-    assert collect(Order(tuple(order)), dict(arrived)) == collect(Order(tuple(order)), sources)
+    assert collect(Priority(tuple(order)), dict(arrived)) == collect(Priority(tuple(order)), sources)
 
 
 @law
@@ -219,4 +218,4 @@ def test_collect_is_equation_6(sources, order):
         for event_type in order
         for source in sorted(sources)
     ]
-    assert collect(Order(tuple(order)), sources) == transcription.collect(generators, 0)
+    assert collect(Priority(tuple(order)), sources) == transcription.collect(generators, 0)

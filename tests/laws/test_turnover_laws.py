@@ -38,9 +38,9 @@ from minerva_bus.wire.columns_codec import plain_columns, plain_patch
 from minerva_bus.wire.message_limits import Limits
 from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.world.context import Frame
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.rng import RngBatch, hash_of
-from minerva_bus.world.views import visualize
+from minerva_bus.world.visualization import visualize
 
 PDot = Primitive("PDot", who=str, size=float)
 TMove = Transformation("TMove", x=Metres)

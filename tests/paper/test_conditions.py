@@ -12,7 +12,7 @@ from minerva_bus.frame.messages import EvolveRequest, Fragments
 from minerva_bus.grammar.condition import holds, holds_of_many, parse_condition
 from minerva_bus.wire.strings_codec import Reader, plain_event
 from minerva_bus.world.context import Frame
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.evolution import Policy
 
 eHit = EventType("eHit", amount=int)
 eSet = EventType("eSet")

@@ -4,7 +4,7 @@ import pytest
 
 from minerva_bus import EMPTY, Agent, EventType, Metres, Primitive, Vocabulary, evolve, on, parse
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.kinds import ActivityError
+from minerva_bus.world.agent import ActivityError
 
 PTail = Primitive("PTail")
 eFeed = EventType("eFeed", amount=float)

@@ -16,7 +16,7 @@ from minerva_bus import (
     visualize,
 )
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.kinds import ActivityError
+from minerva_bus.world.agent import ActivityError
 
 PFox = Primitive("PFox")
 PPlace = Primitive("PPlace", x=Metres)

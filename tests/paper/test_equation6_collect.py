@@ -5,7 +5,7 @@ from itertools import permutations
 import pytest
 
 from minerva_bus import EventType
-from minerva_bus.world.order import Order, collect
+from minerva_bus.world.priority import Priority, collect
 
 eLaser = EventType("eLaser", dist=float, angle=float)
 eCamera = EventType("eCamera", marker=str)
@@ -13,7 +13,7 @@ eDecide = EventType("eDecide")
 eZoom = EventType("eZoom", n=int)
 eAlarm = EventType("eAlarm", n=int)
 
-ORDER = Order(("eLaser", "eCamera", "eDecide"))
+ORDER = Priority(("eLaser", "eCamera", "eDecide"))
 
 
 def test_no_generators_no_events():

@@ -12,7 +12,7 @@ from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
-from minerva_bus.world.order import Order, collect
+from minerva_bus.world.priority import Priority, collect
 
 eNear = EventType("eNear", by=float)
 eCall = EventType("eCall")
@@ -159,7 +159,7 @@ def frames(draw):
             )
         )
     seed, number = draw(st.integers(0, 9)), draw(st.integers(0, 9))
-    return w, collect(Order(), {"a": events}), Frame(number, 0.1, seed)
+    return w, collect(Priority(), {"a": events}), Frame(number, 0.1, seed)
 
 
 @given(frames())

@@ -41,7 +41,7 @@ from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.semantics.volumes import volumes
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 from minerva_services.input.each import Each
 from minerva_services.physics.collisions import Collisions
 from minerva_services.physics.service import Physics
@@ -164,7 +164,7 @@ class Story:
             seed=5,
             dt=0.05,
             frames=frames,
-            order=Order(("eCollision", "eStep")),
+            order=Priority(("eCollision", "eStep")),
             expected=names,
         )
         self.digests: list[str] = []

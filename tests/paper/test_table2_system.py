@@ -42,9 +42,9 @@ from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.testing import transcription
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
+from minerva_bus.world.agent import kinds_of
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.kinds import kinds_of
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 
 Script = dict[str, Callable[[int], list[Event]]]
 """Generators by name: C(t), the events of each at t."""
@@ -143,7 +143,7 @@ class Setting:
         members.append(Member("screen", Screen(run, self.visual)))
         named = frozenset(member.name for member in members)
         world = WorldSpec(
-            "w", self.w0, self.vocabulary, order=Order(self.order), policy=self.policy,
+            "w", self.w0, self.vocabulary, order=Priority(self.order), policy=self.policy,
             expected=named, frames=self.most,
         )  # fmt: skip
         algorithm = FrameAlgorithm(world)

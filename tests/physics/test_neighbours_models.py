@@ -14,7 +14,7 @@ from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 from tests.one_process import run_file, run_world
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,7 +39,7 @@ def run(
         model.vocabulary,
         seed=5,
         frames=steps * model.CYCLE + 1,
-        order=Order(model.order),
+        order=Priority(model.order),
         expected=names,
     )
     digests = list[str]()

@@ -11,14 +11,14 @@ from minerva_agents.robot.vocabulary import eDecide, eObjective, eRepresent, eSp
 from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import Frame, Tick, View, WorldInfo, evolve, visualize
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.order import Order, collect
+from minerva_bus.world.priority import Priority, collect
 from minerva_services.physics.kept import kept_bodies
 from minerva_services.physics.service import Physics
 from minerva_services.sensors.camera import Camera
 from minerva_services.sensors.laser import Laser
 
 FILE = Path(minerva_agents.robot.__file__).parent / "robot.toml"
-ORDER = Order(tuple(tomllib.loads(FILE.read_text(encoding="utf-8"))["world"]["order"]))
+ORDER = Priority(tuple(tomllib.loads(FILE.read_text(encoding="utf-8"))["world"]["order"]))
 KINDS = {"ARobot": ARobot, "ALocalisingRobot": ALocalisingRobot}
 DT = 0.1
 

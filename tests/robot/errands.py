@@ -13,10 +13,10 @@ from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import eDecide
 from minerva_bus import EMPTY, Frame, Scene, evolve
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.order import Order, collect
+from minerva_bus.world.priority import Priority, collect
 
 FILE = Path(minerva_agents.robot.__file__).parent / "robot.toml"
-ORDER = Order(tuple(tomllib.loads(FILE.read_text(encoding="utf-8"))["world"]["order"]))
+ORDER = Priority(tuple(tomllib.loads(FILE.read_text(encoding="utf-8"))["world"]["order"]))
 PLACES = {"office": (10, 10), "store": (10, 40), "lab": (40, 25)}
 ALL_MARKERS = (*PLACES, "attic")
 

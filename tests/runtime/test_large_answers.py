@@ -17,7 +17,7 @@ from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.system import REAL
 from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wire.plain import pack
-from minerva_bus.world.when import Participation, When
+from minerva_bus.world.services import Participation, When
 
 PStone, eDrop = Primitive("PStone"), EventType("eDrop")
 

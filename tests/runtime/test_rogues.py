@@ -12,7 +12,7 @@ from minerva_bus.runtime.restraint import AT_ONCE
 from minerva_bus.runtime.session import open_client
 from minerva_bus.wire.codec import encode, stamp, stamped
 from minerva_bus.wire.keys import Keys
-from minerva_bus.world.when import Participation, When
+from minerva_bus.world.services import Participation, When
 
 NAMES = ("steps", "walkers", "water", "eye", "screen", "noise")
 

@@ -32,7 +32,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Abandoned
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.testing.memory_bus import MemoryBus
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 from minerva_bus.world.readings import Sighting, Sightings
 
 PDot = Primitive("PDot", x=Metres)
@@ -265,7 +265,7 @@ VOCABULARY = Vocabulary.of(
 
 def world(text: str | Scene, expected: Iterable[str], **rest: Any) -> WorldSpec:
     """A world with the pond's vocabulary."""
-    rest = {"order": Order(("eAdd", "eStep", "eSeen", "eCroak")), **rest}
+    rest = {"order": Priority(("eAdd", "eStep", "eSeen", "eCroak")), **rest}
     return WorldSpec(
         rest.pop("name", "pond"),
         VOCABULARY.read(text) if isinstance(text, str) else text,

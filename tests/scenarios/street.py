@@ -4,7 +4,7 @@ from minerva_bus import EMPTY, Agent, Context, Event, EventType, Generator, Tick
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.norms import Norm, Then
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 
 eStep = EventType("eStep")
 eBoo = EventType("eBoo")
@@ -100,7 +100,7 @@ FINE = Norm("fine", then=Then.SANCTION, sanction=eFine(5, "fine"))
 
 def street(scene, norms, expected=("runners", "steps"), **rest):
     """The world of the street."""
-    rest = {"frames": 8, "seed": 3, "order": Order(("eFine", "eShout", "eBoo", "eStep")), **rest}
+    rest = {"frames": 8, "seed": 3, "order": Priority(("eFine", "eShout", "eBoo", "eStep")), **rest}
     string = VOCABULARY.read(scene) if isinstance(scene, str) else scene
     return WorldSpec(
         "street", string, VOCABULARY, expected=frozenset(expected), norms=norms, **rest

@@ -7,7 +7,7 @@ from pond import VOCABULARY, Minnow
 from minerva_bus import EMPTY, Frame, evolve
 from minerva_bus.errors import MisuseError
 from minerva_bus.world import evolution
-from minerva_bus.world.policy import Policy
+from minerva_bus.world.evolution import Policy
 
 
 def test_a_string_without_columns_sends_no_batches():

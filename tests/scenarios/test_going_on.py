@@ -10,8 +10,8 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import ViewShown
-from minerva_bus.world.kinds import kinds_of
-from minerva_bus.world.views import visualize
+from minerva_bus.world.agent import kinds_of
+from minerva_bus.world.visualization import visualize
 
 KINDS = kinds_of([Counter, Fly, Frog, Lily, Minnow])
 

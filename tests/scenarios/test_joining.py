@@ -22,7 +22,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import MemberState
-from minerva_bus.world.when import Participation, When
+from minerva_bus.world.services import Participation, When
 
 
 def test_all_are_there_before_the_first_frame():

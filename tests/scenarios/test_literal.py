@@ -24,10 +24,10 @@ from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.context import Frame
 from minerva_bus.world.norms import Norm
-from minerva_bus.world.order import Order, collect
+from minerva_bus.world.priority import Priority, collect
 from tests.one_process import run_world
 
-ORDER = Order(("eAdd", "eStep", "eHit"))
+ORDER = Priority(("eAdd", "eStep", "eHit"))
 SEED = 5
 
 
@@ -278,7 +278,7 @@ def test_copies_send_in_their_own_names_and_are_answered():
     hosts = {"host": (Talker,)}
     script = [[eOther(), eGo(receivers=["t"])], [], []]
     bus = ran(
-        "ATalker#t · ATalker#u", script, hosts, vocabulary=TALK, order=Order(("eOther", "eGo"))
+        "ATalker#t · ATalker#u", script, hosts, vocabulary=TALK, order=Priority(("eOther", "eGo"))
     )
     assert [event.sender for event in bus.records[1].events] == ["t:0-2"]
     heard = {event.receivers for event in bus.records[2].events}

@@ -21,7 +21,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.world.norms import Norm, Then
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 from tests.one_process import run_world
 
 COUNT = 20
@@ -76,7 +76,7 @@ LIGHT = VOCABULARY.read("ALight#light")
 def run(scene, norms, kind=Walker, frames=4):
     """The strings and events of each frame, and how often each norm was broken."""
     members = {"walkers": host("walkers", kind, Light), "steps": service("steps", Steps)}
-    order = Order(("eFine", "eShout", "eBoo", "eStep"))
+    order = Priority(("eFine", "eShout", "eBoo", "eStep"))
     expected = frozenset(members)
     rest = {"norms": norms, "frames": frames, "seed": 5, "order": order}
     world = WorldSpec("street", scene, VOCABULARY, expected=expected, **rest)

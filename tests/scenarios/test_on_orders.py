@@ -11,7 +11,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import incompatibility
-from minerva_bus.world.when import Participation, When
+from minerva_bus.world.services import Participation, When
 
 
 class AskedAlways(Add):

@@ -30,7 +30,7 @@ from minerva_bus.grammar.neutral_values import rested
 from minerva_bus.grammar.scene import FigureNode, agents
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.world.norms import Norm
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 
 PPush = Primitive("PPush", who=str, push=float)
 eWord, eStep, eAfter = EventType("eWord"), EventType("eStep"), EventType("eAfter")
@@ -140,7 +140,7 @@ class Motor(Device, Generator, draws=("eShow",), coupled=True, events=()):
 KINDS = (Cart, Walker, Moth, Spore, Train)
 VOCABULARY = Vocabulary.of(PPush, eWord, eStep, eAfter, eFine, eRefused, eShow, *KINDS)
 WALL = Norm("wall", when="x > 3", sanction=eFine(5))
-ORDER = Order(("eWord", "eStep", "eAfter", "eFine"))
+ORDER = Priority(("eWord", "eStep", "eAfter", "eFine"))
 
 
 def world(text, norms=(WALL,), hosts=1, **rest):

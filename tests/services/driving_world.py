@@ -33,7 +33,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.runtime.direct import InProcessRunner, deliver
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Service
 from minerva_services.input.each import Each
@@ -113,7 +113,7 @@ VOCABULARY = Vocabulary.of(
     PMap, PMarker, PRobot, PTree, TPlace, TRotate, TMove, TPaint, ADriver, *EVENTS
 )
 INFO = WorldInfo("yard", VOCABULARY, 7, 0.1)
-ORDER = Order(("eLaser", "eCamera", "eCollision", "eObjective", "eDecide", "eRepresent"))
+ORDER = Priority(("eLaser", "eCamera", "eCollision", "eObjective", "eDecide", "eRepresent"))
 
 
 def world_with(*events: EventType) -> WorldInfo:

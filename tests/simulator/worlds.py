@@ -40,9 +40,9 @@ from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.tables import BusSettings
 from minerva_bus.world.norms import Norm, Then
-from minerva_bus.world.order import Order
+from minerva_bus.world.priority import Priority
 from minerva_bus.world.readings import Sighting, Sightings
-from minerva_bus.world.service_inputs import Emit
+from minerva_bus.world.services import Emit
 
 NAME: Final = "shore"
 STRING: Final = """
@@ -270,7 +270,7 @@ def world(frames: int, *, norms: bool = False) -> WorldSpec:
         NAME,
         _scene(),
         VOCABULARY,
-        order=Order(("eTide", "eSeen", "eCall", "eMark", "eNote", "eCry")),
+        order=Priority(("eTide", "eSeen", "eCall", "eMark", "eNote", "eCry")),
         frames=frames,
         seed=5,
         expected=frozenset(process.name for process in processes({}, count())),

@@ -24,7 +24,7 @@ from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.scene import AGENT_ID, scene_of
 from minerva_bus.world.accelerator import NotCompilable
-from minerva_bus.world.kinds import ActivityError, kinds_of
+from minerva_bus.world.agent import ActivityError, kinds_of
 
 eHit = EventType("eHit")
 eStep = EventType("eStep")

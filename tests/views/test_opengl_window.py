@@ -17,7 +17,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch import registry
 from minerva_bus.runtime.client import Client
 from minerva_bus.semantics.picture import Lists
-from minerva_bus.world.views import visualize
+from minerva_bus.world.visualization import visualize
 from minerva_services.views.names import AgentName
 from minerva_services.views.opengl.painter import GLPainter
 from minerva_services.views.window.painter import Sight

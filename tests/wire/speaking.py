@@ -19,7 +19,7 @@ from minerva_bus.testing.strategies import (
     vocabularies,
 )
 from minerva_bus.world.readings import Scan, Sighting, Sightings
-from minerva_bus.world.when import Participation, When
+from minerva_bus.world.services import Participation, When
 
 numbers = st.integers(0, (1 << 63) - 1)
 members = names()

@@ -57,10 +57,17 @@ from minerva_bus.outputs import check_output, write_output
 from minerva_bus.plotting import write_figure
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import install
-from minerva_bus.world.clock_steps import RecordingClock, seconds_of
-from minerva_bus.world.compensation import Compensator, needs_path
 from minerva_bus.world.readings import Displacement, Scan
-from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording
+from minerva_bus.world.recordings import (
+    Compensator,
+    MapChoice,
+    Progress,
+    Recorded,
+    Recording,
+    RecordingClock,
+    needs_path,
+    seconds_of,
+)
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw as Pen

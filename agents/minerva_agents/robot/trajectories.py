@@ -24,11 +24,17 @@ from minerva_agents.robot.pose import GridPose, Reals, at_distances
 from minerva_bus import Cells, portable
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import HasPose, Pose, interpolated, moved
-from minerva_bus.world.beams import hits
-from minerva_bus.world.clock_steps import STEP_SECONDS, RecordingClock
-from minerva_bus.world.compensation import needs_path, path_of
-from minerva_bus.world.readings import Odometry, Scan
-from minerva_bus.world.recordings import CORRECTION, POSE, Recorded, RecordingError
+from minerva_bus.world.readings import Odometry, Scan, hits
+from minerva_bus.world.recordings import (
+    CORRECTION,
+    POSE,
+    STEP_SECONDS,
+    Recorded,
+    RecordingClock,
+    RecordingError,
+    needs_path,
+    path_of,
+)
 
 # --- poses of scans -------------------------------------------------------------------------------
 

@@ -20,10 +20,9 @@ from minerva_bus.grammar.types import Metres
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
-from minerva_bus.world.marking import on, view
+from minerva_bus.world.decorators import on, view
 from minerva_bus.world.readings import Battery, Sightings
-from minerva_bus.world.service_inputs import Tick, View
-from minerva_bus.world.services import Device, Generator
+from minerva_bus.world.services import Device, Generator, Tick, View
 
 SEED: Final = 7
 DT: Final = 0.1

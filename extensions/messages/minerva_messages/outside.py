@@ -16,7 +16,7 @@ from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
-from minerva_bus.world.marking import on, view
+from minerva_bus.world.decorators import on, view
 from minerva_messages.message import NEVER, eMessage
 
 eMail = EventType("eMail", visual=True)  # noqa: N816 - event types begin with e

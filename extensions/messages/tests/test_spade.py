@@ -18,7 +18,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import agents
 from minerva_bus.log.reader import Record
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.service_inputs import View
+from minerva_bus.world.services import View
 from minerva_messages import MESSAGES, OUTSIDE, Outside, PMail, TOutside, eMessage
 from minerva_messages.message import NEVER
 from minerva_messages.spade import Spade, service

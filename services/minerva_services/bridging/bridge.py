@@ -18,8 +18,7 @@ from typing import Protocol, TypeAlias
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_inputs import Emit
-from minerva_bus.world.services import Generator
+from minerva_bus.world.services import Emit, Generator
 
 MIN_WAIT_SECONDS, MAX_WAIT_SECONDS = 0.25, 5.0
 # Time without an item after which an open source is reported as silent.

@@ -9,7 +9,7 @@ from types import TracebackType
 
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging.bridge import Bridge
 
 TIMEOUT_SECONDS = 20.0

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
-from minerva_bus.world.service_inputs import Tick, WorldInfo
-from minerva_bus.world.services import Generator
+from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.event_factory import EventFactory
 
 

@@ -7,8 +7,7 @@ from typing import Any
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.world.service_inputs import Tick, WorldInfo
-from minerva_bus.world.services import Generator
+from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.event_factory import event_type
 
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.types import Metres
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 from minerva_services.event_factory import EventFactory, event_type
 
 

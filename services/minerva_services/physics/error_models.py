@@ -16,7 +16,7 @@ import numpy as np
 from minerva_bus.portable import expm1, log1p, normals
 from minerva_bus.world.readings import Sighting
 from minerva_bus.world.rng import stream
-from minerva_bus.world.service_inputs import Tick
+from minerva_bus.world.services import Tick
 from minerva_services.physics.errors import PhysicsError, finite, positive
 from minerva_services.physics.noise import Noise
 from minerva_services.physics.sensors import Distances

@@ -14,8 +14,7 @@ import numpy as np
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.readings import Scan, Sightings
-from minerva_bus.world.service_inputs import Tick, View, WorldInfo
-from minerva_bus.world.services import Device, Generator
+from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.physics.agent_lines import AGENTS, agent_lines
 from minerva_services.physics.arena_state import ArenaState
 from minerva_services.physics.body import DriveCommand, DriveOutcome

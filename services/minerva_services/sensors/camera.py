@@ -9,8 +9,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Degrees, Metres
 from minerva_bus.world.readings import Sightings
-from minerva_bus.world.service_inputs import Tick, WorldInfo
-from minerva_bus.world.services import Generator
+from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.event_factory import EventFactory
 
 

@@ -23,10 +23,8 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import MANY
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.types import Degrees, Metres, Seconds
-from minerva_bus.world.beams import Reals, hits, no_returns
-from minerva_bus.world.readings import Scan
-from minerva_bus.world.service_inputs import Tick, WorldInfo
-from minerva_bus.world.services import Generator
+from minerva_bus.world.readings import Reals, Scan, hits, no_returns
+from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.event_factory import EventFactory, event_type
 
 

@@ -14,11 +14,15 @@ from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import is_stream
-from minerva_bus.world.clock_steps import RecordingClock
-from minerva_bus.world.compensation import Compensator
 from minerva_bus.world.readings import Mount
-from minerva_bus.world.recordings import Recorded, Recording, RecordingError
-from minerva_bus.world.service_inputs import Emit
+from minerva_bus.world.recordings import (
+    Compensator,
+    Recorded,
+    Recording,
+    RecordingClock,
+    RecordingError,
+)
+from minerva_bus.world.services import Emit
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 

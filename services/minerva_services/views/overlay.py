@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.picture import Lists, Picture, combined
-from minerva_bus.world.service_inputs import View
+from minerva_bus.world.services import View
 
 
 class Overlay:

@@ -30,8 +30,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.launch.specs import load
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.service_inputs import Emit, Tick, View, WorldInfo
-from minerva_bus.world.services import Device, Generator
+from minerva_bus.world.services import Device, Emit, Generator, Tick, View, WorldInfo
 from minerva_services.bridging.bridge import log
 from minerva_services.event_factory import event_type
 from minerva_services.options import read_password, require

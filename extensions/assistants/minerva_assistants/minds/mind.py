@@ -25,7 +25,7 @@ from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
 from minerva_bus.grammar.types import Reals
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
-from minerva_bus.world.marking import on, view
+from minerva_bus.world.decorators import on, view
 
 
 @dataclass(frozen=True, slots=True)

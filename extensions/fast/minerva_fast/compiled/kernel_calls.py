@@ -16,9 +16,8 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, Node, Scene
 from minerva_bus.grammar.symbols import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams
-from minerva_bus.world.lineage import child_ids
-from minerva_bus.world.population import Birth, PopulationState, Turn
-from minerva_bus.world.population_views import one_each
+from minerva_bus.world.population import Birth, PopulationState, Turn, child_ids
+from minerva_bus.world.visualization import one_each
 from minerva_fast.compiled.form import Emission, Figure, Newborn, Output, Program, Shown, ValueKind
 from minerva_fast.compiled.loading import Kernel
 from minerva_fast.compiled.text_codes import TextCodes

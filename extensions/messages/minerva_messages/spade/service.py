@@ -8,8 +8,7 @@ from typing import Any, ClassVar, Final
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_messages import Outside, eMail, eMessage
 from minerva_messages.spade.acl_messages import (
     Clock,

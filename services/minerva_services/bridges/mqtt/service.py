@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.mqtt.broker import Broker, Login
 from minerva_services.bridges.mqtt.connection import Connection, tls_context
 from minerva_services.bridges.mqtt.event_rule import EventRule

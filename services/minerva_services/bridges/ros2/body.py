@@ -11,8 +11,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Metres
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.service_inputs import Tick, View, WorldInfo
-from minerva_bus.world.services import Device, Generator
+from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.bridges.ros2.driver import DriveTolerances
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics

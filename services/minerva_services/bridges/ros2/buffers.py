@@ -12,9 +12,9 @@ from typing import Any, Final, TypeVar
 
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.compensation import span
 from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
-from minerva_bus.world.service_inputs import Tick
+from minerva_bus.world.recordings import span
+from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2.driver import Driver
 from minerva_services.bridges.ros2.messages import (
     DETECTIONS,

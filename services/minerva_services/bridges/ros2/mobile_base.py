@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.clock_steps import ClockWatch
 from minerva_bus.world.readings import Mount
-from minerva_bus.world.service_inputs import Tick
+from minerva_bus.world.recordings import ClockWatch
+from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2.buffers import ReadingPublisher, SensorBuffers
 from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
 from minerva_services.bridges.ros2.link import NetworkLink

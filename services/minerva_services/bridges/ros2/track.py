@@ -10,8 +10,8 @@ from typing import Final
 
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.compensation import needs_path, path_of
 from minerva_bus.world.readings import Scan
+from minerva_bus.world.recordings import needs_path, path_of
 
 _MAX_POSES: Final = 500
 MAX_CORRECTION: Final = Pose(0.5, 0.0, 45.0)

@@ -17,8 +17,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.link import NetworkLink
 from minerva_services.bridges.ros2.messages import messages

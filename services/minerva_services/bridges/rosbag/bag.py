@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.wording import install
-from minerva_bus.world.clock_steps import watched
-from minerva_bus.world.recordings import FirstSkip, PassOver, Recorded, RecordingError
+from minerva_bus.world.recordings import FirstSkip, PassOver, Recorded, RecordingError, watched
 from minerva_services.bridges.ros_messages import Frames, GarbageError
 from minerva_services.bridges.rosbag.reasons import reason_of
 from minerva_services.sensors.playback import MountOverride

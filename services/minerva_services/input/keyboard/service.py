@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.input.controls import ControlMap, InputRange, bindings, choices
 from minerva_services.input.keyboard.terminal import NAMED_KEYS, KeyDecoder, Terminal, is_key

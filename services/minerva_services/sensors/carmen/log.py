@@ -15,9 +15,8 @@ from typing import Final
 from minerva_bus import portable
 from minerva_bus.input_files import check_input
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.clock_steps import watched
 from minerva_bus.world.readings import Mount, Odometry, Scan
-from minerva_bus.world.recordings import FirstSkip, PassOver, Recorded, RecordingError
+from minerva_bus.world.recordings import FirstSkip, PassOver, Recorded, RecordingError, watched
 from minerva_services.sensors.carmen.lines import (
     LaserLine,
     LineError,

@@ -9,8 +9,8 @@ from functools import partial
 from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.clock_steps import STEP_SECONDS, STEPS_BACK
 from minerva_bus.world.readings import Position
+from minerva_bus.world.recordings import STEP_SECONDS, STEPS_BACK
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.options import require
 from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix

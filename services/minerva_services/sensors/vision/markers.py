@@ -9,8 +9,7 @@ from typing import Any
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.world.readings import Image, Sightings
-from minerva_bus.world.service_inputs import Tick, WorldInfo
-from minerva_bus.world.services import Generator
+from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.options import takes_options
 from minerva_services.sensors.vision.images import NoImage, grey_of
 from minerva_services.sensors.vision.locator import MarkerLocator, VisionOptions, WrongSize

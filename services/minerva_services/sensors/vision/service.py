@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Mount, Sightings
 from minerva_bus.world.recordings import FirstSkip, Recording, RecordingError
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.options import takes_options
 from minerva_services.sensors.playback import LAST_SECONDS, PlaybackPace, Player

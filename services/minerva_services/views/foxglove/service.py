@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.web_access import WebAccess
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
 from minerva_services.views.foxglove.front import CheckedPort
 from minerva_services.views.overlay import Overlay

@@ -15,7 +15,7 @@ from typing import Any, Final
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.log.causes import shown_value
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 
 MAX_SECONDS: Final = 120.0
 """Time limit of an explanation in seconds; on a busy machine it takes long."""

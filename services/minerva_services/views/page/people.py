@@ -13,7 +13,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import WorldStatus
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 from minerva_services.views.fates import LatestOrders, shown_person
 from minerva_services.views.page.inspector import AgentQuestion, Inspector
 from minerva_services.views.page.names import PageNames

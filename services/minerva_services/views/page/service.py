@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.web_access import WebAccess, forget_token, token_for
 from minerva_bus.runtime.endpoints import is_wildcard
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
 from minerva_services.views.page.names import PageNames, read_joins
 from minerva_services.views.page.people import PageOptions, People

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_file
 from minerva_bus.path_text import text_of_path
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, require
 from minerva_services.views.overlay import Overlay
 from minerva_services.views.svg.files import prepare_folder

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_file
 from minerva_bus.path_text import text_of_path
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, names_in
 from minerva_services.views.sound.sonification import Sonification
 from minerva_services.views.sound.sound_geometry import roles

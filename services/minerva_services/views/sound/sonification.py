@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.service_inputs import View, WorldInfo
+from minerva_bus.world.services import View, WorldInfo
 from minerva_services.views.sound.sound_geometry import SoundGeometry, SoundRoles
 from minerva_services.views.sound.synthesis import Synthesis
 from minerva_services.views.sound.tuning import MAX_VOICES, Tone, Tuning

@@ -16,7 +16,7 @@ from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.plane import BoundingGeometry
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 
 GOAL = "PGoal"
 """Default primitive of an agent's aim, in the robot's world and elsewhere."""

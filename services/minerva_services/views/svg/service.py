@@ -12,8 +12,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.path_text import text_of_path
 from minerva_bus.wording import install
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types
 from minerva_services.views.svg.files import numbered, prepare_folder, svg_path
 from minerva_services.views.svg.pictures import Pictures

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import WorldInfo
 from minerva_services.views.fates import LatestOrders
 from minerva_services.views.web.html import parted
 from minerva_services.views.web.orders import OrderSender, first_with

@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.service_inputs import View, WorldInfo
-from minerva_bus.world.services import Device
+from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, takes_options
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.window.composer import Composer

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.accelerator import Mode, check_mode
-from minerva_bus.world.declaring import (
+from minerva_bus.world.class_declaration import (
     COMPILED,
     ON,
     POPULATION,
