@@ -14,7 +14,7 @@ from minerva_bus.grammar.events import AnyEvent, Event, Events, single
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class Priority:
     """An order relation among event types: `types` in order, then all other types by name."""
 
     types: tuple[str, ...] = ()
@@ -31,7 +31,7 @@ _KEY: Final[Callable[[_Keyed], tuple[int, str, str, int]]] = itemgetter(0)
 _EVENT: Final[Callable[[_Keyed], AnyEvent]] = itemgetter(1)
 
 
-def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[AnyEvent, ...]:
+def collect(order: Priority, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[AnyEvent, ...]:
     """E(C*, t), equation 6: all events of all generators, in order, each once.
 
     `sources` has the events of each source in the order in which it generated them. The events of
