@@ -204,7 +204,9 @@ sources = family_strings().flatmap(
 def test_collect_does_not_depend_on_arrival(sources, order, chance):
     arrived = list(sources.items())
     chance.shuffle(arrived)
-    assert collect(Priority(tuple(order)), dict(arrived)) == collect(Priority(tuple(order)), sources)
+    assert collect(Priority(tuple(order)), dict(arrived)) == collect(
+        Priority(tuple(order)), sources
+    )
 
 
 @law
