@@ -1,1 +1,1 @@
-"""Benchmarks and long checks that are run manually and are not part of the tests."""
+"""Benchmarks, which are run by hand and are not part of the tests."""

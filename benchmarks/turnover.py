@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from benchmarks.command import Option, Table, options
-from benchmarks.compiled import eDay, live_together
+from extensions.fast.benchmarks.compiled import eDay, live_together
 from minerva_bus import (
     Agent,
     BatchContext,

@@ -45,6 +45,7 @@ WORKSPACES = ROOT / "build" / "mutation"
 LINKED = (
     "agents",
     "benchmarks",
+    "checks",
     "deploy",
     "docs",
     "examples",

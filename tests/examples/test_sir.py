@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.sir import FRAMES, curves_of, plotted
+from extensions.study.benchmarks.sir import FRAMES, curves_of, plotted
 
 # Not importorskip: other processes import Mesa, and the import takes 1 s in each test worker.
 pytestmark = pytest.mark.skipif(find_spec("mesa") is None, reason="the extra docs installs Mesa")

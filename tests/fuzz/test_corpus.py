@@ -1,6 +1,6 @@
 """Readers accept external bytes or reject them with an error.
 
-The corpus has well-formed inputs and inputs that once caused failures; python -m benchmarks.fuzz
+The corpus has well-formed inputs and inputs that once caused failures; python -m checks.fuzz
 continues from it. These tests use it unchanged, truncated, and with single bytes changed.
 """
 

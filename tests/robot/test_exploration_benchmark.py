@@ -6,13 +6,13 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.exploration import RADIUS, SPEED, Task, _shortest, main, options_of, run
-from benchmarks.exploration_places import bound_of
-from benchmarks.exploring.driving import Drive, Floor, Noise
-from benchmarks.exploring.floors import Named, floor_of
-from benchmarks.exploring.places import Expected, Places, Watched
-from benchmarks.exploring.results import Result, append_row, read_rows, summary
-from benchmarks.exploring.tours import Tour
+from agents.benchmarks.exploration import RADIUS, SPEED, Task, _shortest, main, options_of, run
+from agents.benchmarks.exploration_places import bound_of
+from agents.benchmarks.exploring.driving import Drive, Floor, Noise
+from agents.benchmarks.exploring.floors import Named, floor_of
+from agents.benchmarks.exploring.places import Expected, Places, Watched
+from agents.benchmarks.exploring.results import Result, append_row, read_rows, summary
+from agents.benchmarks.exploring.tours import Tour
 from minerva_agents.robot.maps import Marker
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from robot_steps import after, changed, robot
 
-from benchmarks.exploring.strategies import frontier, out_of_view
+from agents.benchmarks.exploring.strategies import frontier, out_of_view
 from minerva_agents.robot.grid import (
     FREE,
     MARKER,

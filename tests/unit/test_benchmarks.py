@@ -9,11 +9,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchmarks import chaos
-from benchmarks.chaos_faults import LONG_WAIT, Chaos
+from checks import chaos
+from checks.chaos_faults import LONG_WAIT, Chaos
 
 WRONG = {
-    "environments": [["robot"]],
     "peer_statistics": [[], ["mesa", "wealth", "10", "1", "last"], ["mesaframes", "wolf_sheep"]],
     "comparison.worker": [[], ["mesa"], ["minerva", "schelling", "crowd"]],
 }

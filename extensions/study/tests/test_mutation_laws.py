@@ -84,6 +84,6 @@ def test_the_same_stream_makes_the_same_mutants(drawn):
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_a_million_mutations_are_valid():
-    from benchmarks.mutations import mutate_many
+    from checks.mutations import mutate_many
 
     assert mutate_many(1_000_000, seed=1).wrong == 0

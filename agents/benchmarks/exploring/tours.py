@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exploring.driving import SIGHT
+from agents.benchmarks.exploring.driving import SIGHT
 from minerva_agents.robot.maps import MapPose, OccupancyMap, free_component
 from minerva_agents.robot.planning import STEP, Wave
 from minerva_agents.robot.pose import Cell

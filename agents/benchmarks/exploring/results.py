@@ -1,4 +1,4 @@
-"""Results of `python -m benchmarks.exploration`: a row per run, in a file and as text."""
+"""Results of `python -m agents.benchmarks.exploration`: a row per run, in a file and as text."""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
 """Expected ratio of driven distance to shortest path, over all places of a marker on each floor.
 
-    python -m benchmarks.exploration_places [--json] [--seeds 1] [--large] [--noise]
+    python -m agents.benchmarks.exploration_places [--json] [--seeds 1] [--large] [--noise]
                                             [--maps NAME,...] [--strategy astar|nearest|random]
                                             [--jobs 2] [--bounds]
 
-`benchmarks.exploration` drives to two markers per floor; this benchmark averages over a lattice of
-places, so its results depend less on luck. `far` are the places in the far half. `tour` is the
-ratio of a robot that knows the floor and drives a tour of views; `bound` is below the ratio of
-every robot with this camera, also of one that knows the floor (see `exploring.places`). `--bounds`
-computes only the bounds, and drives nowhere.
+`agents.benchmarks.exploration` drives to two markers per floor; this benchmark averages over a
+lattice of places, so its results depend less on luck. `far` are the places in the far half.
+`tour` is the ratio of a robot that knows the floor and drives a tour of views; `bound` is below
+the ratio of every robot with this camera, also of one that knows the floor (see
+`exploring.places`). `--bounds` computes only the bounds, and drives nowhere.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from typing import cast
 
 import numpy as np
 
-from benchmarks.exploration import LARGEST_TOUR_M, NOISE, RADIUS, SPEED, Task, options_of
-from benchmarks.exploring.driving import Floor, Noise
-from benchmarks.exploring.floors import Named, generated, large, of_others
-from benchmarks.exploring.places import Expected, Places, Watched
-from benchmarks.exploring.strategies import use
-from benchmarks.exploring.tours import tour_of
+from agents.benchmarks.exploration import LARGEST_TOUR_M, NOISE, RADIUS, SPEED, Task, options_of
+from agents.benchmarks.exploring.driving import Floor, Noise
+from agents.benchmarks.exploring.floors import Named, generated, large, of_others
+from agents.benchmarks.exploring.places import Expected, Places, Watched
+from agents.benchmarks.exploring.strategies import use
+from agents.benchmarks.exploring.tours import tour_of
 from minerva_agents.robot.maps import Marker, roomiest
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene

@@ -1,6 +1,7 @@
 """Runs per second of a batch: `sweep` beside Mesa's `batch_run`, the same model and processes.
 
-    python -m benchmarks.batches [--runs 1000] [--frames 50] [--processes 2] [--turns 3] [--json]
+    python -m extensions.study.benchmarks.batches
+        [--runs 1000] [--frames 50] [--processes 2] [--turns 3] [--json]
 
 The model is the SIR model of examples/sir, 200 people, with its two curves. In each turn both
 systems run the batch in a new process, one after the other, with the table at the end. It is wall
@@ -20,7 +21,7 @@ from typing import Final
 
 from benchmarks.command import Option, Table, options
 
-ROOT: Final = Path(__file__).parents[1]
+ROOT: Final = Path(__file__).parents[3]
 SYSTEMS: Final = {"Minerva Bus": "our_batch", "Mesa": "mesa_batch"}
 COLUMNS: Final = {"system": "<12", "runs/s": ">8.1f", "wall s": ">8.1f", "CPU s": ">8.1f",
                   "ratio": ">6.2f", "CPU ratio": ">9.2f"}  # fmt: skip
@@ -29,7 +30,7 @@ COLUMNS: Final = {"system": "<12", "runs/s": ">8.1f", "wall s": ">8.1f", "CPU s"
 def batch(function: str, runs: int, frames: int, processes: int) -> tuple[float, float]:
     """Wall and CPU seconds of a batch in a new process."""
     code = (
-        f"from benchmarks.models.epidemic import {function}\n"
+        f"from extensions.study.benchmarks.epidemic import {function}\n"
         f"if __name__ == '__main__': print({function}({runs}, {frames}, {processes}))"
     )
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()

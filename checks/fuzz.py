@@ -1,6 +1,6 @@
 """Fuzz the readers of external input.
 
-    python -m benchmarks.fuzz --seconds 60 [--target NAME ...] [--seed 1] [--keep FOLDER]
+    python -m checks.fuzz --seconds 60 [--target NAME ...] [--seed 1] [--keep FOLDER]
 
 The time is divided among the targets (tests/fuzz/targets.py). Each runs in a separate process, in
 which Atheris mutates the inputs of tests/fuzz/corpus guided by branch coverage. A target fails if a

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "sir"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "sir"))
 
 import sir_mesa
 

@@ -1,6 +1,6 @@
 """Distance that a robot drives to find a marker on an unknown floor.
 
-    python -m benchmarks.exploration [--json] [--seeds 1,2] [--held-out 11,12] [--noise]
+    python -m agents.benchmarks.exploration [--json] [--seeds 1,2] [--held-out 11,12] [--noise]
                                      [--strategy astar|nearest|random] [--maps NAME,...] [--large]
                                      [--check] [--no-tour] [--rows FILE] [--jobs 2]
 
@@ -37,11 +37,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from benchmarks.exploring.driving import DT, Drive, Floor, Noise
-from benchmarks.exploring.floors import Named, generated, large, of_others
-from benchmarks.exploring.results import Result, append_row, groups, read_rows, show
-from benchmarks.exploring.strategies import use
-from benchmarks.exploring.tours import tour_of
+from agents.benchmarks.exploring.driving import DT, Drive, Floor, Noise
+from agents.benchmarks.exploring.floors import Named, generated, large, of_others
+from agents.benchmarks.exploring.results import Result, append_row, groups, read_rows, show
+from agents.benchmarks.exploring.strategies import use
+from agents.benchmarks.exploring.tours import tour_of
 from minerva_agents.robot.approach import METRES_PER_NEWS, patience
 from minerva_agents.robot.grid import clearance
 from minerva_agents.robot.maps import MapPose, Marker, OccupancyMap, roomiest, spread

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exploring.driving import FOV, SIGHT, Drive, Floor, Noise
-from benchmarks.exploring.tours import lattice
+from agents.benchmarks.exploring.driving import FOV, SIGHT, Drive, Floor, Noise
+from agents.benchmarks.exploring.tours import lattice
 from minerva_agents.robot.grid import Mask
 from minerva_agents.robot.maps import MapPose, OccupancyMap, free_component
 from minerva_agents.robot.planning import STEP, Wave

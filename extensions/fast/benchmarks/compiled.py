@@ -1,6 +1,7 @@
 """Time of a frame with a compiled method, its form for populations, and agent by agent.
 
-    python -m benchmarks.compiled [--agents N ...] [--turns 5] [--plain-agents 10000] [--json]
+    python -m extensions.fast.benchmarks.compiled
+        [--agents N ...] [--turns 5] [--plain-agents 10000] [--json]
 
 Sheep of docs/populations.md walk, eat, die and give birth; `still` is the same without births and
 deaths; `view` makes their view, coloured by energy. Each turn computes a frame or view of each

@@ -1,7 +1,7 @@
 """CPU time and curves of the SIR model of examples/sir, ours beside that of Mesa, in one run.
 
-    python -m benchmarks.sir [--turns 5] [--mesa PYTHON] [--json]
-    python -m benchmarks.sir --plot docs/migration/sir.png [--seeds 20]
+    python -m extensions.study.benchmarks.sir [--turns 5] [--mesa PYTHON] [--json]
+    python -m extensions.study.benchmarks.sir --plot docs/migration/sir.png [--seeds 20]
 
 Each turn starts both programs as new processes, one after the other. `program` is the CPU time of
 the whole process: start of Python, imports, model, 300 frames, table. `frames` is that of the 300
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from benchmarks.command import PLOT, Option, Table, options
 
-FOLDER: Final = Path(__file__).parents[1] / "examples" / "sir"
+FOLDER: Final = Path(__file__).parents[3] / "examples" / "sir"
 FRAMES: Final = 300
 OURS: Final = f"""
 import sir, time

@@ -1,6 +1,6 @@
 """Steps per CPU second of environments in this process, next to frames without observations.
 
-python -m benchmarks.environments
+python -m extensions.learning.benchmarks.environments
 """
 
 import json

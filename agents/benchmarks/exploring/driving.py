@@ -1,8 +1,8 @@
 """Fast simulation of a robot on a floor: its own λ with simplified sensors and motion.
 
 There is no bus, and no string between two frames: the measurements of laser and camera and the
-effects of commands are computed directly on the true map. `--check` of `benchmarks.exploration`
-compares this with the complete world.
+effects of commands are computed directly on the true map. `--check` of
+`agents.benchmarks.exploration` compares this with the complete world.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Steps per second of environments for learning, next to Mesa and MPE.
 
-    python -m benchmarks.rl [--steps 1500] [--turns 3] [--json]
+    python -m extensions.learning.benchmarks.rl [--steps 1500] [--turns 3] [--json]
 
 A step is that of one agent. The rabbits of examples/survival are the same model in Minerva Bus and,
 wrapped by hand, in Mesa: one world, 16 worlds in two processes (AsyncVectorEnv of Gymnasium starts
@@ -26,10 +26,10 @@ import numpy as np
 from gymnasium.vector import AsyncVectorEnv
 
 from benchmarks.command import Table, options
-from benchmarks.models.rabbits import MesaEnv
+from extensions.learning.benchmarks.rabbits import MesaEnv
 from minerva_learning import population_env, single_env, vector_env
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "survival"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "survival"))
 
 FRAMES: Final = 60  # All rabbits that walk straight on survive as long.
 RABBITS: Final = 1000

@@ -1,6 +1,6 @@
 """Mutate strings many times and check each for validity and round trip.
 
-    python -m benchmarks.mutations --count 1000000
+    python -m checks.mutations --count 1000000
 
 The strings use a vocabulary with every type of parameter, in lineages of 200 mutations; every tenth
 mutation is a crossover with an earlier string.

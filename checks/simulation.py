@@ -1,8 +1,8 @@
 """Simulated histories: worlds with faults, generated from seeds and checked.
 
-    python -m benchmarks.simulation --seed 7         run one history and print its trace
-    python -m benchmarks.simulation --seeds 1000     run histories 0 to 999
-    python -m benchmarks.simulation --minutes 30     run histories for 30 minutes, from --first on
+    python -m checks.simulation --seed 7         run one history and print its trace
+    python -m checks.simulation --seeds 1000     run histories 0 to 999
+    python -m checks.simulation --minutes 30     run histories for 30 minutes, from --first on
 
 The exit code is 1 if a history fails; the benchmark then prints its seed and the history. With
 `--shorten` it removes the parts that are not needed for the failure. docs/testing.md describes the

@@ -1,6 +1,7 @@
 """Time of a frame with slow participants, and without: their answers must not hold it up.
 
-    python -m benchmarks.minds [--participants 100] [--frames 900] [--rate 30] [--rounds 3] [--json]
+    python -m extensions.assistants.benchmarks.minds
+        [--participants 100] [--frames 900] [--rate 30] [--rounds 3] [--json]
 
 Each participant lives in every frame; with requests, it asks a mind again as soon as it has an
 answer, which takes 0.2 to 20 seconds, evenly distributed on a logarithmic scale. All processes run
@@ -76,7 +77,7 @@ async def answer(prompt: Prompt) -> dict[str, str]:
 WORLD = """
 [world]
 string = "{string}"
-vocabulary = "benchmarks.minds:vocabulary"
+vocabulary = "extensions.assistants.benchmarks.minds:vocabulary"
 rate = {rate}
 frames = {frames}
 
@@ -84,7 +85,7 @@ frames = {frames}
 agents = "mind"
 
 [process.participants]
-agents = "benchmarks.minds:Participant"
+agents = "extensions.assistants.benchmarks.minds:Participant"
 
 [process.steps]
 service = "each"
@@ -92,7 +93,7 @@ event = "eStep"
 
 [process.llm]
 service = "llm"
-backend = "benchmarks.minds:answer"
+backend = "extensions.assistants.benchmarks.minds:answer"
 concurrent = {participants}
 """
 

@@ -1,4 +1,4 @@
-"""The world file of benchmarks/chaos.py: a colony."""
+"""The world file of checks/chaos.py: a colony."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ WORLD = """
 [world]
 name = "{name}"
 string = '''{string}'''
-vocabulary = "benchmarks.models.colony:vocabulary"
+vocabulary = "checks.colony:vocabulary"
 seed = {seed}
 dt = 0.1
 
@@ -17,11 +17,11 @@ soft = 3.0
 hard = 60.0
 """
 PROCESSES = {
-    "steps": 'service = "benchmarks.models.colony:Steps"',
-    "weather": 'service = "benchmarks.models.colony:Weather"',
-    "ground": 'service = "benchmarks.models.colony:Ground"',
-    "screen": 'service = "benchmarks.models.colony:Screen"',
-    "ants": 'agents = "benchmarks.models.colony:Ant"\nprocesses = {hosts}',
+    "steps": 'service = "checks.colony:Steps"',
+    "weather": 'service = "checks.colony:Weather"',
+    "ground": 'service = "checks.colony:Ground"',
+    "screen": 'service = "checks.colony:Screen"',
+    "ants": 'agents = "checks.colony:Ant"\nprocesses = {hosts}',
 }
 HOSTS = 4
 """Processes of ants."""

@@ -1,4 +1,4 @@
-"""The world of benchmarks/chaos.py in its processes, and the faults that are injected into it."""
+"""The world of checks/chaos.py in its processes, and the faults that are injected into it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from random import Random
 
-from benchmarks.chaos_repeater import Repeater
-from benchmarks.chaos_world import HOSTS, NAME, world_text
+from checks.chaos_repeater import Repeater
+from checks.chaos_world import HOSTS, NAME, world_text
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.client import Client
 from minerva_bus.testing.proxy import Proxy
@@ -145,7 +145,7 @@ class Chaos:
         name = f"guest-{self._joined}"
         slow = pick < 0.5
         endpoint = f"tcp/127.0.0.1:{self.proxy.port}" if slow else self.endpoint
-        words = ["attach", "benchmarks.models.colony:Ant", "--name", name, "--world", NAME]
+        words = ["attach", "checks.colony:Ant", "--name", name, "--world", NAME]
         self.guests[name] = subprocess.Popen(
             [*MINERVA, *words, "--connect", endpoint], cwd=HERE, env=self.environment,
             stdout=self._output, stderr=self._output,

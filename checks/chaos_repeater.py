@@ -1,4 +1,4 @@
-"""A client of benchmarks/chaos.py that repeats the messages of a world."""
+"""A client of checks/chaos.py that repeats the messages of a world."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import Counter
 from contextlib import suppress
 from random import Random
 
-from benchmarks.chaos_world import NAME
+from checks.chaos_world import NAME
 from minerva_bus.runtime.session import open_client
 
 

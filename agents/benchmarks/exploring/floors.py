@@ -19,7 +19,7 @@ from minerva_agents.robot.maps import FREE, OCCUPIED, MapPose, OccupancyMap, loa
 
 Solid: TypeAlias = NDArray[np.bool_]
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
+DATA = Path(__file__).parents[4] / "shared" / "data"
 _WALL = 0.15
 
 

@@ -1,8 +1,8 @@
 """A world under random faults for some minutes gives the same string as without faults.
 
-    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--folder FOLDER]
+    python -m checks.chaos [--minutes 10] [--seed 1] [--rate 20] [--folder FOLDER]
 
-Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. At random times,
+Eight processes run 200 ants (checks/colony.py), which are born and die. At random times,
 members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP, SIGCONT); external
 hosts join, some of them through a proxy that delays the traffic, and leave, are killed or drained;
 the world is paused. Meanwhile another client repeats messages of members and the coordinator with a
@@ -21,7 +21,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.chaos_faults import Chaos
+from checks.chaos_faults import Chaos
 
 
 def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:

@@ -1,0 +1,1 @@
+"""Floors, a fast simulation and strategies for `python -m agents.benchmarks.exploration`."""

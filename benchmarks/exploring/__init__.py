@@ -1,1 +1,0 @@
-"""Floors, a fast simulation and strategies for `python -m benchmarks.exploration`."""
