@@ -21,7 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.command import options
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.world.operator import MemberStatus
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]

@@ -24,7 +24,7 @@ from minerva_bus import (
 )
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.runtime.answers import MAX_VALUES
+from minerva_bus.runtime.questions import MAX_VALUES
 from minerva_bus.wire.columns_codec import plain_ids
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.message_limits import DEFAULT

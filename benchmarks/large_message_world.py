@@ -19,11 +19,11 @@ from benchmarks.large_message_cases import STRING, VOCABULARY, Case, Fox, Steps,
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.inbox import CAPACITY
-from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.session import open_client
+from minerva_bus.runtime.session_inbox import CAPACITY
 from minerva_bus.wire.codec import stamped
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.message_limits import name_in

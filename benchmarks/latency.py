@@ -43,7 +43,7 @@ from minerva_bus import (
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_client, open_hub
 
 WARM_UP = 50

@@ -44,7 +44,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import MinervaError
 from minerva_bus.launch.console import Console
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 
 ROOT: Final = Path(__file__).parents[1]
 CLOCK_TICKS: Final = os.sysconf("SC_CLK_TCK")

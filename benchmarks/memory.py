@@ -21,7 +21,7 @@ from pathlib import Path
 
 from benchmarks.command import PLOT, Option, options
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 
 ROOT = Path(__file__).parents[1]
 MEADOW = ROOT / "worlds/minerva_worlds/meadow/meadow.toml"

@@ -29,7 +29,7 @@ from playwright.sync_api import sync_playwright
 
 from benchmarks.command import Option, Table, options
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 
 PHONE = Path(__file__).parents[1] / "members" / "javascript" / "examples" / "phone"
 IN_PAGE = 50

@@ -17,7 +17,7 @@ from random import Random
 from checks.chaos_repeater import Repeater
 from checks.chaos_world import HOSTS, NAME, world_text
 from minerva_bus.errors import MinervaError
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.testing.proxy import Proxy
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]

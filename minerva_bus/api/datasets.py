@@ -11,7 +11,7 @@ from minerva_bus.arguments import path_of, text
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.specs import load
-from minerva_bus.log.exporting import ExportChoice, Exporter, ExportProgress
+from minerva_bus.log.exporters import ExportChoice, Exporter, ExportProgress
 from minerva_bus.outputs import note_read
 
 EXPORTERS: Final = "minerva.exporters"

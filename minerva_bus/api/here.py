@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from minerva_bus.collect.table import DataTable
+from minerva_bus.collect.tables import DataTable
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.in_process import InProcessRun
-from minerva_bus.runtime.asking import AskingOperator
+from minerva_bus.runtime.operator_client import AskingOperator
 
 
 class Here:

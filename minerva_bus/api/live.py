@@ -20,7 +20,7 @@ from minerva_bus.api.world_views import (
     figure,
     unpictured,
 )
-from minerva_bus.collect.table import DataTable
+from minerva_bus.collect.tables import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, whole
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
@@ -28,7 +28,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.explaining import explain_running_value
 from minerva_bus.launch.in_process import never
 from minerva_bus.log.explanation import Explanation
-from minerva_bus.runtime.asking import AskingOperator
+from minerva_bus.runtime.operator_client import AskingOperator
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.operator import WorldStatus
 

@@ -11,13 +11,12 @@ from weakref import ref
 
 from minerva_bus.api.processes import END_SECONDS, Launched
 from minerva_bus.api.requests import Request
-from minerva_bus.collect.table import DataTable
+from minerva_bus.collect.tables import DataTable
 from minerva_bus.errors import BusError, MisuseError, WorldStopped
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import find, running
 from minerva_bus.launch.temporary_folder import temporary_folder
-from minerva_bus.runtime.asking import AskingOperator
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import AskingOperator, Client
 from minerva_bus.world.operator import WorldStatus
 
 POLL_SECONDS: Final = 0.002

@@ -18,8 +18,7 @@ from minerva_bus.api.world import World, world_of
 from minerva_bus.api.world_views import views_of
 from minerva_bus.arguments import whole_number
 from minerva_bus.collect.plans import plans_of
-from minerva_bus.collect.table import DataTable
-from minerva_bus.collect.writers import path_of, read_columns
+from minerva_bus.collect.tables import DataTable, read_columns, table_path
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.grammar.events import AnyEvent, Events
@@ -264,7 +263,7 @@ def _result(launched: Launched) -> Mapping[str, Any]:
 
 def _recorded_strings(path: Path, film: int, first: int) -> tuple[tuple[int, Scene], ...]:
     """The strings of a film from frame `first` on, as after a resumed run."""
-    from minerva_bus.log.reader import Record
+    from minerva_bus.log.record import Record
 
     strings = FilmStrings(film)
     with Record(path) as record:
@@ -283,7 +282,7 @@ def read_spool(
     plans = plans_of(entries, file.world.vocabulary)
     several = len(plans) > 1
     return {
-        plan.name: read_columns(path_of(path, plan.name, several), plan.name, plan.columns)
+        plan.name: read_columns(table_path(path, plan.name, several), plan.name, plan.columns)
         for plan in plans
     }
 

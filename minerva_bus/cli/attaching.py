@@ -22,10 +22,9 @@ from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
 from minerva_bus.launch.typed_text import typed_options
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.runtime.arrival import ARRIVAL
-from minerva_bus.runtime.diagnosis import check_reachable
-from minerva_bus.runtime.endpoints import check_endpoint
-from minerva_bus.runtime.member import BACK_WITHIN, MemberProcess
+from minerva_bus.runtime.endpoints import check_endpoint, check_reachable
+from minerva_bus.runtime.joining import ARRIVAL
+from minerva_bus.runtime.participants import BACK_WITHIN, MemberProcess
 from minerva_bus.runtime.session import CONNECT_SECONDS, end_at_once
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.services import Device

@@ -18,7 +18,7 @@ import typer
 
 if TYPE_CHECKING:
     from minerva_bus.grammar.vocabulary import Vocabulary
-    from minerva_bus.runtime.client import Client
+    from minerva_bus.runtime.operator_client import Client
 
 Choices: TypeAlias = Iterable[tuple[str, str]]
 Completer: TypeAlias = Callable[[typer.Context, str], list[tuple[str, str]]]
@@ -276,8 +276,7 @@ def _running_vocabulary(ctx: typer.Context) -> Vocabulary:
 def _client(ctx: typer.Context) -> Generator[Client]:
     from minerva_bus.cli.options import WorldTarget
     from minerva_bus.cli.places import choose_keys, client
-    from minerva_bus.runtime.diagnosis import check_reachable
-    from minerva_bus.runtime.endpoints import check_endpoint
+    from minerva_bus.runtime.endpoints import check_endpoint, check_reachable
 
     given = {key: str(ctx.params.get(key) or "") for key in ("connect", "keys", "world")}
     given["world"] = given["world"] or str(ctx.params.get("name") or "")

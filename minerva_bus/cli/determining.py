@@ -30,7 +30,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_checks import LAYOUTS, Layout, laid_out, left_out
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.comparison import Difference, compare
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.wording import counted
 
 FRAMES: Final = 100

@@ -11,7 +11,7 @@ from minerva_bus.cli.places import client
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.explaining import explain_running_value, explain_world
 from minerva_bus.launch.replays import explained_in
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,10 @@ from minerva_bus.api.datasets import export_dataset
 from minerva_bus.api.exporting import Export, export_plans, read_plans
 from minerva_bus.cli.output import print_answer, print_json, print_message, print_result
 from minerva_bus.cli.progress import progress_bar
-from minerva_bus.collect.drafts import TableFiles
 from minerva_bus.collect.plans import TablePlan, parse_entries
-from minerva_bus.collect.writers import CsvWriter
+from minerva_bus.collect.tables import CsvWriter, TableFiles
 from minerva_bus.errors import MisuseError
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.outputs import note_read
 from minerva_bus.wording import counted
 

@@ -22,7 +22,7 @@ from minerva_bus.cli.output import (
 from minerva_bus.cli.places import client
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.launch.console import json_line
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.wording import install
 from minerva_bus.world.operator import LogLine
 

@@ -132,7 +132,7 @@ def printing_damage() -> Generator[None]:
 @contextmanager
 def checking(file: Path) -> Generator[None]:
     """Let a check of a record fail, not its command, if the file cannot be read to its end."""
-    from minerva_bus.log.errors import RecordError
+    from minerva_bus.errors import RecordError
 
     try:
         yield

@@ -8,7 +8,7 @@ from pathlib import Path
 from minerva_bus.cli.options import WorldTarget
 from minerva_bus.errors import BusError
 from minerva_bus.launch.registry import find
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wording import counted
 

@@ -10,7 +10,7 @@ from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import FAILED, print_json, print_message, print_result
 from minerva_bus.cli.places import client
 from minerva_bus.errors import BusError, MinervaError, MisuseError
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.world.operator import OrderStatus
 
 POLL_SECONDS: Final = 0.1

@@ -8,12 +8,11 @@ from pathlib import Path
 
 from minerva_bus.api.records import diff
 from minerva_bus.cli.output import FAILED, Done, checking, print_answer, print_message, print_result
-from minerva_bus.collect.parts import read_parts
+from minerva_bus.collect.table_parts import read_parts
 from minerva_bus.errors import MisuseError
-from minerva_bus.log.info import info_of
-from minerva_bus.log.looking import frames_after, moment_of, written
-from minerva_bus.log.reader import Record
-from minerva_bus.log.recovering import recover, recovered_name
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_summary import frames_after, info_of, moment_of, written
+from minerva_bus.log.record_writer import recover, recovered_name
 from minerva_bus.wording import counted
 
 

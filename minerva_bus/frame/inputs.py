@@ -125,7 +125,7 @@ class FrameInputs:
 class RecordedFrame:
     """A frame of a recorded run.
 
-    `events`: in order. `delta`: changes of the string, as plain data (log/deltas.py).
+    `events`: in order. `delta`: changes of the string, as plain data (log/entries.py).
     `digest`: of the string after the frame. `seconds`: when the frame ended, by the clock, since
     the record began. `inputs`: without the replies of hosts; None unless recorded and requested.
     """

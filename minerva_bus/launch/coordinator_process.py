@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.errors import Followed, WorldFileError
+from minerva_bus.errors import Followed, RecordError, WorldFileError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART, Fragment
@@ -36,17 +36,15 @@ from minerva_bus.launch.run_outputs import (
     recording,
 )
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.log.description import encode_description
-from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import Journaled, read_journal, resume_from
+from minerva_bus.log.record_header import encode_description
 from minerva_bus.path_text import text_of_path
 from minerva_bus.runtime.admission import ListenConfig
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.overhearing import overhear
-from minerva_bus.runtime.status import Status
 from minerva_bus.runtime.system import REAL, System, run_through
-from minerva_bus.runtime.watchers import Printed, Started, Watchers
+from minerva_bus.runtime.transport import overhear
+from minerva_bus.runtime.watchers import Printed, Started, Status, Watchers
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wording import counted

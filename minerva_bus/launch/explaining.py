@@ -72,9 +72,10 @@ def explain_running_value(
         RecordError: there is no such frame, agent or attribute.
 
     """
+    from minerva_bus.errors import RecordError
     from minerva_bus.launch.journaled_past import JournaledPast
     from minerva_bus.launch.written_frames import last_written
-    from minerva_bus.log.errors import RecordError, check_installed
+    from minerva_bus.log.channels import check_installed
 
     check_installed()
     status = operator.status()
@@ -112,7 +113,7 @@ def _explained_by_file(
     from minerva_bus.launch.journaled_past import continued
     from minerva_bus.launch.written_frames import wait_for_frame
     from minerva_bus.log.explanation import Explanation
-    from minerva_bus.log.reader import Record
+    from minerva_bus.log.record import Record
 
     # The value is the same since the beginning of the frames that were repeated. Without a journal,
     # the record alone has the latest frames.

@@ -38,16 +38,15 @@ from minerva_bus.launch.metrics_server import exported
 from minerva_bus.launch.run_outputs import CollectSink, RunRecord, collect_sink, recording
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.runtime.asking import AskingOperator
-from minerva_bus.runtime.control import answer
 from minerva_bus.runtime.direct import InProcessRunner, timed
 from minerva_bus.runtime.metrics import Metrics
-from minerva_bus.runtime.operated import Operated
+from minerva_bus.runtime.operator_client import AskingOperator
 from minerva_bus.runtime.own_threads import Outlet, Published
+from minerva_bus.runtime.questions import Operated, answer
 from minerva_bus.runtime.runner import Notice, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
-from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.system import REAL
+from minerva_bus.runtime.watchers import StatusMeter
 from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.source import SourceLine, function_name, handler_name, innermost
 from minerva_bus.uncaught import VARIABLE

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from minerva_bus.errors import RecordError
 from minerva_bus.launch.past import WorldSource
 from minerva_bus.launch.replays import explained_in
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.log.causes import MAX_LINKS, RECENT
-from minerva_bus.log.errors import RecordError
 from minerva_bus.log.explanation import Explanation
 from minerva_bus.log.journaled import keyframes_in
 from minerva_bus.log.observation import Observation

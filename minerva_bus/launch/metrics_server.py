@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, Self, cast
 from minerva_bus.errors import BusError, MinervaError
 from minerva_bus.frame.in_flight import Phase
 from minerva_bus.launch.web_access import WebAccess
-from minerva_bus.runtime.totals import read_totals
+from minerva_bus.runtime.metrics import read_totals
 from minerva_bus.settings.kinds import address
 from minerva_bus.wire.status_codec import read_status
 from minerva_bus.wording import install

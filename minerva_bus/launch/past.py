@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from minerva_bus.errors import MinervaError, MisuseError, WorldFileError
+from minerva_bus.errors import MinervaError, MisuseError, RecordError, WorldFileError
 from minerva_bus.frame.algorithm import GIVEN_UP, FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import HALTED, Checkpoint
@@ -23,7 +23,6 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.toml_tables import Table, TomlError, read_toml
 from minerva_bus.launch.typed_text import of_nodes, option_text
 from minerva_bus.launch.world_files import WorldFile, read_world_file
-from minerva_bus.log.errors import RecordError
 from minerva_bus.path_text import path_of_text
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
@@ -33,9 +32,9 @@ from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.visualization import visualize
 
 if TYPE_CHECKING:
-    from minerva_bus.log.description import Description
     from minerva_bus.log.entries import Keyframe
-    from minerva_bus.log.reader import Record
+    from minerva_bus.log.record import Record
+    from minerva_bus.log.record_header import Description
 
 
 WorldSource: TypeAlias = str | Callable[[Overrides], WorldFile]
@@ -61,7 +60,7 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
     Raises RecordError, WorldFileError and SceneError, and MinervaError if the file is of another
     world or the run is over.
     """
-    from minerva_bus.log.reader import Record
+    from minerva_bus.log.record import Record
 
     for setting in filter(of_nodes, overrides.settings):
         raise MisuseError(
@@ -271,8 +270,8 @@ class Past:
         It has the last views of coupled devices. Raises RecordError if the record lacks the
         checkpoint.
         """
-        from minerva_bus.log.cursor import Cursor
         from minerva_bus.log.entries import Keyframe
+        from minerva_bus.log.record import Cursor
 
         if frame is None:
             past, scene = self.record.end()

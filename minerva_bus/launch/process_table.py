@@ -21,7 +21,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
 from minerva_bus.launch.process_specs import SERVICES, ProcessSpec, by_process
-from minerva_bus.runtime.member import RAISED_BY_CHANCE
+from minerva_bus.runtime.participants import RAISED_BY_CHANCE
 from minerva_bus.wording import duration
 
 HEALTHY_SECONDS: Final = 30.0

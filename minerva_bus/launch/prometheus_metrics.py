@@ -18,7 +18,7 @@ from prometheus_client.core import (
     Metric,
 )
 
-from minerva_bus.runtime.totals import BOUNDS, Durations, Totals
+from minerva_bus.runtime.metrics import BOUNDS, Durations, Totals
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 _UP = "1 while the coordinator answers."

@@ -20,7 +20,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from minerva_bus.errors import MinervaError, MisuseError, ProtocolError, WorldStopped, nearest
+from minerva_bus.errors import (
+    MinervaError,
+    MisuseError,
+    ProtocolError,
+    RecordError,
+    WorldStopped,
+    nearest,
+)
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -45,18 +52,13 @@ from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, 
 from minerva_bus.launch.typed_text import typed_options
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference, apart, same_events
-from minerva_bus.log.cursor import Cursor
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.reader import Record
-from minerva_bus.log.readings import RecordedReadings
+from minerva_bus.log.record import Cursor, Record, RecordedReadings
 from minerva_bus.path_text import text_of_path
-from minerva_bus.runtime.control import COMMANDS
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.runtime.operated import Operated
+from minerva_bus.runtime.questions import COMMANDS, Operated, status_of
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers
-from minerva_bus.runtime.world_status import status_of
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.settings.tables import RecordSettings
 from minerva_bus.wire.keys import checked_name
@@ -69,9 +71,9 @@ from minerva_bus.world.priority import collect
 from minerva_bus.world.services import Generator, Service
 
 if TYPE_CHECKING:
-    from minerva_bus.log.description import Description
     from minerva_bus.log.explanation import Explanation
     from minerva_bus.log.observation import Observation
+    from minerva_bus.log.record_header import Description
 
 SIDES: Final = ("the record", "this run")
 RECORDED: Final = "~record"

@@ -8,25 +8,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from minerva_bus.errors import RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.past import Resumed, differing
 from minerva_bus.launch.typed_text import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
-from minerva_bus.log.errors import RecordError
 from minerva_bus.path_text import text_of_path
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.settings.kinds import ALL
 from minerva_bus.world.operator import FileStatus, PersonOperation
 
 if TYPE_CHECKING:
-    from minerva_bus.collect.parts import TableParts
     from minerva_bus.collect.plans import TablePlan
-    from minerva_bus.collect.table import DataTable
-    from minerva_bus.collect.writers import Writer
-    from minerva_bus.log.description import Description
-    from minerva_bus.log.reader import Record
+    from minerva_bus.collect.table_parts import TableParts
+    from minerva_bus.collect.tables import DataTable, Writer
+    from minerva_bus.log.record import Record
+    from minerva_bus.log.record_header import Description
     from minerva_bus.log.recorder import Recorder
 
 SAVE_SECONDS: Final = 5.0
@@ -50,7 +49,7 @@ class RunRecord(Sink):
 
         Raises RecordError, and MisuseError if mcap is not installed.
         """
-        from minerva_bus.log.reader import Record
+        from minerva_bus.log.record import Record
 
         self._algorithm = algorithm
         self._log = log
@@ -166,7 +165,7 @@ class RunRecord(Sink):
 
 def description_of(file: WorldFile) -> Description:
     """The description of a run that begins now."""
-    from minerva_bus.log.description import Description
+    from minerva_bus.log.record_header import Description
 
     options = {name: option_text(value) for name, value in file.options.items()}
     began, path = _wall_time(), text_of_path(file.path)
@@ -216,7 +215,7 @@ def recording(
     """
     record = RunRecord()
     if file.record.path:
-        from minerva_bus.log.errors import RecordError
+        from minerva_bus.errors import RecordError
 
         try:
             record.open(file, algorithm, log, again)
@@ -232,7 +231,7 @@ def recording(
 def check_record(file: WorldFile) -> None:
     """Raises MisuseError if a record is requested but mcap is not installed."""
     if file.record.path:
-        from minerva_bus.log.errors import check_installed
+        from minerva_bus.log.channels import check_installed
 
         check_installed()
 
@@ -253,10 +252,9 @@ class CollectSink(Sink):
         *,
         again: bool = False,
     ) -> None:
-        from minerva_bus.collect.collector import Collector
-        from minerva_bus.collect.history import SeriesHistory
+        from minerva_bus.collect.collector import Collector, SeriesHistory
         from minerva_bus.collect.plans import plans_of
-        from minerva_bus.collect.table import Gathered
+        from minerva_bus.collect.tables import Gathered
 
         world = algorithm.world
         plans = plans_of(collecting.entries, world.vocabulary)
@@ -305,7 +303,7 @@ def _parts(
     path: Path, plans: Sequence[TablePlan], frame: int, say: Callable[[str], None], *, again: bool
 ) -> TableParts:
     """The parts of a run's tables, or those of the killed coordinator `again`."""
-    from minerva_bus.collect.parts import TableParts, has_parts
+    from minerva_bus.collect.table_parts import TableParts, has_parts
 
     tables = {plan.name: plan.columns for plan in plans}
     if again and has_parts(path, tables):
@@ -320,7 +318,7 @@ def _parts(
 
 def check_tables(into: str) -> None:
     """Raise MisuseError if there are tables of a killed run, which this one would not continue."""
-    from minerva_bus.collect.parts import check_no_parts
+    from minerva_bus.collect.table_parts import check_no_parts
 
     if into:
         check_no_parts(Path(into))
@@ -328,7 +326,7 @@ def check_tables(into: str) -> None:
 
 def complete_tables(into: str, say: Callable[[str], None]) -> None:
     """Join the parts that a run has left because its last coordinator was killed or failed."""
-    from minerva_bus.collect.parts import has_parts, parts_of, read_parts
+    from minerva_bus.collect.table_parts import has_parts, parts_of, read_parts
 
     path = Path(into)
     if into and has_parts(path):

@@ -44,9 +44,8 @@ from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.run_outputs import check_record, check_tables, complete_tables
 from minerva_bus.launch.summary import EndReport, RunSummary, Startup
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
-from minerva_bus.runtime.monitor import MORE_TIME
+from minerva_bus.runtime.coordinator import MORE_TIME, Coordinator
+from minerva_bus.runtime.participants import RAISED, RAISED_BY_CHANCE
 from minerva_bus.runtime.session import POOL_BYTES, expect_links
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import counted, duration
@@ -54,7 +53,7 @@ from minerva_bus.wording import counted, duration
 STOP_SECONDS: Final = 1.0
 """Time for a world to stop on request before its processes are killed.
 
-It is longer than HURRIED_REPORTS_WITHIN (runtime/monitor.py), so that the coordinator can still
+It is longer than HURRIED_REPORTS_WITHIN (runtime/coordinator.py), so that the coordinator can still
 send its report with the digest.
 """
 

@@ -6,9 +6,8 @@ import time
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.errors import MisuseError
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.reader import Record
+from minerva_bus.errors import MisuseError, RecordError
+from minerva_bus.log.record import Record
 
 RECORD_SECONDS: Final = 10.0
 """Longest time, in seconds, that a running world takes to write its frames to the disk."""

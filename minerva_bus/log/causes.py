@@ -31,7 +31,7 @@ from minerva_bus.log.past_frames import (
     same_value,
     value_of,
 )
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.log.rejections import rejected_events, rejected_step
 from minerva_bus.log.sources import same_event, source_of
 from minerva_bus.source import SourceLine, assignments, defined, handler_name

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from minerva_bus.errors import MisuseError
+from minerva_bus.wording import install
+
 PROFILE: Final = "minerva"
 """Profile in the header of the MCAP file, which identifies our records."""
 
@@ -132,3 +135,11 @@ def time_of(frame: int, dt: float) -> int:
     """World time at which a frame begins, in nanoseconds; frame 0 begins at 0."""
     # Times of MCAP are unsigned 64-bit integers; a long step could exceed them.
     return min(round(frame * dt * NANO), _LATEST)
+
+
+def check_installed() -> None:
+    """Raise MisuseError if mcap is not installed."""
+    try:
+        import mcap.writer  # noqa: F401  # pyright: ignore[reportUnusedImport]
+    except ImportError:
+        raise MisuseError(f"records need mcap: {install('record')}") from None

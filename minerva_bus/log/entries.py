@@ -1,35 +1,63 @@
-"""Entries of a run's log: keyframes, frame inputs and recorded frames, as msgpack.
+"""Entries of a run's log, as msgpack.
 
-    keyframe = ["keyframe", number, string, checkpoint, [view, ...]]
-    inputs   = ["inputs", number, due, [[member, ticked], ...], {source: [event, ...]}, layout,
-                [[member, evolved], ...], {source: [event, ...]}, people, answers, left out]
-    frame    = ["frame", number, [event, ...], delta, digest]
+    keyframe   = ["keyframe", number, string, checkpoint, [view, ...]]
+    inputs     = ["inputs", number, due, [[member, ticked], ...], {source: [event, ...]}, layout,
+                  [[member, evolved], ...], {source: [event, ...]}, people, answers, left out]
+    frame      = ["frame", number, [event, ...], delta, digest]
+    checkpoint = ["checkpoint", number, whole, {member: saved}, [event, ...],
+                  {source: [event, ...]}, [reached, ...], [reaching, ...]]
+    topic      = ["topic", name, member, frame, [reading, ...]]     as on the bus (PROTOCOL.md)
+               | ["dropped", count]                                 number of missing messages
+
+    delta      = [step, ...]            along the pieces of the old string
+    step       = n                      keep the next n pieces
+               | -n                     remove the next n pieces
+               | string                 insert these pieces (wire/strings_codec.py)
+               | patch                  change the next piece, in columns (wire/columns_codec.py)
+               | {"scope": delta}       keep the next piece with a changed scope
 
 A record (MCAP file) and a journal (file of a running coordinator) hold the same entries. A keyframe
-is the complete state before the frame of its number: string, checkpoint (checkpoints.py, empty if
-unknown) and the last views (journals only; θ computes them again from a record). Inputs are the
-messages of members as received from the bus. A journal stores the replies of hosts too, so that a
-successor needs no user code. A record stores the result of a frame instead: its ordered events,
-the delta of the string (deltas.py) and the digest, 16 bytes, of the string after the frame.
+is the complete state before the frame of its number: string, checkpoint (empty if unknown) and the
+last views (journals only; θ computes them again from a record). Inputs are the messages of members
+as received from the bus. A journal stores the replies of hosts too, so that a successor needs no
+user code. A record stores the result of a frame instead: its ordered events, the delta of the
+string and the digest, 16 bytes, of the string after the frame.
+
+Pieces after the last step of a delta stay. A delta refers to positions, not to fragment names,
+because only the coordinator knows which rows of a population a name refers to at a given time. Both
+strings share unchanged pieces, so identity is compared and never their contents.
+
+The number of a checkpoint is that of the next frame. The data saved by members (msgpack in bytes)
+and the agents that reached `until` are changes since the previous checkpoint; a `whole` one
+contains everything. The events wait for the frame: those of agents, then those of other sources. If
+a frame has no checkpoint, nothing changed and no events wait. The frame of a `topic` is -1 for
+free-running members.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from itertools import islice
+from typing import Any, Final, cast
 
+from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import Checkpoint, FrameInputs, RecordedFrame
+from minerva_bus.frame.messages import Readings
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Scoped, with_scope
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint, entry_items
 from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.columns_codec import is_patch, plain_patch
 from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.plain import (
+    as_bool,
     as_bytes,
     as_int,
     as_list,
@@ -40,12 +68,293 @@ from minerva_bus.wire.plain import (
     pack,
     unpack,
 )
+from minerva_bus.wire.readings_codec import plain_reading, read_reading
 from minerva_bus.wire.strings_codec import Reader, plain_event_list, plain_scene
+
+StringDelta = list[Any]
+
+DEEPEST: Final = 32
+"""Nested scopes that a delta enters; a changed scope below that is stored as a whole."""
+
+
+# --- deltas: computing one ---
+
+
+def delta_between(old: Scene, new: Scene, depth: int = 0) -> StringDelta:
+    """The delta from the old string to the new one."""
+    before, after = old.pieces, new.pieces
+    same = _same_ahead(before, after)
+    counterpart = _counterparts(before, after, same)
+    steps = _Steps(same)
+    for piece, place in zip(islice(after, same, None), counterpart, strict=True):
+        # Its counterpart has been passed, because pieces have
+        # changed their order, or there is none.
+        if place < steps.at:
+            steps.inserted.append(piece)
+            continue
+        steps.go_to(place)
+        if before[place] is piece:
+            steps.stay()
+        else:
+            steps.change(_changed(before[place], piece, depth), piece)
+    steps.go_to(len(before))
+    return steps.done()
+
+
+def _counterparts(before: Sequence[Piece], after: Sequence[Piece], same: int) -> Iterator[int]:
+    """For each new piece, the position of the old piece it corresponds to, or -1."""
+    if len(before) == len(after) and all(
+        map(_alike, islice(before, same, None), islice(after, same, None))
+    ):
+        yield from range(same, len(after))  # The usual case: no piece was added or removed.
+        return
+    # Shared pieces are matched by identity first, so that they are kept even if others with the
+    # same symbol were added before them.
+    here = {id(piece): place for place, piece in enumerate(before) if place >= same}
+    kept = here.keys() & map(id, islice(after, same, None))
+    was = dict(zip(_keys(before, same, kept), range(same, len(before)), strict=True))
+    for key, piece in zip(_keys(after, same, kept), islice(after, same, None), strict=True):
+        place = here.get(id(piece), -1)
+        yield place if place >= 0 else was.get(key, -1)
+
+
+class _Steps:
+    """Collects steps; `at` is the position reached in the old string."""
+
+    def __init__(self, same: int) -> None:
+        self.at = same
+        self.inserted: list[Piece] = []
+        self._made: StringDelta = []
+        self._stay, self._gone = same, 0
+
+    def stay(self) -> None:
+        """Keep the next piece."""
+        if self._gone or self.inserted:
+            self._flush()
+        self._stay += 1
+        self.at += 1
+
+    def go_to(self, place: int) -> None:
+        """Remove the pieces before this position."""
+        self._gone += place - self.at
+        self.at = place
+
+    def change(self, step: Any, piece: Piece) -> None:
+        """Change the next piece by this step, or replace it if the step is None."""
+        if step is None:
+            self.inserted.append(piece)
+            self._gone += 1
+        else:
+            self._flush()
+            self._made.append(step)
+        self.at += 1
+
+    def done(self) -> StringDelta:
+        """Finish and return all steps."""
+        if self._gone or self.inserted:
+            self._flush()
+        return self._made
+
+    def _flush(self) -> None:
+        inserted = [plain_scene(Scene(tuple(self.inserted)))] if self.inserted else []
+        self._made += [step for step in (self._stay, -self._gone) if step]
+        self._made += inserted
+        self._stay, self._gone, self.inserted = 0, 0, []
+
+
+def _same_ahead(before: Sequence[Piece], after: Sequence[Piece]) -> int:
+    """Number of identical pieces at the beginning."""
+    shorter = min(len(before), len(after))
+    if before is after:
+        return shorter
+    pairs = zip(before, after, strict=False)
+    return next((at for at, (old, new) in enumerate(pairs) if old is not new), shorter)
+
+
+def _alike(old: Piece, new: Piece) -> bool:
+    """Whether these are the same piece, or versions of the same agent or symbol."""
+    if old is new:
+        return True
+    if isinstance(old, AgentNode) and isinstance(new, AgentNode):
+        return old.id == new.id
+    return type(old) is type(new) and old.symbol == new.symbol
+
+
+def _keys(pieces: Sequence[Piece], begin: int, kept: Container[int]) -> Iterator[Hashable]:
+    """Key of each piece: an agent's id, or a symbol and its ordinal.
+
+    Pieces that both strings share have the key None.
+    """
+    seen: Counter[str] = Counter()
+    for piece in islice(pieces, begin, None):
+        if id(piece) in kept:
+            yield None
+        elif isinstance(piece, AgentNode):
+            yield piece.id
+        else:
+            seen[piece.symbol] += 1
+            yield piece.symbol, seen[piece.symbol]
+
+
+def _changed(old: Piece, new: Piece, depth: int) -> Any:
+    """The step from the old piece to the new one; None if the new piece must be inserted."""
+    if type(old) is AgentNode and type(new) is AgentNode and old.values is not new.values:
+        return None  # The usual change: other attribute values.
+    patch = difference(old, new)
+    if patch is not None:
+        return plain_patch(patch)
+    # Bounded, because deltas of scopes are computed and applied recursively.
+    if not isinstance(old, Scoped) or not isinstance(new, Scoped) or depth >= DEEPEST:
+        return None
+    if type(old) is not type(new) or old.symbol != new.symbol or old.values is not new.values:
+        return None
+    return {"scope": delta_between(old.scope, new.scope, depth + 1)}
+
+
+# --- deltas: applying one ---
+
+
+def apply_delta(old: Scene, plain: Any, reader: Reader, depth: int = 0) -> Scene:
+    """The new string. Raises ProtocolError and VocabularyError if the delta does not fit."""
+    if depth > DEEPEST:
+        raise ProtocolError(f"a delta goes more than {DEEPEST} scopes deep")
+    steps = as_list(plain, "a delta")
+    if not steps:
+        return old
+    left = iter(old.pieces)
+    made: list[Piece] = []
+    for step in steps:
+        if type(step) is int:
+            # A step beyond the string is an error and not ignored: the delta is for another string.
+            passed = _next(left, abs(step))
+            made += passed if step > 0 else []
+        elif is_patch(step):
+            made.append(_patched(_next(left, 1)[0], step, reader))
+        elif isinstance(step, list):
+            made += reader.scene(step).pieces
+        else:
+            made.append(_rescoped(_next(left, 1)[0], step, reader, depth))
+    made += left
+    return Scene(tuple(made)) if made else EMPTY
+
+
+def _next(left: Iterator[Piece], count: int) -> list[Piece]:
+    pieces = list(islice(left, count))
+    if not pieces or len(pieces) < count:
+        raise ProtocolError("a delta goes beyond its string")
+    return pieces
+
+
+def _patched(piece: Piece, plain: Any, reader: Reader) -> Piece:
+    try:
+        return patched(piece, reader.columns.patch(plain))
+    except (Unfit, IndexError) as error:
+        raise ProtocolError(f"a patch does not fit: {error}") from None
+
+
+def _rescoped(piece: Piece, step: Any, reader: Reader, depth: int) -> Piece:
+    if not isinstance(step, dict) or list(cast("dict[Any, Any]", step)) != ["scope"]:
+        raise ProtocolError("a step of a delta is a number, a string, a patch or a scope")
+    if not isinstance(piece, Scoped):
+        raise ProtocolError("a delta enters a piece without a scope")
+    delta = cast("dict[str, Any]", step)["scope"]
+    return with_scope(piece, apply_delta(piece.scope, delta, reader, depth + 1))
+
+
+# --- checkpoints ---
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """An immutable copy of a checkpoint; data saved by members are encoded."""
+
+    checkpoint: Checkpoint
+    saved: Mapping[str, bytes]
+
+    @classmethod
+    def of(cls, checkpoint: Checkpoint) -> Kept:
+        """Copy a checkpoint. Raises TypeError for data that are not plain."""
+        # Encoded at once: the data are written later, in another thread,
+        # and bytes show what has changed.
+        saved = {name: pack(data) for name, data in checkpoint.saved.items()}
+        return cls(replace(checkpoint, saved={}), saved)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A recorded checkpoint: everything if `whole`, otherwise the changes."""
+
+    whole: bool
+    new: Checkpoint
+
+    def after(self, before: Checkpoint) -> Checkpoint:
+        """The checkpoint after this step."""
+        if self.whole:
+            return self.new
+        return replace(
+            self.new,
+            saved={**before.saved, **self.new.saved},
+            reached=before.reached | self.new.reached,
+            reaching=before.reaching | self.new.reaching,
+        )
+
+
+def encode_checkpoint(kept: Kept, before: Kept | None) -> bytes:
+    """Changes of a checkpoint as bytes, possibly empty; everything if `before` is None.
+
+    Raises ValueError for data that cannot be encoded.
+    """
+    new, old = kept.checkpoint, before.checkpoint if before is not None else Checkpoint()
+    known: Mapping[str, bytes] = before.saved if before is not None else {}
+    saved = {name: data for name, data in kept.saved.items() if known.get(name) != data}
+    reached, reaching = _new(new.reached, old.reached), _new(new.reaching, old.reaching)
+    # Most frames change nothing here; a missing entry means no change.
+    if before is not None and not (saved or new.emitted or new.inbox or reached or reaching):
+        return b""
+    inbox = {source: plain_event_list(events) for source, events in new.inbox.items()}
+    head = ["checkpoint", new.frame, before is None, saved, plain_event_list(new.emitted)]
+    return pack([*head, inbox, reached, reaching])
+
+
+def decode_checkpoint(data: bytes, reader: Reader) -> Step:
+    """A checkpoint from bytes. Raises ProtocolError and VocabularyError."""
+    items = entry_items(data, 8, "checkpoint")
+    number, complete, saved, emitted, inbox, reached, reaching = items
+    new = Checkpoint(
+        as_int(number, "the number of a frame"),
+        {name: _saved(data) for name, data in as_map(saved, "saved data").items()},
+        reader.events(emitted),
+        {source: reader.events(sent) for source, sent in as_map(inbox, "an inbox").items()},
+        frozenset(as_texts(reached, "agents")),
+        frozenset(as_texts(reaching, "kinds")),
+    )
+    return Step(as_bool(complete, "whole"), new)
+
+
+def entry_items(data: bytes, count: int, name: str) -> list[Any]:
+    """The items of an entry after its name. Raises ProtocolError."""
+    items = as_list(unpack(data, ON_DISK), "an entry")
+    if len(items) != count or items[0] != name:
+        raise ProtocolError(f"{name}: expected {count} items that begin with this name")
+    return items[1:]
+
+
+def _new(now: frozenset[str], before: frozenset[str]) -> list[str]:
+    return [] if now is before else sorted(now - before)  # Usually nothing has changed.
+
+
+def _saved(plain: Any) -> Mapping[str, Any]:
+    what = "saved data of a member"
+    return as_map(unpack(as_bytes(plain, what), ON_DISK), what)
+
 
 FORMAT: Final = 3
 """Version of these entries, and so of records and journals."""
 
 EventsBySource = Mapping[str, Sequence[AnyEvent]]
+
+
+# --- keyframes, inputs and frames ---
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,3 +507,40 @@ def _layout(plain: Any) -> Layout:
 
 def _number(plain: Any) -> int:
     return as_int(plain, "the number of a frame")
+
+
+# --- readings on topics ---
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """Number of messages on topics that arrived faster than they could be written."""
+
+    count: int
+
+
+def encode_readings(message: Readings) -> bytes:
+    """Readings of a topic as bytes."""
+    readings = [plain_reading(reading) for reading in message.readings]
+    return pack(["topic", message.topic, message.member, message.frame, readings])
+
+
+def encode_dropped(count: int) -> bytes:
+    """A number of missing messages as bytes."""
+    return pack(["dropped", count])
+
+
+def decode_sensed(data: bytes) -> Readings | Dropped:
+    """A message of the channel of topics. Raises ProtocolError."""
+    items = as_list(unpack(data, ON_DISK), "a message of a topic")
+    if items[:1] == ["dropped"] and len(items) == 2:
+        return Dropped(as_int(items[1], "a count"))
+    if items[:1] != ["topic"] or len(items) != 5:
+        raise ProtocolError("a message of a topic has 5 items and begins with its name")
+    readings = tuple([read_reading(reading) for reading in as_list(items[4], "readings")])
+    return Readings(
+        as_text(items[2], "a member"),
+        as_text(items[1], "a topic"),
+        as_int(items[3], "the frame", -1),
+        readings,
+    )

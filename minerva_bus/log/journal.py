@@ -29,10 +29,10 @@ from minerva_bus.errors import BusError, Followed
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.entries import (
     FORMAT,
     EventsBySource,
+    Kept,
     encode_inputs,
     encode_keyframe,
     plain_by_source,

@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_bus.errors import nearest
+from minerva_bus.errors import RecordError, nearest
 from minerva_bus.frame.inputs import Checkpoint, RecordedFrame
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Value, agents
-from minerva_bus.log.cursor import Cursor
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Cursor, Record
 from minerva_bus.wording import frames_up_to
 
 MAX_NAMED: Final = 20

@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from minerva_bus.errors import RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.log.checkpoints import Kept
-from minerva_bus.log.errors import RecordError
+from minerva_bus.log.entries import Kept
 from minerva_bus.log.journaled import read_described, resume_from
-from minerva_bus.log.reader import Record
-from minerva_bus.log.writer import RecordWriter
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_writer import RecordWriter
 
 
 @contextmanager

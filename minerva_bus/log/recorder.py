@@ -1,14 +1,13 @@
 """Records a world while it runs, on a thread of its own.
 
 Only the recorder's thread accesses the disk, so frames do not wait for it. Frames are encoded in
-memory. If that takes little time (`recording_thread.LIGHT`), the thread that runs the frames does
-it while it waits for members: two threads that compete for the interpreter cost more than the work
-itself.
+memory. If that takes little time (`LIGHT`), the thread that runs the frames does it while it waits
+for members: two threads that compete for the interpreter cost more than the work itself.
 
 Up to `WAITING` frames are queued. If the queue is full, the world waits, because a record with gaps
 cannot be replayed. If the disk makes no progress for `PATIENCE` seconds, frames are dropped until
-it does, and their number is reported. The strings after a gap are still correct, because a
-frame is written as the delta from the last written frame.
+it does, and their number is reported. The strings after a gap are still correct, because a frame is
+written as the delta from the last written frame. Publishers of sensor data never wait.
 
 If the disk is full, the world continues without a record; flushed data stay readable.
 """
@@ -16,26 +15,366 @@ If the disk is full, the world continues without a record; flushed data stay rea
 from __future__ import annotations
 
 import sys
+import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
+from math import inf
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, Final, TypeAlias
 
+from minerva_bus.errors import ProtocolError, RecordError
 from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.pace import BackOff
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.checkpoints import Kept
-from minerva_bus.log.description import Description
-from minerva_bus.log.errors import RecordError, check_installed
-from minerva_bus.log.mcap_file import open_for_record, part_of, take_name
-from minerva_bus.log.queues import Pending, Sensed
-from minerva_bus.log.reader import Record
-from minerva_bus.log.recording_thread import RecordingThread, shut
-from minerva_bus.log.writer import RecordWriter
+from minerva_bus.log.channels import check_installed
+from minerva_bus.log.entries import Kept
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_header import Description
+from minerva_bus.log.record_writer import RecordWriter, open_for_record, part_of, take_name
+from minerva_bus.wire.codec import Decoder
 from minerva_bus.world.operator import PersonOperation
+
+MESSAGES: Final = 1024
+BYTES: Final = 64 << 20
+"""Bytes that may be queued; further data are dropped."""
+
+WAITING: Final = 16
+"""Frames and log lines that may be queued."""
+
+PATIENCE: Final = 5.0
+"""Seconds that a world waits for room in the queue before frames are dropped."""
+
+LOOK_SECONDS: Final = 0.5
+"""Interval in which a wait for the disk calls `waiting`, at most."""
+
+Waiting: TypeAlias = Callable[[float], None]
+"""Called during a wait for the disk with the seconds so far."""
+
+
+# --- bounded queues ---
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """An item to write: a frame or a log line."""
+
+    write: Callable[[], None]
+    is_frame: bool
+
+
+class FrameQueue:
+    """A queue from the thread of the frames to the recorder's thread, which `wake` wakes.
+
+    `lost` counts dropped frames. The other counts are of items that were put, taken and flushed;
+    each is changed by one thread at a time, so none needs a lock.
+    """
+
+    def __init__(self, wake: threading.Event) -> None:
+        self.lost: int = 0
+        self.is_stuck = False
+        self._put_count: int = 0
+        self._taken_count: int = 0
+        self._flushed_count: int = 0
+        self._wake = wake
+        self._has_flushed = threading.Event()
+        self._items: deque[Pending] = deque()
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def put(self, pending: Pending, waiting: Waiting) -> bool:
+        """Queue an item if there is room now or within `PATIENCE`; returns whether there was.
+
+        `waiting` is called meanwhile. While the queue is stuck, that is after a drop, `put` does
+        not wait.
+        """
+        # After a drop the disk is known to be slow, so the world must
+        # not wait so long for each frame.
+        since = time.monotonic()
+        patience = 0.0 if self.is_stuck else PATIENCE
+        while len(self._items) >= WAITING:
+            self._wake.set()
+            waited = time.monotonic() - since
+            if waited >= patience:
+                self.is_stuck = True
+                self.lost += pending.is_frame
+                return False
+            waiting(waited)
+            time.sleep(0.001)  # Polling is cheaper than a lock for each frame.
+        self._items.append(pending)
+        self._put_count += 1
+        self.is_stuck = False
+        return True
+
+    def take(self) -> Pending | None:
+        """Remove and return the oldest item, or None."""
+        if not self._items:
+            return None
+        self._taken_count += 1
+        return self._items.popleft()
+
+    @property
+    def has_room(self) -> bool:
+        """Whether `put` would not wait."""
+        return len(self._items) < WAITING
+
+    def mark_flushed(self) -> None:
+        """Note that all items taken are on the disk."""
+        self._flushed_count = self._taken_count
+        self._has_flushed.set()
+
+    def wait_until_flushed(self, waiting: Waiting, within: float = inf) -> None:
+        """Wait until all items put are on the disk; an interrupt ends the wait, not the write.
+
+        `waiting` is called meanwhile. `within`: seconds after which the wait ends.
+        """
+        since = time.monotonic()
+        while self._flushed_count < self._put_count:
+            self._has_flushed.clear()
+            self._wake.set()
+            waited = time.monotonic() - since
+            if waited >= within:
+                return
+            waiting(waited)
+            # Checked again, because a flush may have ended just before the event was cleared.
+            if self._flushed_count < self._put_count:
+                self._has_flushed.wait(min(within - waited, LOOK_SECONDS))
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """Data of a sensor topic: readings, or the bytes received from the bus.
+
+    `frame` was in progress when they arrived, `seconds` after the record began, by the clock.
+    """
+
+    topic: str
+    member: str
+    data: Readings | bytes
+    frame: int
+    seconds: float
+
+    @property
+    def size(self) -> int:
+        """Size in bytes, if received from the bus."""
+        return len(self.data) if isinstance(self.data, bytes) else 0
+
+    def readings(self) -> Readings:
+        """The readings. Raises ProtocolError for invalid data."""
+        if isinstance(self.data, Readings):
+            return self.data
+        return Decoder().readings(self.topic, self.member, self.data)
+
+
+class Backlog:
+    """A queue with any number of writers and one reader; `put` neither waits nor decodes.
+
+    `dropped` counts data for which there was no room, or that were invalid; `recorded_drops` those
+    that the record mentions.
+    """
+
+    def __init__(self) -> None:
+        self.dropped: int = 0
+        self.recorded_drops: int = 0
+        self._lock = threading.Lock()
+        self._waiting: deque[Sensed] = deque()
+        self._bytes = 0
+
+    def put(self, sensed: Sensed) -> None:
+        """Queue data, if there is room."""
+        with self._lock:  # Readings arrive on threads of the bus.
+            # Two limits, because a message may be an image or a few numbers.
+            if len(self._waiting) >= MESSAGES or self._bytes + sensed.size > BYTES:
+                self.dropped += 1
+            else:
+                self._waiting.append(sensed)
+                self._bytes += sensed.size
+
+    @property
+    def waiting(self) -> int:
+        """Number of queued items."""
+        return len(self._waiting)
+
+    def take(self) -> tuple[Sensed, Readings] | None:
+        """The next item and its readings, or None if the queue is empty."""
+        while True:
+            with self._lock:
+                # Decoding follows outside of the lock, so that
+                # threads of the bus never wait for it.
+                if not self._waiting:
+                    return None
+                sensed = self._waiting.popleft()
+                self._bytes -= sensed.size
+            try:
+                return sensed, sensed.readings()
+            except ProtocolError:
+                with self._lock:
+                    self.dropped += 1
+
+
+CLOSING_WITHIN: Final = 30.0
+"""Seconds that `close` waits for the disk."""
+
+LIGHT: Final = 0.0005
+"""Seconds of encoding per frame up to which `idle` does the work."""
+
+REST: Final = 0.01
+"""Minimum seconds between two wake-ups of the thread, also for shorter flush intervals."""
+
+
+# --- the thread ---
+
+
+class RecordingThread:
+    """The thread that writes a record, and its queues.
+
+    `frame`: number of the frame in progress. `failure`: the reason why writing has
+    stopped, or an empty string.
+    """
+
+    def __init__(
+        self, stream: IO[bytes], writer: RecordWriter, flush_seconds: float, *, durable: bool
+    ) -> None:
+        self.frame: int = 0
+        self.failure = ""
+        self.is_closed = False
+        self.wake = threading.Event()
+        self.queue = FrameQueue(self.wake)
+        self.backlog = Backlog()
+        self._stream = stream
+        self._writer = writer
+        self._durable = durable
+        self._flush_seconds = 0.0 if durable else flush_seconds
+        self._flush_at = time.monotonic() + self._flush_seconds
+        self._writing = threading.Lock()
+        self._is_light = True
+        self._is_urgent = False
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    # --- for the caller's thread ---
+
+    @property
+    def is_open(self) -> bool:
+        """Whether recording is still possible."""
+        return not (self.failure or self.is_closed)
+
+    def fail(self, reason: str) -> None:
+        """Stop recording; the first reason is kept."""
+        self.failure = self.failure or reason
+
+    def help(self) -> None:
+        """Write a queued frame if that is quick and stays in memory; otherwise wake the thread."""
+        if self._durable or not (self.queue or self.backlog.waiting):
+            return
+        # With a flush interval of 0 each frame is flushed to the disk, which only the thread may
+        # access.
+        is_quick = self._is_light and self._writer.has_room and self._flush_seconds
+        if self.backlog.waiting or not is_quick:
+            self.wake.set()
+        # If the thread is writing already, the frames must not wait for it.
+        elif self._writing.acquire(blocking=False):
+            try:
+                self._write_next()
+            finally:
+                self._writing.release()
+
+    def flush(self, waiting: Waiting) -> None:
+        """Write all queued items, and wait until they are written; see `FrameQueue`."""
+        self._is_urgent = True
+        self.queue.wait_until_flushed(waiting, PATIENCE)
+
+    def close(self, waiting: Waiting) -> None:
+        """Write all queued items, and end."""
+        self.is_closed = True
+        self.wake.set()
+        since = time.monotonic()
+        while (waited := time.monotonic() - since) < CLOSING_WITHIN and self._thread.is_alive():
+            waiting(waited)
+            self._thread.join(min(CLOSING_WITHIN - waited, LOOK_SECONDS))
+        if self._thread.is_alive():
+            self.fail("the disk does not respond")
+
+    # --- in the thread ---
+
+    def _run(self) -> None:
+        while not self.is_closed:
+            rest = max(REST, self._flush_at - time.monotonic())
+            # A durable record is flushed by each frame, so nothing is due without one.
+            self.wake.wait(None if self._durable else rest)
+            self.wake.clear()
+            self._write_all()
+        self._write_all()
+        self._carefully(self._write_sensed)
+        self._carefully(self._writer.finish)
+        shut(self._stream)
+
+    def _write_all(self) -> None:
+        """Write all queued data; flush on time even if a fast world always queues more."""
+        more = True
+        while more:
+            with self._writing:  # Released after each item, so that `help` can write too.
+                self._write_next()
+                self._carefully(self._write_sensed)
+                is_last = self._is_urgent and not self.queue
+                if is_last or time.monotonic() >= self._flush_at:
+                    self._is_urgent = self._is_urgent and not is_last
+                    self._carefully(self._writer.flush)
+                    self.queue.mark_flushed()
+                    self._flush_at = time.monotonic() + self._flush_seconds
+            more = bool(self.queue)
+
+    def _write_next(self) -> None:
+        """Write the oldest item; the caller holds `_writing`."""
+        # CPU time of this thread alone: waiting for the interpreter does not count.
+        began = time.thread_time()
+        pending = self.queue.take()
+        if pending is not None:
+            self._carefully(pending.write)
+            if pending.is_frame:
+                self._is_light = time.thread_time() - began <= LIGHT
+
+    def _write_sensed(self) -> None:
+        """Write queued readings, unless the world waits for the queue of frames."""
+        backlog, seconds = self.backlog, 0.0
+        # Bounded by the current number: with a fast sensor the loop would otherwise never end.
+        for _ in range(backlog.waiting):
+            taken = backlog.take() if self.queue.has_room else None
+            if taken is None:
+                break
+            sensed, readings = taken
+            seconds = sensed.seconds
+            self._writer.sensed(readings, sensed.frame, seconds)
+        dropped = backlog.dropped - backlog.recorded_drops
+        if dropped:
+            backlog.recorded_drops += dropped
+            self._writer.dropped(dropped, self.frame, seconds)
+
+    def _carefully(self, work: Callable[[], None]) -> None:
+        """Note a failure instead of raising it: a record must never end its world."""
+        if self.failure:
+            return
+        try:
+            work()
+        except OSError as error:
+            self.fail(error.strerror or str(error))
+        # The world continues after any failure of its record.
+        except Exception as error:
+            self.fail(f"{type(error).__name__}: {error}")
+
+
+def shut(stream: IO[bytes]) -> None:
+    """Close a file; ignore data that a full disk does not accept."""
+    try:
+        stream.close()
+    except OSError:
+        return
+
 
 HELPED_WITHIN: Final = 4
 """Queued frames that may wait for `idle` before the thread is woken."""
@@ -49,6 +388,9 @@ five milliseconds is several frames; releasing it more often costs more than it 
 
 
 _NO_TIMINGS: Mapping[str, float] = {}
+
+
+# --- its user ---
 
 
 class Recorder:

@@ -1,32 +1,320 @@
-"""Receives members' messages: checks rights and limits, decodes, and informs the runner."""
+"""Receives members' messages and tokens: checks rights and limits, decodes, and informs the runner.
 
+Large messages are decoded in a thread, one at a time, while the frames continue. Messages that no
+frame waits for are postponed beyond the time that the coordinator spends on them at once.
+"""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import islice
+from threading import Lock
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import zenoh
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.messages import Wire
-from minerva_bus.runtime.admission_rules import GUESTS, STRANGERS
-from minerva_bus.runtime.large import (
-    LARGE,
-    MAX_BEHIND,
-    Decoded,
-    LargeMessage,
-    LargeMessages,
-    is_slow,
-)
+from minerva_bus.runtime.admission import GUESTS, STRANGERS
 from minerva_bus.runtime.metrics import MICRO
-from minerva_bus.runtime.postponed import Postponed, PostponedMessage
-from minerva_bus.runtime.presence import TokenChanges, TokensChanged
+from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder, declaration, stamped
-from minerva_bus.wire.message_limits import Limits
+from minerva_bus.wire.keys import COORDINATOR, MAX_NAME, last_part
+from minerva_bus.wire.message_limits import Limits, values_in
 
 if TYPE_CHECKING:
     from minerva_bus.runtime.coordinator import Coordinator
+
+
+# --- tokens: the presence of members and coordinators ---
+
+HERE: Final = zenoh.SampleKind.PUT
+GONE: Final = zenoh.SampleKind.DELETE
+
+MAX_DIGITS: Final = 20
+"""Digits of the highest epoch."""
+
+LOOKED_AT: Final = 20
+"""Names that are checked at once for one that has room for a change."""
+
+Changes: TypeAlias = tuple[type[s.Appeared] | type[s.Vanished], ...]
+_APPEARED: Final[Changes] = (s.Appeared,)
+_VANISHED: Final[Changes] = (s.Vanished,)
+
+
+@dataclass(frozen=True, slots=True)
+class TokensChanged:
+    """Tokens of members have changed: take one of the changes."""
+
+
+class TokenChanges:
+    """Changes of the members' tokens until the main thread takes them: the latest of each name.
+
+    A token comes and goes as fast as its link allows, tens of thousands of times a second. So what
+    waits is bounded by the number of names: a member that has vanished and appeared again is a new
+    process, but one that has vanished again before it was taken has never been here. At most
+    `most` names of guests wait. The changes of names for which `takes_part` is true come first.
+
+    `put` requests a `take` by a `TokensChanged`; it is called in threads of Zenoh, as `note` is.
+    """
+
+    def __init__(
+        self, takes_part: Callable[[str], bool], most: int, put: Callable[[TokensChanged], None]
+    ) -> None:
+        self._takes_part = takes_part
+        self._most = most
+        self._put = put
+        self._lock = Lock()
+        self._first: dict[str, Changes] = {}
+        self._guests: dict[str, Changes] = {}
+        self._here: set[str] = set()
+        self._left_out: Counter[str] = Counter()
+        self._requested = False
+
+    def note(self, sample: zenoh.Sample) -> None:
+        """Note a change of a token; called in a thread of Zenoh."""
+        # A longer name is invalid anyway, and may have 64 kB.
+        name = str(sample.key_expr).rpartition("/")[2][: MAX_NAME + 1]
+        if name == COORDINATOR:
+            return
+        # In one piece, because in a flood this runs 80,000 times a second.
+        with self._lock:
+            first = name in self._first or (name not in self._guests and self._takes_part(name))
+            changed, here = self._first if first else self._guests, name in self._here
+            before = changed.get(name, ())
+            appeared = before[-1:] == _APPEARED
+            if sample.kind == HERE:
+                if first or before or len(changed) < self._most:
+                    changed[name] = before if appeared else before + _APPEARED
+                else:
+                    self._left_out[STRANGERS] += 1
+            else:
+                if appeared:
+                    # Unlimited names may come and go, so only those that are known count alone.
+                    self._left_out[name if first or here else STRANGERS] += 1
+                if here:
+                    changed[name] = _VANISHED
+                else:
+                    changed.pop(name, None)
+            if self._requested or not changed:
+                return
+            self._requested = True
+        self._put(TokensChanged())
+
+    def take(self, has_room: Callable[[str, bool], bool]) -> list[s.Appeared | s.Vanished]:
+        """The changes of one name; nothing if none waits that `has_room`.
+
+        `has_room` is called with a name and with whether it takes part.
+        """
+        with self._lock:
+            for changed in (self._first, self._guests):
+                for name in list(islice(changed, LOOKED_AT)):
+                    changes = changed.pop(name)
+                    if has_room(name, changed is self._first):
+                        here = changes[-1] is s.Appeared
+                        (self._here.add if here else self._here.discard)(name)
+                        self._requested = bool(self)
+                        return [change(name) for change in changes]
+                    changed[name] = changes  # Behind the others, which may have room.
+            # What waits without room is taken by the clock: a flood must not request it again.
+            self._requested = bool(self)
+        return []
+
+    def __bool__(self) -> bool:
+        return bool(self._first or self._guests)
+
+    def forget(self, name: str) -> None:
+        """Ignore the token of a name that was not admitted, until it appears again."""
+        with self._lock:
+            self._here.discard(name)
+
+    def left_out(self) -> Mapping[str, int]:
+        """The number of appearances by name that were left out since the last call."""
+        with self._lock:
+            left_out, self._left_out = self._left_out, Counter()
+        return left_out
+
+
+@dataclass(frozen=True, slots=True)
+class Successor:
+    """A coordinator of this epoch is running."""
+
+    epoch: int
+
+
+def successor(sample: zenoh.Sample, own: int) -> Successor | None:
+    """The coordinator whose token appeared, if its epoch is above the own one."""
+    epoch = last_part(str(sample.key_expr))
+    there = sample.kind == HERE and epoch.isdecimal() and len(epoch) <= MAX_DIGITS
+    return Successor(int(epoch)) if there and int(epoch) > own else None
+
+
+# --- large messages ---
+
+LARGE: Final = 32 * 1024
+"""Bytes above which a message with many values is decoded in a thread."""
+
+MANY_VALUES: Final = 1000
+IN_COLUMNS: Final = 256 * 1024
+"""Bytes above which one with few values is, too, since ids in a column are decoded one by one."""
+
+MAX_BEHIND: Final = 4
+"""Messages of one member that may wait for the thread: a frame asks for one at a time."""
+
+
+def is_slow(body: bytes) -> bool:
+    """Whether to decode a message in a thread.
+
+    A new thread and its hand-over cost more than it takes to decode columns of this size.
+    """
+    if len(body) <= LARGE:
+        return False
+    return len(body) > IN_COLUMNS or values_in(body, MANY_VALUES) > MANY_VALUES
+
+
+@dataclass(frozen=True, slots=True)
+class LargeMessage:
+    """The bytes of a member's message; `joins` counts how often the member has joined so far."""
+
+    member: str
+    joins: int
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """A large message after decoding, or None and its problem; decoding took `seconds`."""
+
+    large: LargeMessage
+    message: m.FromMember | None
+    problem: str
+    seconds: float
+
+
+class LargeMessages:
+    """Decodes large messages, alternating between members.
+
+    `put` passes a `Decoded` from the thread to the main thread, which calls `taken`. A member's
+    later messages, large or not, wait for its large ones, so that the order is kept.
+    """
+
+    def __init__(self, decoder: Decoder, system: System, put: Callable[[Decoded], None]) -> None:
+        self._decoder = decoder
+        self._system = system
+        self._put = put
+        self._waiting: dict[str, deque[LargeMessage]] = {}
+        self._busy = False
+
+    def behind(self, member: str) -> int:
+        """The number of a member's messages that wait or are being decoded."""
+        return len(self._waiting.get(member, ()))
+
+    def add(self, large: LargeMessage) -> None:
+        """Queue a message."""
+        self._waiting.setdefault(large.member, deque()).append(large)
+        if not self._busy:
+            self._begin(large.member)
+
+    def taken(self, decoded: Decoded) -> None:
+        """The main thread has a message: begin the next one, of another member if one waits."""
+        member = decoded.large.member
+        # Removed and inserted again, because the order of the dict is
+        # the order of the members' turns.
+        waiting = self._waiting.pop(member)
+        waiting.popleft()
+        if waiting:
+            self._waiting[member] = waiting  # At the end of the dict: it is the last in turn.
+        self._busy = False
+        if self._waiting:
+            self._begin(next(iter(self._waiting)))
+
+    def _begin(self, member: str) -> None:
+        large, self._busy = self._waiting[member][0], True
+        # One message at a time: several threads would compete for the interpreter with the frames.
+        self._system.aside(lambda: self._put(self._decoded(large)))
+
+    def _decoded(self, large: LargeMessage) -> Decoded:
+        began = self._system.monotonic()
+        message, problem = None, ""
+        try:
+            message = self._decoder.from_member(large.member, large.body)
+        except (ProtocolError, SceneError) as error:
+            problem = str(error)
+        return Decoded(large, message, problem, self._system.monotonic() - began)
+
+
+AT_ONCE: Final = 0.01
+"""Seconds that the coordinator spends on such messages before replies come first."""
+
+SHARE: Final = 0.25
+"""Share of the time that it spends on them while replies or further messages arrive."""
+
+MOST: Final = 10_000
+"""Messages that may be postponed; further ones are dropped."""
+
+MOST_BYTES: Final = 64 << 20
+"""Bytes of postponed messages above which further ones are dropped."""
+
+
+@dataclass(frozen=True, slots=True)
+class PostponedMessage:
+    """The bytes of a member's message; `joins` counts how often the member had joined."""
+
+    member: str
+    joins: int
+    data: bytes
+
+
+class Postponed:
+    """A queue of messages, and the time left for them.
+
+    A reply waits behind all messages that arrived before it. So these are decoded only for AT_ONCE
+    seconds and for SHARE of the time after that; the rest waits until nothing else has arrived.
+    `process` decodes a message.
+    """
+
+    def __init__(
+        self, process: Callable[[PostponedMessage], None], clock: Callable[[], float]
+    ) -> None:
+        self._process = process
+        self._clock = clock
+        self._queue: deque[PostponedMessage] = deque()
+        self._bytes = 0
+        self._left = AT_ONCE
+        self._at = clock()
+
+    def __bool__(self) -> bool:
+        return bool(self._queue)
+
+    def add(self, message: PostponedMessage) -> bool:
+        """Process a message after all earlier ones, now if time is left; False if it is dropped."""
+        if len(self._queue) >= MOST or self._bytes >= MOST_BYTES:
+            return False
+        self._queue.append(message)
+        self._bytes += len(message.data)
+        self._refill()
+        while self._queue and self._left > 0:
+            self.process_next()
+        return True
+
+    def process_next(self) -> None:
+        """Process the first message, whether time is left or not."""
+        message = self._queue.popleft()
+        self._bytes -= len(message.data)
+        began = self._clock()
+        self._process(message)
+        self._left -= self._clock() - began
+
+    def _refill(self) -> None:
+        now = self._clock()
+        self._left = min(AT_ONCE, self._left + SHARE * (now - self._at))
+        self._at = now
 
 
 class Receiver:

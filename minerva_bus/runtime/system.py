@@ -16,8 +16,7 @@ from typing import Final, Protocol, TypeVar
 
 import zenoh
 
-from minerva_bus.runtime.diagnosis import obstacle
-from minerva_bus.runtime.endpoints import check_endpoint
+from minerva_bus.runtime.endpoints import check_endpoint, obstacle
 from minerva_bus.runtime.session import Secured, closed_in_time, open_client, open_hub
 from minerva_bus.security.credentials import Credentials
 

@@ -12,7 +12,7 @@ import zenoh
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.runtime.restraint import Restraint
+from minerva_bus.runtime.world_log import Restraint
 from minerva_bus.wire.codec import Decoder, encode, stamp, stamped
 from minerva_bus.wire.keys import Keys
 

@@ -13,10 +13,9 @@ from minerva_bus import World, count, data, each, export, run
 from minerva_bus.api.running import run_file
 from minerva_bus.cli.main import app
 from minerva_bus.collect.plans import read_entries
-from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
+from minerva_bus.errors import MinervaError, MisuseError, RecordError, VocabularyError
 from minerva_bus.launch.world_files import Collecting
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.settings.overrides import Overrides
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")

@@ -8,10 +8,15 @@ import pytest
 from frogs import Frog, pond
 
 from minerva_bus import count, data, outputs, run
-from minerva_bus.collect.joining import JoinedPart, join_parts, part_ending
-from minerva_bus.collect.parts import TableParts, read_parts
 from minerva_bus.collect.plans import TablePlan
-from minerva_bus.collect.writers import create_writer, read_columns
+from minerva_bus.collect.table_parts import (
+    JoinedPart,
+    TableParts,
+    join_parts,
+    part_ending,
+    read_parts,
+)
+from minerva_bus.collect.tables import create_writer, read_columns
 from minerva_bus.errors import MisuseError
 
 TYPES = {"frame": "int64", "on": "bool", "name": "text"} | {f"x{n}": "float64" for n in range(20)}
@@ -136,7 +141,7 @@ def test_a_description_of_parts_that_no_run_has_written_is_refused(tmp_path, abo
 
 def test_the_table_of_an_undisturbed_run_is_not_joined(tmp_path, monkeypatch):
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr("minerva_bus.collect.parts.join_parts", None)
+    monkeypatch.setattr("minerva_bus.collect.table_parts.join_parts", None)
     path = tmp_path / "out.parquet"
     parts = TableParts(path, {"AFrog": TYPES})
     writer = parts.open(PLAN)
@@ -197,7 +202,7 @@ def test_a_part_that_a_replaced_process_completes_late_is_not_doubled(
     for frame in range(late + 1):
         older.rows(rows(frame))
     # The new process completes a part every two frames.
-    monkeypatch.setattr("minerva_bus.collect.writers.BUFFERED_ROWS", 2 * len(rows(0)["frame"]))
+    monkeypatch.setattr("minerva_bus.collect.tables.BUFFERED_ROWS", 2 * len(rows(0)["frame"]))
     for frame in range(8):
         newer.rows(rows(frame))
         if frame == 4:

@@ -13,7 +13,7 @@ from minerva_bus import Frame, Tick, Vocabulary, WorldInfo
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.installed import find_world
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_services.bridges.ros2.steering import MotorLimits

@@ -13,8 +13,7 @@ from rover_yard import readings, record_yard
 
 from minerva_bus import MinervaError, export_dataset
 from minerva_bus.cli.main import app
-from minerva_bus.log.reader import Record
-from minerva_bus.log.record_frames import RecordFrames
+from minerva_bus.log.record import Record, RecordFrames
 
 STATE = ["x", "y", "angle", "gear=low", "gear=high", "moves"]
 

@@ -12,7 +12,7 @@ from rover_yard import readings
 
 from minerva_bus import MinervaError, export_dataset
 from minerva_bus.cli.main import app
-from minerva_bus.log.record_frames import RecordFrames
+from minerva_bus.log.record import RecordFrames
 from minerva_bus.wire.readings_codec import plain_reading
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.rosbag import Bag
@@ -51,7 +51,7 @@ def test_the_bag_has_all_messages(bag, by_topic):
 
 
 def test_poses_are_those_of_the_strings(recorded, by_topic):
-    from minerva_bus.log.reader import Record
+    from minerva_bus.log.record import Record
 
     with Record(recorded[1]) as record:
         strings = [frame.scene for frame in RecordFrames(record)]

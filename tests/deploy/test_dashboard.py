@@ -6,7 +6,7 @@ import re
 import pytest
 import yaml
 
-from minerva_bus.runtime.totals import Durations, Totals
+from minerva_bus.runtime.metrics import Durations, Totals
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 from tests.deploy.commands import DEPLOY
 from tests.deploy.deployed import COMPOSE

@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.certificates import Wanted
 from tests.deploy.deployed import PODS

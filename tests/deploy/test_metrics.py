@@ -10,7 +10,7 @@ import pytest
 
 from minerva_bus.errors import BusError, MisuseError, ProtocolError
 from minerva_bus.launch.metrics_server import Exporter, address, live, ready
-from minerva_bus.runtime.totals import BOUNDS, Durations, Totals, read_totals
+from minerva_bus.runtime.metrics import BOUNDS, Durations, Totals, read_totals
 from minerva_bus.wire.plain import pack, unpack
 from minerva_bus.wire.status_codec import plain_status
 from minerva_bus.world.operator import MemberStatus, WorldStatus

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.launch import process_table, supervisor
-from minerva_bus.runtime import arrival as arrivals
-from minerva_bus.runtime import member, monitor, rejoin, session, waiting
+from minerva_bus.runtime import coordinator, joining, participants, session, waiting
 
 PAGE = Path(__file__).parents[2] / "docs" / "timeouts.md"
 ROW = re.compile(r"^\| `((?:runtime|launch)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
@@ -40,12 +39,12 @@ def test_numbers_in_words_are_as_in_the_code():
 
 
 def test_timeouts_that_follow_one_another_are_in_order():
-    patience, arrival = waiting.Patience(), arrivals.Arrival()
+    patience, arrival = waiting.Patience(), joining.Arrival()
     assert patience.soft < patience.hard
     assert process_table.SLOT_SECONDS < waiting.START
-    assert monitor.GREETED_AGAIN < arrival.greeted < arrival.greeted_at_most
-    assert session.LEASE < member.BACK_WITHIN < monitor.BACK_WITHIN
-    assert session.LEASE + member.BACK_WITHIN < supervisor.STOPPED_SECONDS
-    assert session.LEASE < rejoin.NAME_FREE_AGAIN < member.BACK_WITHIN
-    assert monitor.HURRIED_REPORTS_WITHIN < supervisor.STOP_SECONDS
+    assert coordinator.GREETED_AGAIN < arrival.greeted < arrival.greeted_at_most
+    assert session.LEASE < participants.BACK_WITHIN < coordinator.BACK_WITHIN
+    assert session.LEASE + participants.BACK_WITHIN < supervisor.STOPPED_SECONDS
+    assert session.LEASE < joining.NAME_FREE_AGAIN < participants.BACK_WITHIN
+    assert coordinator.HURRIED_REPORTS_WITHIN < supervisor.STOP_SECONDS
     assert process_table.MAX_RESTART_SECONDS < process_table.HEALTHY_SECONDS

@@ -35,8 +35,8 @@ from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.journal import Journal
-from minerva_bus.runtime.arrival import Arrival
-from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.joining import Arrival
+from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_hub
 from minerva_bus.security.authority import KeyFolder
 from minerva_bus.wire.codec import Decoder

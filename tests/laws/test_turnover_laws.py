@@ -33,7 +33,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
-from minerva_bus.log.deltas import apply_delta, delta_between
+from minerva_bus.log.entries import apply_delta, delta_between
 from minerva_bus.wire.columns_codec import plain_columns, plain_patch
 from minerva_bus.wire.message_limits import Limits
 from minerva_bus.wire.strings_codec import Reader

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus.log.errors import RecordError
+from minerva_bus.errors import RecordError
 from minerva_bus.log.journaled import keyframes_in
-from minerva_bus.log.mcap_file import open_for_record
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_writer import open_for_record
 from tests.log.recorded_runs import bytes_of, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
@@ -118,7 +118,7 @@ def test_a_name_that_no_file_has():
 
 def test_a_format_of_the_future(tmp_path, monkeypatch):
     data = bytes_of("meadow")
-    monkeypatch.setattr("minerva_bus.log.description.FORMAT", 4)
+    monkeypatch.setattr("minerva_bus.log.record_header.FORMAT", 4)
     with pytest.raises(RecordError, match="its format is 3; this version of Minerva Bus reads 4:"):
         record_of(data, tmp_path)
 

@@ -8,7 +8,7 @@ from minerva_bus import Agent, Metres, Primitive, Transformation, Vocabulary
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene, with_scope
-from minerva_bus.log.deltas import DEEPEST, apply_delta, delta_between
+from minerva_bus.log.entries import DEEPEST, apply_delta, delta_between
 from minerva_bus.testing.family import FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_strings, worlds
 from minerva_bus.testing.strategies import strings_of as any_strings

@@ -7,11 +7,9 @@ import pytest
 
 from minerva_analysis.tracks import MAX_AGENTS
 from minerva_bus.log import channels as c
-from minerva_bus.log.chunks import FEWEST_MESSAGES, Chunks
-from minerva_bus.log.display import SHOWN, SHOWN_EVERY
-from minerva_bus.log.queues import PATIENCE, WAITING
-from minerva_bus.log.scanning import CHUNK_FLOOR, FLOOR, RATIO
-from minerva_bus.log.writer import KEY_AFTER
+from minerva_bus.log.chunks import CHUNK_FLOOR, FEWEST_MESSAGES, FLOOR, RATIO, Chunks
+from minerva_bus.log.record_writer import KEY_AFTER, SHOWN, SHOWN_EVERY
+from minerva_bus.log.recorder import PATIENCE, WAITING
 from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.plain import unpack
 from tests.log.recorded_runs import bytes_of, happened, strings_of

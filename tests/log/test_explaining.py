@@ -6,12 +6,11 @@ import pytest
 from harbour import Crew, Pilot, Port, Raft, Ship, eCargo, eSail, harbour
 
 from minerva_bus import Agent, explain, on, record
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import MinervaError, RecordError
 from minerva_bus.log import chunks
-from minerva_bus.log.errors import RecordError
 from minerva_bus.log.observation import observe_agent
 from minerva_bus.log.past_frames import last_change
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from tests.log.recorded_runs import bytes_of, record_of
 from tests.runtime.running import here
 

@@ -6,18 +6,18 @@ from types import SimpleNamespace
 import pytest
 from harbour import harbour
 
+from minerva_bus.errors import RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch import journaled_past
 from minerva_bus.launch.explaining import explain_running_value
 from minerva_bus.launch.run_outputs import description_of
 from minerva_bus.log import journal
-from minerva_bus.log.checkpoints import Kept
-from minerva_bus.log.description import encode_description
-from minerva_bus.log.errors import RecordError
+from minerva_bus.log.entries import Kept
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_described
-from minerva_bus.log.writer import RecordWriter
+from minerva_bus.log.record_header import encode_description
+from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
 
 FRAMES = 60

@@ -13,7 +13,7 @@ import pytest
 from minerva_bus.cli.main import main
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.log.entries import FORMAT
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from tests.log.recorded_runs import bytes_of
 
 mcap = pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")

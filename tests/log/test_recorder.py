@@ -16,14 +16,13 @@ from typing import ClassVar, cast
 import pytest
 
 from minerva_bus.api import records
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log import queues, recording_thread, writer
+from minerva_bus.log import record_writer
 from minerva_bus.log import recorder as module
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.log.recorder import HELPED_WITHIN, Recorder
-from minerva_bus.log.writer import RecordWriter
 from tests.log.recorded_runs import description, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
@@ -177,7 +176,7 @@ def test_a_flush_leaves_all_frames_in_the_file(tmp_path):
 
 
 def test_a_flush_ends_if_the_disk_stands_still(monkeypatch):
-    monkeypatch.setattr(recording_thread, "PATIENCE", 0.01)
+    monkeypatch.setattr(module, "PATIENCE", 0.01)
     disk = Disk()
     recorder, _ = recorder_on(monkeypatch, disk)
     disk.free.clear()
@@ -249,7 +248,7 @@ def test_an_unencodable_value_ends_the_record_but_not_the_world(monkeypatch):
 
 
 def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatch):
-    monkeypatch.setattr(queues, "PATIENCE", 0.01)
+    monkeypatch.setattr(module, "PATIENCE", 0.01)
     disk = Disk()
     recorder, said = recorder_on(monkeypatch, disk, flush_seconds=0.0)
     disk.free.clear()
@@ -258,7 +257,7 @@ def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatc
     recorder.frame(*frames[0], 0.0)
     disk.asked.wait()  # The thread is blocked in a write and takes no more frames.
     put(recorder, frames[1:50])
-    assert recorder.lost == 49 - queues.WAITING
+    assert recorder.lost == 49 - module.WAITING
     assert [text for text in said if "disk too slow; dropping frames" in text] == said[:1]
     disk.free.set()
     while recorder.frames < 50 - recorder.lost:
@@ -282,7 +281,7 @@ def test_the_world_waits_for_a_slow_disk_and_nothing_is_lost(tmp_path, monkeypat
         put(recorder, happened("meadow")[1])
         done.set()
 
-    monkeypatch.setattr(queues, "PATIENCE", 60.0)
+    monkeypatch.setattr(module, "PATIENCE", 60.0)
     happened("meadow")
     thread = threading.Thread(target=world)
     thread.start()
@@ -299,8 +298,8 @@ def test_the_world_waits_for_a_slow_disk_and_nothing_is_lost(tmp_path, monkeypat
 @pytest.mark.parametrize("ends", [False, True])
 def test_a_world_that_waits_for_the_disk_says_so(durable, ends, tmp_path, monkeypatch):
     monkeypatch.setattr(module, "SAID_AFTER", 0.01)
-    monkeypatch.setattr(queues, "LOOK_SECONDS", 0.01)
-    monkeypatch.setattr(recording_thread, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(module, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(module, "LOOK_SECONDS", 0.01)
     disk, said = Disk(), []
 
     def say(text):
@@ -378,7 +377,7 @@ def writers_of(monkeypatch):
 
 def test_small_frames_are_written_by_an_idle_thread(monkeypatch):
     writers = writers_of(monkeypatch)
-    monkeypatch.setattr(recording_thread, "LIGHT", 60.0)
+    monkeypatch.setattr(module, "LIGHT", 60.0)
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
     recorder.idle()
     for record, string in happened("meadow")[1]:
@@ -395,7 +394,7 @@ def test_small_frames_are_written_by_an_idle_thread(monkeypatch):
 def test_large_frames_are_left_to_the_thread(why, monkeypatch):
     writers = writers_of(monkeypatch)
     if why == "much to do":
-        monkeypatch.setattr(recording_thread, "LIGHT", -1.0)
+        monkeypatch.setattr(module, "LIGHT", -1.0)
     else:
         monkeypatch.setattr(RecordWriter, "has_room", property(lambda self: False))
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
@@ -419,9 +418,9 @@ def test_a_large_string_is_left_to_the_thread(monkeypatch):
         put(self, *what)
 
     monkeypatch.setattr(RecordWriter, "_put_keyframe", written)
-    monkeypatch.setattr(recording_thread, "LIGHT", 60.0)
-    monkeypatch.setattr(writer, "KEY_AFTER", 4)
-    monkeypatch.setattr(writer, "SMALL", 4_000)  # Less than the string, more than most frames.
+    monkeypatch.setattr(module, "LIGHT", 60.0)
+    monkeypatch.setattr(record_writer, "KEY_AFTER", 4)
+    monkeypatch.setattr(record_writer, "SMALL", 4_000)  # Less than the string, more than most frames.
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
     recorder.idle()
     for record, string in happened("meadow")[1]:
@@ -453,17 +452,17 @@ def test_the_helping_thread_never_waits_for_the_disk(monkeypatch):
     frames = happened("meadow")[1]
     recorder.frame(*frames[0], 0.0)
     disk.asked.wait()  # The thread is blocked in a write.
-    for record, string in frames[1 : queues.WAITING]:
+    for record, string in frames[1 : module.WAITING]:
         recorder.frame(record, string, 0.0)
         recorder.idle()
     disk.free.set()
     recorder.close()
-    assert recorder.frames == queues.WAITING
+    assert recorder.frames == module.WAITING
     assert not recorder.lost
 
 
 def test_frames_are_in_order_with_either_writer(monkeypatch, tmp_path):
-    monkeypatch.setattr(recording_thread, "LIGHT", 60.0)
+    monkeypatch.setattr(module, "LIGHT", 60.0)
     writers = writers_of(monkeypatch)
     disk = Disk()
     recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.01)

@@ -6,13 +6,13 @@ import json
 import numpy as np
 import pytest
 
+from minerva_bus.errors import RecordError
 from minerva_bus.grammar.events import single
 from minerva_bus.log import channels as c
-from minerva_bus.log import chunks, display
-from minerva_bus.log.description import encode_description
+from minerva_bus.log import chunks, record_writer
 from minerva_bus.log.entries import encode_frame
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.writer import RecordWriter
+from minerva_bus.log.record_header import encode_description
+from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, description, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
@@ -92,7 +92,7 @@ def test_a_wrong_digest_is_found(tmp_path, monkeypatch):
     for done, string in frames[:2]:
         writer.frame(done, string, 0.0, {})
     wrong = lambda number, events, edit, _: encode_frame(number, events, edit, bytes(16))  # noqa: E731
-    monkeypatch.setattr("minerva_bus.log.writer.encode_frame", wrong)
+    monkeypatch.setattr("minerva_bus.log.record_writer.encode_frame", wrong)
     writer.frame(*frames[2], 0.0, {})
     writer.finish()
     with record_of(stream.getvalue(), tmp_path) as record:
@@ -172,7 +172,7 @@ def test_others_see_the_map():
 
 def test_a_world_of_many_shows_some_of_them(monkeypatch):
 
-    monkeypatch.setattr(display, "SHOWN", 10)
+    monkeypatch.setattr(record_writer, "SHOWN", 10)
     file, frames = happened("flock")
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))

@@ -14,7 +14,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.frame.sources import OVER, RecordedSource
 from minerva_bus.launch.past import kinds_in
 from minerva_bus.launch.replays import recompute
-from minerva_bus.log.cursor import Cursor
+from minerva_bus.log.record import Cursor
 from minerva_bus.runtime.direct import InProcessRunner
 from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
 from tests.one_process import run_file

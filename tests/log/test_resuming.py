@@ -6,6 +6,7 @@ import struct
 
 import pytest
 
+from minerva_bus.errors import RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.inputs import Checkpoint
@@ -13,12 +14,10 @@ from minerva_bus.launch.past import read_resumed
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.typed_text import option_text, toml_value
 from minerva_bus.log import channels as c
-from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
 from minerva_bus.log.chunks import Chunks
-from minerva_bus.log.entries import Keyframe
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.reader import Record
-from minerva_bus.log.writer import RecordWriter
+from minerva_bus.log.entries import Kept, Keyframe, decode_checkpoint, encode_checkpoint
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.message_limits import ON_DISK

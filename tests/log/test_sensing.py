@@ -16,11 +16,12 @@ from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log import channels as c
-from minerva_bus.log import queues
-from minerva_bus.log.reader import Record
+from minerva_bus.log import recorder as queues
+from minerva_bus.log.entries import Dropped, decode_sensed, encode_readings
+from minerva_bus.log.foxglove_json import shown_readings
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.log.recorder import Recorder
-from minerva_bus.log.sensing import Dropped, decode_sensed, encode_readings, shown_readings
-from minerva_bus.log.writer import RecordWriter
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.readings_codec import plain_reading

@@ -19,7 +19,7 @@ import zenoh
 from minerva_bus.cli.main import main
 from minerva_bus.errors import BusError
 from minerva_bus.launch import child_processes as forking
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from tests.patience import DEFAULT, eventually, patience
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]

@@ -7,7 +7,7 @@ import signal
 import pytest
 from running import MEMBERS, Run, World, eventually, here, minerva, write_world
 
-from minerva_bus.runtime.asking import AskingOperator
+from minerva_bus.runtime.operator_client import AskingOperator
 from tests.patience import patience
 
 WISHES = '\n[process.wishes]\nservice = "yard:Wishes"\n'

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import zenoh
 
-from minerva_bus.runtime import inbox as inboxes
-from minerva_bus.runtime.inbox import HubInbox, Inbox, TimerTick
+from minerva_bus.runtime import session_inbox as inboxes
 from minerva_bus.runtime.session import open_client, open_hub
+from minerva_bus.runtime.session_inbox import HubInbox, Inbox, TimerTick
 from tests.patience import patience
 from tests.runtime.running import eventually
 
@@ -106,7 +106,7 @@ import threading
 from contextlib import suppress
 from queue import Empty
 import zenoh
-from minerva_bus.runtime.inbox import Inbox
+from minerva_bus.runtime.session_inbox import Inbox
 
 sys.setswitchinterval(1e-5)
 session = zenoh.open(zenoh.Config.from_json5('{scouting: {multicast: {enabled: false}}}'))

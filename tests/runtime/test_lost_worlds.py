@@ -6,9 +6,8 @@ import struct
 
 from running import MEMBERS, Run, World, eventually, here, summary, write_world
 
-from minerva_bus.runtime.reconnect import CheckConnection, Diagnosed, ReconnectMonitor
-from minerva_bus.runtime.session import open_client, open_hub
-from minerva_bus.runtime.sockets import sockets_to
+from minerva_bus.runtime.joining import CheckConnection, Diagnosed, ReconnectMonitor
+from minerva_bus.runtime.session import open_client, open_hub, sockets_to
 from minerva_bus.testing.proxy import Proxy
 
 ELSEWHERE = MEMBERS.replace('"yard:Steps"', '"yard:Steps"\nelsewhere = true')

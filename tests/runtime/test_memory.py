@@ -5,7 +5,7 @@ import resource
 import numpy as np
 import pytest
 
-from minerva_bus.runtime.memory import keep_freed_memory
+from minerva_bus.runtime.runner import keep_freed_memory
 
 ARRAY_BYTES = 4_000_000  # numpy treats arrays from 4 MiB on in a way of its own
 ARRAYS = 6

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from minerva_bus.frame.stimuli import Appeared, Vanished
-from minerva_bus.runtime.admission_rules import STRANGERS, AdmissionRules
-from minerva_bus.runtime.presence import GONE, HERE, TokenChanges, successor
+from minerva_bus.runtime.admission import STRANGERS, AdmissionRules
+from minerva_bus.runtime.receiver import GONE, HERE, TokenChanges, successor
 from minerva_bus.wire.message_limits import Limits
 from tests.simulator.sessions import Bytes, Sample
 

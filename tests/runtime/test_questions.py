@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from minerva_bus.runtime.admission import Admission, ListenConfig
-from minerva_bus.runtime.answers import Answers
+from minerva_bus.runtime.questions import Answers
 from minerva_bus.runtime.system import REAL
 from minerva_bus.wire.keys import Keys, who_asks
 from minerva_bus.wire.message_limits import Limits

@@ -12,7 +12,7 @@ from running import World, eventually, here, minerva, summary
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
 from minerva_bus.grammar.scene import agents
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 
 FILE = """
 [world]

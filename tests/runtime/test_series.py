@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from minerva_bus import Agent, EventType, World, count, each, on, run
-from minerva_bus.collect.history import MAX_POINTS, MAX_SERIES, SeriesHistory
+from minerva_bus.collect.collector import MAX_POINTS, MAX_SERIES, SeriesHistory
 from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.types import Metres

@@ -9,8 +9,13 @@ from typing import Any, cast
 import pytest
 
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.reconnect import ReconnectMonitor
-from minerva_bus.runtime.rejoin import NAME_FREE_AGAIN, STANDBY_SECONDS, NameToken, Rejoin
+from minerva_bus.runtime.joining import (
+    NAME_FREE_AGAIN,
+    STANDBY_SECONDS,
+    NameToken,
+    ReconnectMonitor,
+    Rejoin,
+)
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.world_link import WorldLink
 from minerva_bus.wire.keys import COORDINATOR, Keys

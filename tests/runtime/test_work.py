@@ -18,11 +18,15 @@ from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.runtime import postponed as postponing
-from minerva_bus.runtime.answers import PAUSE_FACTOR, Answers
-from minerva_bus.runtime.large import LargeMessage, LargeMessages
-from minerva_bus.runtime.postponed import Postponed, PostponedMessage
-from minerva_bus.runtime.receiver import Receiver
+from minerva_bus.runtime import receiver as postponing
+from minerva_bus.runtime.questions import PAUSE_FACTOR, Answers
+from minerva_bus.runtime.receiver import (
+    LargeMessage,
+    LargeMessages,
+    Postponed,
+    PostponedMessage,
+    Receiver,
+)
 from minerva_bus.runtime.session import open_client
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder, encode, stamp

@@ -7,15 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_any_schedule import SETTINGS
 
-from minerva_bus.errors import Followed
+from minerva_bus.errors import Followed, RecordError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import FrameDone, Publish
 from minerva_bus.log import journal
-from minerva_bus.log.checkpoints import Kept, encode_checkpoint
-from minerva_bus.log.description import Description, encode_description
-from minerva_bus.log.errors import RecordError
+from minerva_bus.log.entries import Kept, encode_checkpoint
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal, resume_from
+from minerva_bus.log.record_header import Description, encode_description
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 

@@ -8,8 +8,8 @@ sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MEMBERS, World, eventually, write_world
 
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.client import Client
-from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.operator_client import Client
+from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.security.authority import KeyFolder
 from minerva_bus.security.certificates import Wanted
 from minerva_bus.security.credentials import Credentials

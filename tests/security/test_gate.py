@@ -8,9 +8,18 @@ import zenoh
 
 from minerva_bus.errors import KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.admission import LOOK_EVERY, NO_NAME, Admission, ListenConfig, Security
-from minerva_bus.runtime.admission_rules import MAX_NAMES, STRANGERS, AdmissionRules
-from minerva_bus.runtime.links import Linked, Links
+from minerva_bus.runtime.admission import (
+    LOOK_EVERY,
+    MAX_NAMES,
+    NO_NAME,
+    STRANGERS,
+    Admission,
+    AdmissionRules,
+    Linked,
+    Links,
+    ListenConfig,
+    Security,
+)
 from minerva_bus.security.credentials import Rights
 from minerva_bus.wire.codec import declaration, encode
 from minerva_bus.wire.keys import Keys

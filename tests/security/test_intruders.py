@@ -35,7 +35,7 @@ from secured import (
 
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_client
 from minerva_bus.security.certificates import now
 from tests.patience import patience

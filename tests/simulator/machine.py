@@ -12,9 +12,9 @@ from minerva_bus.launch.child_processes import CLOSED, ChildProcess, LineBuffer,
 from minerva_bus.launch.coordinator_process import CoordinatorRun, CoordinatorStart, handle_command
 from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.os_interface import Machine
-from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.joining import STARTED_HERE
+from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.wire.keys import COORDINATOR
 from tests.simulator.network import Network
 from tests.simulator.process import SimulatedProcess

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from minerva_bus.runtime.asking import question_key
-from minerva_bus.runtime.client import ANSWER_WITHIN
+from minerva_bus.runtime.operator_client import ANSWER_WITHIN, question_key
 from minerva_bus.wire.plain import as_map, pack, unpack
 from tests.simulator.history import Operation
 from tests.simulator.network import Network

@@ -14,8 +14,8 @@ from minerva_bus.launch.process_specs import SERVICES
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.own_threads import Leave
+from minerva_bus.runtime.participants import MemberProcess
 from tests.simulator.faults import Faults
 from tests.simulator.history import History
 from tests.simulator.launcher import Launcher

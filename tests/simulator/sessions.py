@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
-from minerva_bus.runtime.inbox import WAKE_UP
-from minerva_bus.runtime.presence import GONE, HERE
+from minerva_bus.runtime.receiver import GONE, HERE
+from minerva_bus.runtime.session_inbox import WAKE_UP
 
 if TYPE_CHECKING:
     from tests.simulator.links import Link

@@ -10,17 +10,16 @@ from hypothesis import strategies as st
 
 from minerva_agents.robot.maps import load_map
 from minerva_bus import outputs, record, resume
-from minerva_bus.collect.drafts import TableFiles
 from minerva_bus.collect.plans import TablePlan
-from minerva_bus.collect.writers import CsvWriter
+from minerva_bus.collect.tables import CsvWriter, TableFiles
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.file_marks import is_own
 from minerva_bus.input_files import read_text
 from minerva_bus.launch.installed import declared_options, file_text
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.log import scanning
+from minerva_bus.log import chunks as scanning
 from minerva_bus.log.chunks import Chunks
-from minerva_bus.log.exporting import new_folder
+from minerva_bus.log.exporters import new_folder
 from minerva_bus.outputs import (
     check_file,
     check_output,

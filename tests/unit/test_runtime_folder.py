@@ -20,8 +20,8 @@ from minerva_bus.launch.registry import (
     runtime_folder,
 )
 from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.questions import status_of
 from minerva_bus.runtime.watchers import Watchers
-from minerva_bus.runtime.world_status import status_of
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from tests.patience import eventually
 
 ROOT = Path(__file__).parents[2]

@@ -15,7 +15,7 @@ from minerva_agents.robot.vocabulary import ePicture
 from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch import registry
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.semantics.picture import Lists
 from minerva_bus.world.visualization import visualize
 from minerva_services.views.names import AgentName

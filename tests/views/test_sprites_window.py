@@ -20,7 +20,7 @@ from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import visualize
 from minerva_bus.frame.in_flight import Phase
 from minerva_bus.grammar.events import single
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.picture import Lists, Picture
 from minerva_services.views.names import AgentName

@@ -23,7 +23,7 @@ from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
 from minerva_bus import Raster  # noqa: E402
 from minerva_bus.errors import BusError  # noqa: E402
 from minerva_bus.grammar.scene import AgentNode  # noqa: E402
-from minerva_bus.runtime.client import Client  # noqa: E402
+from minerva_bus.runtime.operator_client import Client  # noqa: E402
 from minerva_bus.semantics.picture import Lists, Texts  # noqa: E402
 from minerva_bus.semantics.plane import Bounds  # noqa: E402
 from minerva_services.views.web.camera_control import FIELD, bounds_of, camera_pose  # noqa: E402

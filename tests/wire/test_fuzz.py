@@ -14,8 +14,15 @@ from minerva_bus.errors import MinervaError, ProtocolError, SceneError, Vocabula
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.inputs import Checkpoint, FrameInputs
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
-from minerva_bus.log.entries import EntryDecoder, encode_frame, encode_inputs, encode_keyframe
+from minerva_bus.log.entries import (
+    EntryDecoder,
+    Kept,
+    decode_checkpoint,
+    encode_checkpoint,
+    encode_frame,
+    encode_inputs,
+    encode_keyframe,
+)
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import Keys, checked_name

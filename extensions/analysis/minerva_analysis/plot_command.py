@@ -10,10 +10,10 @@ from minerva_bus.api.exporting import export, read_plans
 from minerva_bus.cli.output import Done, print_answer
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.collect.plans import parse_entries, series_of
-from minerva_bus.collect.reading import read_table
 from minerva_bus.collect.series_plot import PlotOptions, plot_table
+from minerva_bus.collect.tables import read_table
 from minerva_bus.errors import MisuseError
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.outputs import check_output
 from minerva_bus.plotting import check_picture
 

@@ -10,12 +10,12 @@ from minerva_analysis.plot_command import plot_file
 from minerva_analysis.tracks import story_of
 from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation, Vocabulary
 from minerva_bus.cli.main import app
-from minerva_bus.collect.reading import read_table
+from minerva_bus.collect.tables import read_table
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.log.description import Description
-from minerva_bus.log.places import Surveyor
-from minerva_bus.log.writer import RecordWriter
+from minerva_bus.log.foxglove_json import Surveyor
+from minerva_bus.log.record_header import Description
+from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, happened, record_of, strings_of
 from tests.unit.test_series_plot import swept
 

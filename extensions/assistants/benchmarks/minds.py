@@ -30,7 +30,7 @@ from benchmarks.command import Table, options
 from minerva_assistants.llm.backends import Prompt
 from minerva_assistants.minds import MINDS, eAsk
 from minerva_bus import Agent, EventType, Vocabulary, on
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 
 LEAST, MOST = 0.2, 20.0  # seconds
 WARM_UP = 30  # frames

@@ -14,7 +14,7 @@ import pytest
 from chat_server import Answered, ChatServer, prompt_of
 from tool_server import tool_server
 
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from tests.runtime.running import World, eventually, here, minerva, summary
 
 KEY = "sk-a-very-secret-key"

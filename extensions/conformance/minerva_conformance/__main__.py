@@ -11,7 +11,7 @@ import os
 import sys
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.participants import MemberProcess
 from minerva_conformance.suite import roles_named
 from minerva_conformance.world import MemberRole, reference
 

@@ -12,8 +12,8 @@ from typing import Any, Final, Self
 
 import zenoh
 
-from minerva_bus.runtime.inbox import KeyedSample, Watch, keyed_sample
 from minerva_bus.runtime.session import closed_in_time, open_client
+from minerva_bus.runtime.session_inbox import KeyedSample, Watch, keyed_sample
 from minerva_bus.wire.keys import COORDINATOR, Keys
 
 _BLOCK: Final = zenoh.CongestionControl.BLOCK

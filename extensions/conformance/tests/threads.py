@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from naive import NaiveMember
 
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.participants import MemberProcess
 from minerva_conformance.launching import RunningMember, StartMember
 from minerva_conformance.world import MemberRole, reference
 from tests.patience import patience

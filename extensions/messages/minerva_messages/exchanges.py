@@ -9,10 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from minerva_bus.errors import nearest
+from minerva_bus.errors import RecordError, nearest
 from minerva_bus.grammar.events import Event, single
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_messages.message import NEVER, eMessage
 
 EVERYBODY: Final = "everybody"

@@ -12,11 +12,10 @@ import pytest
 
 from extensions.messages.tests.auction import WORLD, auction
 from minerva_bus import Agent, EventType, Vocabulary
-from minerva_bus.errors import DamagedRecordWarning, MinervaError
+from minerva_bus.errors import DamagedRecordWarning, MinervaError, RecordError
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import FrameRecord
-from minerva_bus.log.description import Description
-from minerva_bus.log.errors import RecordError
+from minerva_bus.log.record_header import Description
 from minerva_messages import MESSAGES, eMessage
 from minerva_messages.conversation_diagram import show_conversation
 from minerva_messages.exchanges import MOST
@@ -56,7 +55,7 @@ def record(tmp_path):
     """Write a record of the given events, each with its frame."""
 
     def write(events):
-        from minerva_bus.log.writer import RecordWriter
+        from minerva_bus.log.record_writer import RecordWriter
 
         vocabulary = Vocabulary.of(*MESSAGES, eStep, Rock)
         world = WorldSpec("quarry", scene=vocabulary.read("ARock#boss"), vocabulary=vocabulary)

@@ -16,7 +16,7 @@ import pytest
 from minerva_bus import EventType, Vocabulary, WorldInfo
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import agents
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.services import View
 from minerva_messages import MESSAGES, OUTSIDE, Outside, PMail, TOutside, eMessage

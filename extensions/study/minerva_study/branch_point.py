@@ -26,7 +26,7 @@ from minerva_bus.log.entries import Keyframe
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 
 if TYPE_CHECKING:
-    from minerva_bus.log.description import Description
+    from minerva_bus.log.record_header import Description
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def read_branch_point(path: Path, frame: int, world: WorldSource) -> BranchPoint
         MinervaError: it is the record of another world.
 
     """
-    from minerva_bus.log.reader import Record
+    from minerva_bus.log.record import Record
 
     with Record(path) as record:
         end, _ = record.last()
@@ -110,8 +110,7 @@ def recorded_digest(path: Path, frame: int) -> str:
 
     Raises RecordError.
     """
-    from minerva_bus.log.cursor import Cursor
-    from minerva_bus.log.reader import Record
+    from minerva_bus.log.record import Cursor, Record
 
     with Record(path) as record:
         cursor = Cursor(record)

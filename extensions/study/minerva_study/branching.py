@@ -14,7 +14,7 @@ from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import run_file
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, whole_number
-from minerva_bus.collect.table import SEED, DataTable
+from minerva_bus.collect.tables import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.world_files import Collecting

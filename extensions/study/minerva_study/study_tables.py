@@ -9,9 +9,14 @@ from numpy.typing import NDArray
 
 from minerva_bus.api.world import World
 from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
-from minerva_bus.collect.reading import plain_value
-from minerva_bus.collect.table import DataTable, Gathered, typed_column
-from minerva_bus.collect.writers import path_of, read_columns
+from minerva_bus.collect.tables import (
+    DataTable,
+    Gathered,
+    plain_value,
+    read_columns,
+    table_path,
+    typed_column,
+)
 from minerva_bus.launch.typed_text import option_text
 from minerva_study.grid import Combination, Grid
 from minerva_study.results import ResultTable
@@ -36,7 +41,7 @@ def collected_tables(
     # In the order of the grid: runs finish in any order, and the table must not depend on it.
     for combination in combinations:
         for plan in plans if not runs.rows[combination].error else ():
-            part = path_of(runs.part(combination), plan.name, several)
+            part = table_path(runs.part(combination), plan.name, several)
             rows = read_columns(part, plan.name, plan.columns)
             tables[plan.name].rows(rows.to_dict())
             keys[plan.name] += [combination] * len(rows)

@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.collect.rows import agent_rows
-from minerva_bus.collect.table import needed, texts
-from minerva_bus.log.exporting import ExportChoice, ExportProgress, new_folder
-from minerva_bus.log.reader import Record
-from minerva_bus.log.record_frames import FrameContents, RecordFrames
+from minerva_bus.collect.tables import needed, texts
+from minerva_bus.log.exporters import ExportChoice, ExportProgress, new_folder
+from minerva_bus.log.record import FrameContents, Record, RecordFrames
 from minerva_bus.world.readings import Image
 from minerva_services.datasets.episode_file import EpisodeFile
 from minerva_services.datasets.lerobot_meta import FeatureLayout, write_meta

@@ -25,12 +25,11 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.display import SHOWN
-from minerva_bus.log.exporting import ExportChoice, ExportProgress, only_record
-from minerva_bus.log.info import kinds_in
-from minerva_bus.log.places import Positions, Surveyor
-from minerva_bus.log.reader import Record
-from minerva_bus.log.record_frames import RecordFrames
+from minerva_bus.log.exporters import ExportChoice, ExportProgress, only_record
+from minerva_bus.log.foxglove_json import Positions, Surveyor
+from minerva_bus.log.record import Record, RecordFrames
+from minerva_bus.log.record_summary import kinds_in
+from minerva_bus.log.record_writer import SHOWN
 from minerva_bus.outputs import check_file
 from minerva_bus.world.readings import Battery, Image, Odometry, Position, Reading, Scan
 from minerva_services.options import require

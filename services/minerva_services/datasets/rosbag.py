@@ -24,11 +24,10 @@ from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.channels import time_of
-from minerva_bus.log.display import SHOWN
-from minerva_bus.log.exporting import ExportChoice, ExportProgress, new_folder, only_record
-from minerva_bus.log.places import Surveyor
-from minerva_bus.log.reader import Record
-from minerva_bus.log.record_frames import RecordFrames
+from minerva_bus.log.exporters import ExportChoice, ExportProgress, new_folder, only_record
+from minerva_bus.log.foxglove_json import Surveyor
+from minerva_bus.log.record import Record, RecordFrames
+from minerva_bus.log.record_writer import SHOWN
 from minerva_bus.world.readings import Mount, Reading
 from minerva_services.bridges.ros2.messages import TRANSFORMS, messages
 from minerva_services.datasets.ros_readings import frame_of, message_of, mount_of

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.collect.rows import agent_rows
-from minerva_bus.collect.table import texts
+from minerva_bus.collect.tables import texts
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.exporting import ExportChoice
-from minerva_bus.log.info import kinds_in
-from minerva_bus.log.reader import Record
-from minerva_bus.log.record_frames import FrameContents, RecordFrames
+from minerva_bus.log.exporters import ExportChoice
+from minerva_bus.log.record import FrameContents, Record, RecordFrames
+from minerva_bus.log.record_summary import kinds_in
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.world.readings import Image, Reading
 from minerva_services.datasets.actions import Actions

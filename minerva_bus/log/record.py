@@ -1,33 +1,52 @@
-"""Reads a record: frames, strings, checkpoints and all other channels."""
+"""Reads a record: frames, strings, checkpoints and all other channels.
+
+A cursor is the one way to reconstruct the state of a recorded run:
+
+    seek     start at the last keyframe at or before a frame, then apply deltas
+    ahead    the next frame: events, digest, and the inputs to feed a frame algorithm with
+    advance  apply the delta of the next frame
+
+Playing, recomputing a run, swapping a member, resuming and inspecting all read a record this way;
+they differ in their use of the inputs. A successor of a killed coordinator reads a journal, which
+has a keyframe and the inputs since; it feeds them to its own algorithm. A cursor never writes, so
+several futures can start from one position.
+"""
 
 from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Collection, Generator, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Self, cast
 
-from minerva_bus.errors import DamagedRecordWarning, MinervaError, ProtocolError
+from minerva_bus.errors import DamagedRecordWarning, MinervaError, ProtocolError, RecordError
 from minerva_bus.frame.inputs import Checkpoint, RecordedFrame
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
-from minerva_bus.log.checkpoints import Step, decode_checkpoint
-from minerva_bus.log.chunks import Chunks, Message
-from minerva_bus.log.cursor import Cursor
-from minerva_bus.log.deltas import apply_delta, delta_between
-from minerva_bus.log.description import Description, decode_description
-from minerva_bus.log.entries import EntryDecoder, Keyframe, encode_frame, entry_number
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.intact import IntactMessages
-from minerva_bus.log.losses import Losses
-from minerva_bus.log.sensing import Dropped, decode_sensed
+from minerva_bus.log.chunks import Chunks, IntactMessages, Losses, Message
+from minerva_bus.log.entries import (
+    Dropped,
+    EntryDecoder,
+    Keyframe,
+    Step,
+    apply_delta,
+    decode_checkpoint,
+    decode_sensed,
+    delta_between,
+    encode_frame,
+    entry_number,
+)
+from minerva_bus.log.record_header import Description, decode_description
+from minerva_bus.wording import frames_up_to
 from minerva_bus.world.operator import PersonOperation
-from minerva_bus.world.priority import collect
+from minerva_bus.world.order import collect
+from minerva_bus.world.service_inputs import Tick
+from minerva_bus.world.services import Generator
 
 _END: Final = 1 << 62
 """A number greater than that of any frame."""
@@ -322,7 +341,7 @@ class Record:
                 yield message.log_time / c.NANO, cast("dict[str, Any]", plain)
 
     @contextmanager
-    def _explained(self, what: str) -> Generator[None]:
+    def _explained(self, what: str) -> Iterator[None]:
         try:
             yield
         except RecordError:
@@ -340,3 +359,262 @@ def _last_state(cursor: Cursor) -> Keyframe | None:
         if cursor.ahead is None:
             return known
         cursor.advance()
+
+
+# --- the position in a record ---
+
+
+@dataclass(frozen=True, slots=True)
+class _Ahead:
+    """The next frame; `base` is the keyframe before it if frames before it are lost.
+
+    `torn`: bytes are lost between it and the frame before.
+    """
+
+    frame: RecordedFrame
+    step: Step | None
+    base: Keyframe | None
+    torn: bool
+
+
+class Cursor:
+    """A position between two frames of a record. Raises RecordError for unreadable data.
+
+    `number` is that of the next frame, `scene` the string before it. With `state`, `checkpoint` is
+    the rest of the state, or None if the record does not have it. With `inputs`, frames carry
+    the inputs of their members, if recorded. Without `events`, frames have none: for questions
+    about strings alone, of which half the time would be spent on events.
+    """
+
+    def __init__(
+        self, record: Record, *, state: bool = False, inputs: bool = False, events: bool = True
+    ) -> None:
+        self._record = record
+        self._events = events
+        self._state = state
+        self._topics = {c.FRAME}
+        if state:
+            self._topics |= {c.CHECKPOINT, c.KEYFRAME}
+        if inputs:
+            self._topics.add(c.INPUTS)
+        # A list, because None is a value that has been read: the end of the record.
+        self._ahead: list[_Ahead | None] = []
+        self.start(record.initial, 0)
+
+    @property
+    def ahead(self) -> RecordedFrame | None:
+        """The next frame, or None at the end."""
+        ahead = self._peek()
+        return None if ahead is None else ahead.frame
+
+    @property
+    def end(self) -> int:
+        """Number of the last frame plus one."""
+        return self._record.last()[0]
+
+    def closing_events(self) -> tuple[AnyEvent, ...]:
+        """What agents and norms sent in the last frame of the record."""
+        return self._record.closing_events()
+
+    def seek(self, number: int) -> Scene:
+        """Move before a frame and return its string. Raises RecordError if it is unknown."""
+        self.skip_to(number)
+        if self.number != number:
+            raise RecordError(
+                f"{self._record.path}: the string of frame {number} is not in the record"
+            )
+        return self.scene
+
+    def skip_to(self, number: int) -> None:
+        """Move before the first frame of at least this number."""
+        # From the last keyframe, so that at most the frames since then are applied.
+        self.start(*self._record.keyframe(number))
+        while self.ahead is not None and self.ahead.number < number:
+            self.advance()
+
+    def start(self, keyframe: Keyframe, chunk: int) -> None:
+        """Move to a keyframe, which is in this chunk of the record."""
+        self.number: int = keyframe.number
+        self.scene = keyframe.scene
+        self.checkpoint: Checkpoint | None = keyframe.checkpoint
+        self._intact = self._record.intact(chunk, keyframe.number)
+        self._messages: Iterator[tuple[str, Message, Keyframe | None]] = self._intact.messages(
+            self._topics
+        )
+        self._tears: int = 0
+        self._ahead.clear()
+
+    def settle(self) -> bool:
+        """Move to the beginning of the next frame, over lost ones; False if its string is unknown.
+
+        At the end of the record it is the end of the last frame.
+        """
+        ahead = self._peek()
+        if ahead is not None and ahead.base is not None:
+            self.number, self.scene = ahead.base.number, ahead.base.scene
+            self.checkpoint = ahead.base.checkpoint
+        return ahead is None or ahead.frame.number == self.number
+
+    def advance(self) -> Scene:
+        """Move past the next frame and return the string after it."""
+        ahead = self._peek()
+        if ahead is None:
+            raise RecordError(f"{self._record.path}: the record ends before frame {self.number}")
+        # After a tear a change of the checkpoint may be missing; the next whole one restores it.
+        checkpoint = None if ahead.torn else self.checkpoint
+        # Frames before this one are lost, but a keyframe has the state from which it starts.
+        if ahead.base is not None:
+            self.scene, checkpoint = ahead.base.scene, ahead.base.checkpoint
+        self.scene = self._record.after(self.scene, ahead.frame)
+        self.number = ahead.frame.number + 1
+        self.checkpoint = _checkpoint_after(checkpoint, ahead.step, self.number)
+        self._ahead.clear()
+        return self.scene
+
+    def _peek(self) -> _Ahead | None:
+        """The next frame, read on first use."""
+        if not self._ahead:
+            self._ahead.append(self._next())
+        return self._ahead[0]
+
+    def _next(self) -> _Ahead | None:
+        step: Step | None = None
+        inputs = b""
+        for topic, message, base in self._messages:
+            if topic == c.CHECKPOINT:
+                step = self._record.step(message)
+            elif topic == c.INPUTS:
+                inputs = message.data
+            elif topic == c.KEYFRAME:
+                self._restore(message)
+            elif message.sequence < self.number:
+                # A keyframe's chunk may begin with earlier frames, which are not decoded.
+                step, inputs = None, b""
+            else:
+                frame = self._record.frame(message, inputs, events=self._events)
+                torn, self._tears = self._intact.tears > self._tears, self._intact.tears
+                return _Ahead(frame, step, base, torn)
+        return None
+
+    def _restore(self, message: Message) -> None:
+        """Take the checkpoint of a keyframe at this position, if a tear made it unknown."""
+        if self.checkpoint is None:
+            keyframe = self._record.decoded_keyframe(message.data)
+            if keyframe.number == self.number:
+                self.checkpoint = keyframe.checkpoint
+
+
+def _checkpoint_after(
+    before: Checkpoint | None, step: Step | None, number: int
+) -> Checkpoint | None:
+    """The checkpoint before frame `number`; only changes are recorded."""
+    if step is not None and step.new.frame == number:
+        if step.whole:
+            return step.new
+        return None if before is None else step.after(before)
+    # Without an entry nothing was saved in the frame, and no event waits.
+    return None if before is None else replace(before, frame=number, emitted=(), inbox={})
+
+
+# --- strings, events and readings together, for exports ---
+
+
+@dataclass(frozen=True, slots=True)
+class FrameContents:
+    """A frame of a record.
+
+    `scene` is the string with which it begins, `after` that with which it ends. `readings` are
+    sorted by topic and publisher. The string after the last frame is a `FrameContents` with what
+    agents and norms sent in that frame; its `after` is `scene`.
+    """
+
+    number: int
+    scene: Scene
+    after: Scene
+    events: tuple[AnyEvent, ...]
+    readings: tuple[Readings, ...]
+
+
+class RecordFrames:
+    """The frames of a record from `begin` to `end` (default: all), read one by one.
+
+    `last` is the number of the last one, and `length` that of the string after all frames of the
+    record. Lost frames are missing. Raises RecordError, also if there is no frame `begin`.
+    """
+
+    def __init__(self, record: Record, begin: int = 0, end: int | None = None) -> None:
+        self.length = length = record.last()[0]
+        self.begin, self.last = begin, length if end is None else min(end, length)
+        if not 0 <= begin <= self.last:
+            raise RecordError(f"{record.path}: it has {frames_up_to(length)}, not {begin}")
+        self._record = record
+
+    def __iter__(self) -> Iterator[FrameContents]:
+        cursor, sensed = Cursor(self._record), _Sensed(self._record)
+        cursor.skip_to(self.begin)
+        sensed.take(self.begin - 1)
+        while (frame := cursor.ahead) is not None and frame.number <= self.last:
+            cursor.settle()
+            before, number = cursor.scene, frame.number
+            yield FrameContents(number, before, cursor.advance(), frame.events, sensed.take(number))
+        if frame is None:
+            number = cursor.number
+            events = cursor.closing_events() if number == self.length else ()
+            yield FrameContents(number, cursor.scene, cursor.scene, events, sensed.take(number))
+
+
+class _Sensed:
+    """The readings of a record, frame by frame."""
+
+    def __init__(self, record: Record) -> None:
+        self._dt = record.description.world.dt
+        self._left = record.sensed()
+        self._ahead = next(self._left, None)
+
+    def take(self, number: int) -> tuple[Readings, ...]:
+        """The readings up to this frame that were not taken before."""
+        taken: list[Readings] = []
+        while self._ahead is not None and round(self._ahead[0] / self._dt) <= number:
+            if isinstance(self._ahead[1], Readings):
+                taken.append(self._ahead[1])
+            self._ahead = next(self._left, None)
+        # Members publish in any order.
+        return tuple(sorted(taken, key=lambda message: (message.topic, message.member)))
+
+
+# --- recorded readings as a generator ---
+
+
+class RecordedReadings(Generator):
+    """Publishes the recorded readings of each frame, by topic and member; makes no events."""
+
+    def __init__(self, record: Record) -> None:
+        self._readings = _by_frame(record)
+        self._ahead = next(self._readings, None)
+        sensed = (message for _, message in record.sensed())
+        self.publishes = tuple(sorted({m.topic for m in sensed if isinstance(m, Readings)}))
+
+    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
+        """Publish the readings up to this frame."""
+        due: list[Readings] = []
+        while self._ahead is not None and self._ahead[0] <= tick.number:
+            due.append(self._ahead[1])
+            self._ahead = next(self._readings, None)
+        # By topic and publisher, the order in which members process
+        # readings (PROTOCOL.md, section 11).
+        for message in sorted(due, key=lambda message: (message.topic, message.member)):
+            for reading in message.readings:
+                tick.publish(message.topic, reading)
+        return ()
+
+
+def _by_frame(record: Record) -> Iterator[tuple[int, Readings]]:
+    """Recorded readings with their frames, in the order of frames."""
+    dt = record.description.world.dt
+    sensed = [
+        (round(time / dt), place, message)
+        for place, (time, message) in enumerate(record.sensed())
+        if isinstance(message, Readings)
+    ]
+    sensed.sort(key=lambda item: item[:2])
+    return ((frame, message) for frame, _, message in sensed)

@@ -1,21 +1,24 @@
-"""Summary of a record: `minerva info`."""
+"""A record for people: its summary (`minerva info`), and frames as text.
+
+Strings are written in the language of the world.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from minerva_bus.errors import RecordError
 from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.losses import Losses
-from minerva_bus.log.reader import Record
-from minerva_bus.log.sensing import Dropped
-from minerva_bus.wording import counted
+from minerva_bus.log.chunks import Losses
+from minerva_bus.log.entries import Dropped
+from minerva_bus.log.record import Cursor, Record
+from minerva_bus.wording import counted, frames_up_to
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.operator import PersonOperation
 
@@ -194,3 +197,80 @@ def _pairs(values: Mapping[str, str]) -> str:
 
 def _plain(value: Any) -> Any:
     return dict(value) if isinstance(value, Mapping) else value  # pyright: ignore
+
+
+# --- frames as text ---
+
+
+@dataclass(frozen=True, slots=True)
+class FrameText:
+    """A frame of a record as text, with the string before or after it.
+
+    `title` begins the text. `seconds` is the world time at the string, `digest` that of the string.
+    `is_end`: the record ends here, and the `events` are what agents and norms sent in its last
+    frame.
+    """
+
+    title: str
+    number: int
+    seconds: float
+    string: Scene
+    digest: bytes
+    events: tuple[AnyEvent, ...]
+    is_end: bool = False
+
+    def plain(self) -> dict[str, Any]:
+        """The frame as a JSON object."""
+        return {
+            "frame": self.number,
+            "seconds": self.seconds,
+            "digest": self.digest.hex(),
+            "string": str(self.string),
+            "events": list(map(str, single(self.events))),
+        }
+
+    def lines(self) -> list[str]:
+        """The frame as lines of text."""
+        agents = [f"{count:,} {kind}" for kind, count in kinds_in(self.string).items()]
+        about = f"frame {self.number}, {self.title}: {', '.join(agents) or 'no agents'}"
+        heading = "  the record ends here" if self.is_end else "  events"
+        events = [f"    {event}" for event in single(self.events)]
+        return [about, f"  digest  {self.digest.hex()}", heading, *events]
+
+
+def frames_after(record: Record, begin: int) -> Iterator[FrameText]:
+    """The frames of a record from number `begin` on."""
+    dt = record.description.world.dt
+    cursor = Cursor(record)
+    cursor.skip_to(begin)
+    while (frame := cursor.ahead) is not None:
+        string = cursor.advance()
+        if frame.number >= begin:
+            seconds = (frame.number + 1) * dt
+            title = f"until {seconds:.2f} s"
+            yield FrameText(title, frame.number, seconds, string, frame.digest, frame.events)
+
+
+def moment_of(record: Record, number: int | None) -> FrameText:
+    """A frame of a record, or its end for None. Raises RecordError for a missing frame."""
+    end, string = record.last()
+    events: tuple[AnyEvent, ...] = ()
+    is_end = number is None or number == end
+    if number is None or number == end:
+        number, events = end, record.closing_events()
+    elif 0 <= number < end:
+        cursor = Cursor(record)
+        string = cursor.seek(number)
+        frame = cursor.ahead
+        # If it was not recorded, a later one may be ahead.
+        events = frame.events if frame is not None and frame.number == number else ()
+    else:
+        raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {number}")
+    seconds = number * record.description.world.dt
+    title = f"{seconds:.2f} s of the world"
+    return FrameText(title, number, seconds, string, string.digest, events, is_end)
+
+
+def written(string: Scene) -> str:
+    """A string in the world's language, one outermost node per line; it can be parsed again."""
+    return "\n· ".join([str(Scene((node,))) for node in string.nodes])

@@ -10,12 +10,11 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
 from minerva_bus import __version__
-from minerva_bus.errors import MinervaError, ProtocolError
+from minerva_bus.errors import MinervaError, ProtocolError, RecordError
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.log.entries import FORMAT
-from minerva_bus.log.errors import RecordError
 from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.plain import (
     as_int,

@@ -1,0 +1,654 @@
+"""Tables of collected data: columns in memory that any library for tables can read, and files.
+
+Files are written in bounded memory while a world runs:
+
+.csv        texts, for any program
+.parquet    needs pyarrow
+.arrow      needs pyarrow; the parts of a Parquet file, see table_parts.py
+.columns    arrays of numpy in sequence, in which a coordinator passes tables to its caller
+"""
+
+from __future__ import annotations
+
+import csv
+import html
+import os
+import secrets
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
+from itertools import islice
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Final, Protocol, Self, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.arguments import path_of, text, text_list
+from minerva_bus.collect.plans import TablePlan
+from minerva_bus.collect.rows import DTYPES, Data
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.file_marks import MARK
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.outputs import check_output, is_stream, name_file, note_read, target_of
+from minerva_bus.wording import counted, install
+
+if TYPE_CHECKING:
+    from minerva_bus.plotting import Plot
+
+
+ARRAY_TYPES: Final = {
+    "float64": DTYPES["real"], "int64": DTYPES["int"], "bool": DTYPES["bool"],
+    "text": DTYPES["text"],
+}  # fmt: skip
+SHOWN_ROWS: Final = 10
+SEED: Final = "seed"
+"""The column of a sweep's table that distinguishes runs of the same options."""
+
+
+def texts(data: Data) -> NDArray[Any]:
+    """A column as an array; ids become texts."""
+    return data.column if isinstance(data, Ids) else data
+
+
+class DataTable:
+    """Columns of equal length, by name.
+
+    Args:
+        name: of the table.
+        types: float64, int64, bool or text, by column.
+        columns: arrays of shape (rows,), by column.
+
+    With pyarrow installed, it has Arrow's stream interface, so `pyarrow.table(table)`,
+    `polars.DataFrame(table)` and DuckDB read it without a copy of its numbers.
+
+    """
+
+    def __init__(
+        self, name: str, types: Mapping[str, str], columns: Mapping[str, NDArray[Any]]
+    ) -> None:
+        self.name = name
+        self.types = dict(types)
+        self._columns = {column: columns[column] for column in types}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of the columns."""
+        return tuple(self.types)
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values()), ()))
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """The values of a column, shape (rows,). Raises MisuseError for an unknown one."""
+        if text("a column", column) not in self._columns:
+            hint = nearest(column, [*self.columns], f"it has {', '.join(self.columns)}")
+            raise MisuseError(f"the table {self.name} has no column {column!r}{hint}")
+        return self._columns[column]
+
+    def rows(self) -> Iterator[tuple[Any, ...]]:
+        """The rows, as tuples of Python values."""
+        return zip(*[column.tolist() for column in self._columns.values()], strict=True)
+
+    def __repr__(self) -> str:
+        lines = self._lines()
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        shown = ["  ".join(map(str.rjust, line, widths)) for line in lines]
+        return "\n".join([*shown, *self._more()])
+
+    def _repr_html_(self) -> str:
+        head, *rows = [[html.escape(cell) for cell in line] for line in self._lines()]
+        top = "".join(f"<th>{cell}</th>" for cell in head)
+        body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
+        more = "".join(f"<p>{line}</p>" for line in self._more())
+        return f"<div><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>{more}</div>"
+
+    def _lines(self) -> list[list[str]]:
+        """The names of the columns, and the first rows."""
+        return [
+            [_shown(value) for value in line]
+            for line in (self.columns, *islice(self.rows(), SHOWN_ROWS))
+        ]
+
+    def _more(self) -> list[str]:
+        more = len(self) - SHOWN_ROWS
+        return [f"and {counted(more, 'more row')}"] if more > 0 else []
+
+    def plot(self, *series: str, x: str = "", bars: bool = False) -> Plot:
+        """A plot of its columns, which notebooks display; needs the extra `plot`.
+
+        A line is the mean of all rows with the same x, such as those of several seeds or agents; a
+        band has the middle 80 % of them. Options of a sweep have a line each.
+
+        Args:
+            series: columns, or names of histograms; none: all.
+            x: the column along the axis; "": `time` in s, `frame`, or the first with numbers.
+            bars: histograms of the last frame, not over time.
+
+        Raises MisuseError if there is nothing to plot, and without matplotlib, with the command
+        that installs it.
+
+        Example:
+            `run.table().plot("sick")`, `run.table().plot().save("run.svg")`
+
+        """
+        # Plots import this module.
+        from minerva_bus.collect.series_plot import PlotOptions, plot_table
+
+        return plot_table(self, PlotOptions(text("x", x), text_list("series", series), bars=bars))
+
+    # --- other libraries ---
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
+
+    def to_dict(self) -> dict[str, NDArray[Any]]:
+        """The columns as numpy arrays, by name."""
+        return dict(self._columns)
+
+    def to_arrow(self) -> Any:
+        """A `pyarrow.Table`. Raises MisuseError if pyarrow is not installed."""
+        arrow = needed("pyarrow", "parquet")
+        # 64-bit offsets, as the texts of one column may have more than 2 GiB.
+        kinds = {"float64": arrow.float64(), "int64": arrow.int64(), "bool": arrow.bool_(),
+                 "text": arrow.large_string()}  # fmt: skip
+        schema = arrow.schema([(name, kinds[kind]) for name, kind in self.types.items()])
+        return arrow.table(self._columns, schema=schema)
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame`. Raises MisuseError if pandas is not installed."""
+        return needed("pandas", "pandas").DataFrame(self._columns)
+
+    def to_polars(self) -> Any:
+        """A `polars.DataFrame`. Raises MisuseError if polars is not installed."""
+        polars = needed("polars", "polars")
+        # A list, as polars would keep an array of texts as Python objects.
+        return polars.DataFrame(
+            {
+                name: polars.Series(name, column.tolist(), polars.String)
+                if self.types[name] == "text"
+                else column
+                for name, column in self._columns.items()
+            }
+        )
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write a .csv file. Raises MisuseError if it cannot be written."""
+        self._write(path_of("path", path))
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write a .parquet file. Raises MisuseError, also if pyarrow is not installed."""
+        self._write(path_of("path", path))
+
+    def _write(self, path: Path) -> None:
+        writer = open_writer(path, self.name, self.types)
+        writer.rows(self._columns)
+        writer.close()
+
+
+class Gathered:
+    """Rows of one table in memory, in order of arrival."""
+
+    def __init__(self, name: str, types: Mapping[str, str]) -> None:
+        self._name = name
+        self._types = types
+        self._chunks: list[Mapping[str, Data]] = []
+        self._single: list[Mapping[str, Any]] = []
+
+    def row(self, values: Mapping[str, Any]) -> None:
+        """Add one row."""
+        self._single.append(values)
+
+    def rows(self, columns: Mapping[str, Data]) -> None:
+        """Add rows as columns of equal length."""
+        self._chunks.append(columns)
+
+    def close(self) -> None:
+        """Do nothing: there is no file."""
+
+    @property
+    def table(self) -> DataTable:
+        """All rows so far."""
+        if self._single:
+            self._chunks.append(columns_of(self._single, self._types))
+            self._single = []
+        made = {
+            # The empty array gives the type if there are no rows.
+            column: np.concatenate(
+                [np.empty(0, ARRAY_TYPES[kind]), *[texts(chunk[column]) for chunk in self._chunks]]
+            )
+            for column, kind in self._types.items()
+        }
+        return DataTable(self._name, self._types, made)
+
+
+def columns_of(rows: list[Mapping[str, Any]], types: Mapping[str, str]) -> dict[str, NDArray[Any]]:
+    """Single rows as columns."""
+    made: dict[str, NDArray[Any]] = {}
+    for column, kind in types.items():
+        made[column] = np.empty(len(rows), ARRAY_TYPES[kind])
+        # Assigned, because numpy would make texts an array of fixed width.
+        made[column][:] = [row[column] for row in rows]
+    return made
+
+
+def typed_column(
+    values: Sequence[Any], text: Callable[[Any], str] = str
+) -> tuple[str, NDArray[Any]]:
+    """The type of plain values, and an array of them: bool, int64, float64, or otherwise text.
+
+    Args:
+        values: a missing value is None; it becomes nan among numbers, else "".
+        text: writes a value of a column of texts.
+
+    """
+    kind = _type_of(values)
+    made = np.empty(len(values), ARRAY_TYPES[kind])
+    if kind == "float64":
+        values = [np.nan if value is None else float(value) for value in values]
+    elif kind == "text":
+        values = ["" if value is None else text(value) for value in values]
+    made[:] = values
+    return kind, made
+
+
+def _type_of(values: Sequence[Any]) -> str:
+    kinds: set[type[Any]] = {type(value) for value in values}
+    if kinds == {bool}:
+        return "bool"
+    if not kinds & {int, float} or not kinds <= {int, float, type(None)}:
+        return "text"
+    largest = max([abs(value) for value in values if type(value) is int], default=0)
+    if kinds == {int} and largest < 1 << 63:
+        return "int64"
+    return "float64" if largest <= sys.float_info.max else "text"
+
+
+def needed(library: str, extra: str) -> Any:
+    """A library of an extra. Raises MisuseError with the command that installs it."""
+    try:
+        return import_module(library)
+    except ImportError:
+        raise MisuseError(f"this needs {library}: {install(extra)}") from None
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+# --- files ---
+
+ENDINGS: Final = (".csv", ".parquet", ".columns")
+"""Endings of files that are not parts."""
+BUFFERED_ROWS: Final = 1 << 16
+"""Rows that are buffered before they are written, so that a Parquet file has large groups."""
+_END: Final = b"$"
+
+
+class Writer(Protocol):
+    """Receives the rows of one table."""
+
+    def row(self, values: Mapping[str, Any]) -> None:
+        """Add one row."""
+        ...
+
+    def rows(self, columns: Mapping[str, Data]) -> None:
+        """Add rows as columns of equal length."""
+        ...
+
+    def close(self) -> None:
+        """Write what is left, and finish the file."""
+        ...
+
+
+class FileWriter:
+    """Base of writers: gathers rows until there are BUFFERED_ROWS.
+
+    `spelled` has the last ids by column, with their Arrow array: ids are often the same object in
+    the next frame, and expensive to spell. Writers of one table may share it.
+    """
+
+    def __init__(self, types: Mapping[str, str]) -> None:
+        self.types = types
+        self._single: list[Mapping[str, Any]] = []
+        self._chunks: list[Mapping[str, Data]] = []
+        self._waiting = 0
+        self.spelled: dict[str, tuple[Ids, Any]] = {}
+
+    def row(self, values: Mapping[str, Any]) -> None:
+        """Add one row."""
+        self._single.append(values)
+        self._add(1)
+
+    def rows(self, columns: Mapping[str, Data]) -> None:
+        """Add rows as columns of equal length."""
+        self._chunks.append(columns)
+        self._add(len(next(iter(columns.values()))))
+
+    def _add(self, rows: int) -> None:
+        # Memory is bounded, however many frames a run has.
+        self._waiting += rows
+        if self._waiting >= BUFFERED_ROWS:
+            self._flush()
+
+    def close(self) -> None:
+        """Write what is left, and finish the file."""
+        self._flush()
+        self.finish()
+
+    def _flush(self) -> None:
+        waiting = self.waiting()
+        if waiting is not None:
+            self.write(waiting)
+        self._chunks, self._waiting = [], 0
+
+    def waiting(self) -> Mapping[str, Data] | None:
+        """The gathered rows; None if there are none."""
+        if self._single:
+            self._chunks.append(columns_of(self._single, self.types))
+            self._single = []
+        if len(self._chunks) > 1:
+            # One large chunk instead of many small ones, which would be as many row groups.
+            gathered = Gathered("", self.types)
+            for chunk in self._chunks:
+                gathered.rows(chunk)
+            self._chunks = [gathered.table.to_dict()]
+        return self._chunks[0] if self._chunks else None
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write these rows."""
+        raise NotImplementedError
+
+    def finish(self) -> None:
+        """Finish the file."""
+        raise NotImplementedError
+
+
+class CsvWriter(FileWriter):
+    """Writes a .csv file, or texts of this format to a stream, which it does not close."""
+
+    def __init__(self, into: Path | TextIO, types: Mapping[str, str]) -> None:
+        super().__init__(types)
+        self._is_path = isinstance(into, Path)
+        self._file = (
+            into.open("w", encoding="utf-8", newline="") if isinstance(into, Path) else into
+        )
+        self._csv = csv.writer(self._file, lineterminator="\n")
+        self._csv.writerow(types)
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write these rows."""
+        lists = [texts(columns[name]).tolist() for name in self.types]
+        self._csv.writerows(zip(*lists, strict=True))
+
+    def finish(self) -> None:
+        """Finish the file."""
+        if self._is_path:
+            self._file.close()
+        else:
+            self._file.flush()
+
+
+class ArrowWriter(FileWriter):
+    """Writes an .arrow file, compressed by LZ4, which takes less time than a Parquet file."""
+
+    def __init__(self, path: Path, types: Mapping[str, str]) -> None:
+        super().__init__(types)
+        self._pa = needed("pyarrow", "parquet")
+        kinds = {"float64": self._pa.float64(), "int64": self._pa.int64(), "bool": self._pa.bool_(),
+                 "text": self._pa.string()}  # fmt: skip
+        # The mark, so that a later run may replace the file.
+        self._schema = self._pa.schema(
+            [(name, kinds[kind]) for name, kind in types.items()], {"software": MARK}
+        )
+        self._writer = self._open(path)
+
+    def _open(self, path: Path) -> Any:
+        ipc = needed("pyarrow.ipc", "parquet")
+        return ipc.new_file(path, self._schema, options=ipc.IpcWriteOptions(compression="lz4"))
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write these rows."""
+        arrays = [self._array(name, columns[name]) for name in self.types]
+        self.write_table(self._pa.table(arrays, schema=self._schema))
+
+    def write_table(self, table: Any) -> None:
+        """Write a `pyarrow.Table` with the columns of this file."""
+        self._writer.write_table(table)
+
+    def _array(self, name: str, data: Data) -> Any:
+        known = self.spelled.get(name)
+        if known is not None and known[0] is data:
+            return known[1]
+        if isinstance(data, Ids):
+            # From bytes, without a Python text for each id.
+            made = self._pa.array(data.spelled, self._pa.binary()).cast(self._pa.string())
+            self.spelled[name] = data, made
+            return made
+        return self._pa.array(data, self._schema.field(name).type)
+
+    def finish(self) -> None:
+        """Finish the file."""
+        self._writer.close()
+
+
+class ParquetWriter(ArrowWriter):
+    """Writes a .parquet file; texts are dictionaries, as they repeat in each frame."""
+
+    def _open(self, path: Path) -> Any:
+        return needed("pyarrow.parquet", "parquet").ParquetWriter(path, self._schema)
+
+
+class ColumnsWriter(FileWriter):
+    """Writes a .columns file: the arrays of each chunk, in the order of the columns."""
+
+    def __init__(self, path: Path, types: Mapping[str, str]) -> None:
+        super().__init__(types)
+        self._file: IO[bytes] = path.open("wb")
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write these rows."""
+        for name, kind in self.types.items():
+            array = texts(columns[name])
+            np.save(self._file, _plain(array) if kind == "text" else array, allow_pickle=False)
+
+    def finish(self) -> None:
+        """Finish the file."""
+        self._file.close()
+
+
+def _plain(array: NDArray[Any]) -> NDArray[Any]:
+    """Texts as bytes of one width, which numpy stores without pickling."""
+    # One more byte marks the end, because numpy drops NUL characters at the end of fixed widths.
+    encoded = [text.encode() + _END for text in array.tolist()]
+    return np.array(encoded, f"S{max(map(len, encoded), default=1)}")
+
+
+def read_columns(path: Path, name: str, types: Mapping[str, str]) -> DataTable:
+    """The table in a .columns file."""
+    gathered = Gathered(name, types)
+    with path.open("rb") as file:
+        for chunk in chunks_in(file, types):
+            gathered.rows(chunk)
+    return gathered.table
+
+
+def chunks_in(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, NDArray[Any]]]:
+    """The rows of a .columns file, in chunks as they were written."""
+    while file.peek(1):  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
+        chunk: dict[str, NDArray[Any]] = {}
+        for name, kind in types.items():
+            try:
+                array = np.load(file, allow_pickle=False)
+                if kind == "text":
+                    decoded = [text.removesuffix(_END).decode() for text in array.tolist()]
+                    # The None keeps numpy from making a fixed-width text array.
+                    array = np.array([*decoded, None], object)[:-1]
+            except Exception as error:  # numpy raises various exceptions for damaged files
+                raise MisuseError(f"{file.name}: it is damaged: {error!s:.100}") from None
+            chunk[name] = array
+        yield chunk
+
+
+_WRITERS: Final[Mapping[str, Any]] = {
+    ".csv": CsvWriter,
+    ".parquet": ParquetWriter,
+    ".arrow": ArrowWriter,
+    ".columns": ColumnsWriter,
+}
+
+
+def check_ending(path: Path) -> None:
+    """Raise MisuseError if tables cannot be written to a file of this name."""
+    if path.suffix not in ENDINGS:
+        raise MisuseError(f"{path}: expected a file name that ends with .parquet or .csv")
+    if not path.parent.is_dir():
+        raise MisuseError(f"{path}: there is no folder {path.parent}")
+
+
+def open_writer(path: Path, name: str, types: Mapping[str, str]) -> Writer:
+    """A writer of one table; the suffix selects the format. Raises MisuseError."""
+    check_ending(path)
+    check_output(path, f"the table {name}")
+    return create_writer(path, types)
+
+
+def create_writer(path: Path, types: Mapping[str, str], final: Path | None = None) -> FileWriter:
+    """As `open_writer`, without checks; errors name the `final` file of which `path` is a draft."""
+    try:
+        return _WRITERS[path.suffix](path, types)
+    except OSError as error:
+        # pyarrow's text contains the path.
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise MisuseError(f"{final or path}: cannot be written: {reason}") from None
+
+
+def table_path(path: Path, table: str, several: bool) -> Path:
+    """The file of one table: `run.parquet`, or `run-APerson.parquet` if there are several."""
+    return path.with_name(f"{path.stem}-{table}{path.suffix}") if several else path
+
+
+# --- files that appear when they are complete ---
+
+
+class TableFiles:
+    """The files of several tables; a context manager that removes drafts after an error.
+
+    Args:
+        path: of the file, or the pattern of several, see `table_path`.
+        several: whether the names of files contain those of tables.
+        sparse: whether a table without rows has no file.
+
+    `files` are the paths by table. Raises MisuseError for a path that cannot be written.
+
+    """
+
+    def __init__(self, path: Path, *, several: bool, sparse: bool) -> None:
+        check_ending(path)
+        self.files: dict[str, Path] = {}
+        self._path = path
+        self._several = several
+        self._sparse = sparse
+        self._drafts: dict[Path, Path] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: object
+    ) -> None:
+        name_file(error, self._path)
+        for final, draft in self._drafts.items():
+            if kind is not None:
+                draft.unlink(missing_ok=True)
+            elif draft != final:
+                draft.replace(final)
+
+    def open(self, plan: TablePlan) -> Writer:
+        """The writer of a table."""
+        path = table_path(self._path, plan.name, self._several)
+        # Before the rows, which may take long.
+        check_output(path, f"the table {plan.name}")
+        final = target_of(path)
+
+        def create() -> Writer:
+            # A pipe or a device is written directly.
+            special = final.exists() and not final.is_file()
+            hidden = f".{final.stem}.{secrets.token_hex(4)}{final.suffix}"
+            draft = final if special else final.with_name(hidden)
+            # Noted first, because a file that is made may lack room for its beginning.
+            self._drafts[final], self.files[plan.name] = draft, path
+            return create_writer(draft, plan.columns, path)
+
+        return _OnDemand(create) if self._sparse else create()
+
+
+class _OnDemand:
+    """A writer that is created for the first row."""
+
+    def __init__(self, create: Callable[[], Writer]) -> None:
+        self._create = create
+        self._writer: Writer | None = None
+
+    def row(self, values: Mapping[str, Any]) -> None:
+        self._own().row(values)
+
+    def rows(self, columns: Mapping[str, Data]) -> None:
+        if len(next(iter(columns.values()))):
+            self._own().rows(columns)
+
+    def close(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+    def _own(self) -> Writer:
+        writer = self._writer = self._writer or self._create()
+        return writer
+
+
+_WORDS: Final = {"True": True, "False": False, "true": True, "false": False, "": None}
+
+
+def read_table(path: Path) -> DataTable:
+    """The table in a file. Raises MisuseError if it cannot be read."""
+    try:
+        if is_stream(path):
+            raise ValueError("it is a pipe or device; expected a file")
+        note_read(path)
+        columns = _csv(path) if path.suffix == ".csv" else _parquet(path)
+    except (OSError, ValueError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or str(error).split("\n", 1)[0]
+        raise MisuseError(f"{path}: no table can be read: {why}") from None
+    typed = {name: typed_column(values) for name, values in columns.items()}
+    types = {name: kind for name, (kind, _) in typed.items()}
+    return DataTable(path.stem, types, {name: array for name, (_, array) in typed.items()})
+
+
+def _csv(path: Path) -> dict[str, list[Any]]:
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        rows = csv.reader(file)
+        names: list[str] = next(rows, list[str]())
+        if not names or len(set(names)) < len(names):
+            raise ValueError("its first line must name the columns")
+        columns: list[list[Any]] = [[] for _ in names]
+        for row in rows:
+            if len(row) != len(names):
+                raise ValueError(f"line {rows.line_num} has {len(row)} values, not {len(names)}")
+            for column, text in zip(columns, row, strict=True):
+                column.append(plain_value(text, _WORDS))
+    return dict(zip(names, columns, strict=True))
+
+
+def plain_value(text: str, words: Mapping[str, Any]) -> Any:
+    """A number if the text is one, otherwise what it means among the words, or the text itself."""
+    for read in (int, float):
+        try:
+            return read(text)
+        except ValueError:
+            continue
+    return words.get(text, text)
+
+
+def _parquet(path: Path) -> dict[str, list[Any]]:
+    table = needed("pyarrow.parquet", "parquet").read_table(path)
+    return {name: table.column(name).to_pylist() for name in table.column_names}

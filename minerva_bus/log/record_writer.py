@@ -1,0 +1,448 @@
+"""Writes a record: an MCAP file with our channels, in the order of events.
+
+Beside these there are channels for other tools: poses, maps, log lines and sensor data in JSON.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Final
+
+from minerva_bus import __version__
+from minerva_bus.errors import MisuseError, RecordError
+from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.messages import FrameRecord, Readings
+from minerva_bus.frame.stimuli import FrameDone
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.log import channels as c
+from minerva_bus.log.channels import check_installed
+from minerva_bus.log.chunks import Losses
+from minerva_bus.log.entries import (
+    Kept,
+    decode_sensed,
+    delta_between,
+    encode_checkpoint,
+    encode_dropped,
+    encode_frame,
+    encode_inputs,
+    encode_keyframe,
+    encode_readings,
+)
+from minerva_bus.log.foxglove_json import (
+    Surveyor,
+    encode_log,
+    encode_maps,
+    encode_poses,
+    encode_transform,
+    shown_readings,
+)
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_header import Description, encode_description
+from minerva_bus.outputs import check_new, check_output, check_replaceable, replacing
+from minerva_bus.wording import counted
+from minerva_bus.world.operator import PersonOperation
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+
+CHUNK: Final = 4 << 20
+"""Bytes of a chunk before compression. Large, because the maps of robots repeat between frames."""
+
+HEAD: Final = 31
+"""Bytes of a message without its data (MCAP specification, Message)."""
+
+
+class McapFile:
+    """An MCAP file with our channels. Raises OSError if it cannot be written.
+
+    `stream` stays open. Times are those of the world that `description` describes. `in_chunk` is
+    the number of bytes in the current chunk, which are in memory only.
+    """
+
+    def __init__(self, stream: IO[bytes], description: Description) -> None:
+        world = description.world
+        self.in_chunk: int = 0
+        self._stream = stream
+        self._dt = world.dt
+        self._began = description.began
+        self._is_dirty = False
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._writer = _mcap_writer(stream)
+        self._writer.start(c.PROFILE, f"minerva-bus {__version__}")
+        self._writer.add_metadata(
+            "minerva", {"world": world.name, "seed": str(world.seed), "dt": repr(world.dt)}
+        )
+        # Readers of damaged files rely on these ids, so they are registered first and in order.
+        for topic in c.OWN:
+            self.register(topic, c.SCHEMA_OF.get(topic, ""))
+
+    def __contains__(self, topic: str) -> bool:
+        return topic in self._channels
+
+    def register(self, topic: str, schema: str = "") -> None:
+        """Add a channel: JSON with this schema, for other tools, or else msgpack."""
+        # Called again for each message of a channel for other tools.
+        if topic in self._channels:
+            return
+        if schema and schema not in self._schemas:
+            plain = json.dumps(c.SCHEMAS[schema]).encode()
+            self._schemas[schema] = self._writer.register_schema(schema, "jsonschema", plain)
+        encoding, number = ("json", self._schemas[schema]) if schema else ("msgpack", 0)
+        self._channels[topic] = self._writer.register_channel(topic, encoding, number)
+
+    def put(self, topic: str, data: bytes, frame: int, seconds: float, sequence: int = 0) -> None:
+        """Write a message at the beginning of a frame, `seconds` after the record began."""
+        log_time = c.time_of(frame, self._dt)
+        self.copy(topic, data, log_time, self._began + round(seconds * c.NANO), sequence)
+
+    def copy(self, topic: str, data: bytes, log_time: int, published: int, sequence: int) -> None:
+        """Write a message with times in nanoseconds."""
+        self._writer.add_message(
+            self._channels[topic],
+            log_time=log_time,
+            publish_time=published,
+            data=data,
+            # MCAP has 32 bits for it.
+            sequence=sequence & 0xFFFFFFFF,
+        )
+        self.in_chunk += len(data) + HEAD
+        if self.in_chunk > CHUNK:  # The library has begun a new chunk.
+            self.in_chunk = 0
+        self._is_dirty = True
+
+    def end_chunk(self) -> None:
+        """Begin a new chunk, so that later damage does not affect the messages so far."""
+        self._writer.flush()
+        self.in_chunk = 0
+
+    def flush(self) -> None:
+        """Write everything to the disk."""
+        # Each flush ends a chunk, and small chunks compress badly.
+        if self._is_dirty:
+            self.end_chunk()
+            _sync(self._stream)
+            self._is_dirty = False
+
+    def finish(self) -> None:
+        """Write the remaining data and the index."""
+        self.flush()
+        self._writer.finish()
+        self._stream.flush()
+        _sync(self._stream)
+
+
+def _mcap_writer(stream: IO[bytes]) -> Writer:
+    check_installed()
+    from mcap.writer import CompressionType, Writer
+
+    return Writer(stream, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+
+
+def _sync(stream: IO[bytes]) -> None:
+    """Write a file to its disk; pipes and buffers have none."""
+    try:
+        os.fsync(stream.fileno())
+    except OSError as error:
+        # Errors of a disk must be raised, because the frames would be reported as written.
+        if error.errno not in (None, errno.EINVAL, errno.ENOTSUP):
+            raise
+
+
+# --- its name on the disk ---
+
+
+def open_for_record(path: Path, *, keep_old: bool = True) -> IO[bytes]:
+    """A new file of this name; with `keep_old`, an existing one is kept as `NAME.old.mcap`.
+
+    Raises RecordError.
+    """
+    try:
+        if keep_old:
+            _keep_old(path)
+        else:
+            check_output(path, "record")
+        return path.open("wb")
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+    except ValueError as error:  # The name contains a null character.
+        raise RecordError(f"{path}: cannot be written: {error}") from None
+
+
+def part_of(path: Path) -> Path:
+    """Temporary name of a record while it is copied."""
+    return path.with_name(f"{path.stem}.part{path.suffix}")
+
+
+def take_name(path: Path, *, keep_old: bool) -> None:
+    """Rename the temporary record to its final name, as `open_for_record`. Raises RecordError."""
+    try:
+        if keep_old:
+            _keep_old(path)
+        part_of(path).replace(path)
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _keep_old(path: Path) -> None:
+    # Only files with the mark of a record are renamed, never a user's own files.
+    check_replaceable(path, "record")
+    if path.is_file():
+        old = path.with_name(f"{path.stem}.old{path.suffix}")
+        check_replaceable(old, "record")
+        path.replace(old)
+
+
+# --- channels for other tools ---
+
+SHOWN: Final = 500
+"""Agents of a kind whose poses are shown; of a larger kind, every n-th agent."""
+
+SHOWN_EVERY: Final = 0.1
+"""Seconds of world time between two shown poses of an agent."""
+
+
+class Display:
+    """Writes the channels for other tools; Minerva's own readers ignore them."""
+
+    def __init__(self, file: McapFile, world: WorldSpec) -> None:
+        self._file = file
+        self._world = world
+        self._surveyor = Surveyor(world.vocabulary, SHOWN)
+        self._last_shown = -SHOWN_EVERY
+        self._robots: set[str] = set()
+        for kind in self._surveyor.placed:
+            file.register(c.POSES + kind, "foxglove.PosesInFrame")
+
+    def maps(self) -> None:
+        """Write the rasters of the initial string."""
+        for grid in encode_maps(self._world.scene, self._world.vocabulary):
+            self._file.put(c.MAP, grid, 0, 0.0)
+
+    def poses(self, scene: Scene, frame: int, seconds: float) -> None:
+        """Write the poses before a frame, if they are due: of agents, and of robots that sense."""
+        now, time = frame * self._world.dt, c.time_of(frame, self._world.dt)
+        if now - self._last_shown < SHOWN_EVERY:
+            return
+        self._last_shown = now
+        for kind, places in self._surveyor.places(scene).items():
+            self._file.put(c.POSES + kind, encode_poses(time, places), frame, seconds)
+            for robot, x, y, angle in places.of(self._robots) if self._robots else ():
+                self._file.register(c.TRANSFORMS, "foxglove.FrameTransform")
+                data = encode_transform(robot, time, x, y, angle)
+                self._file.put(c.TRANSFORMS, data, frame, seconds)
+
+    def readings(self, message: Readings, frame: int, seconds: float) -> None:
+        """Write readings that arrived during a frame."""
+        for schema, data in shown_readings(message, c.time_of(frame, self._world.dt)):
+            topic = f"{c.TOPICS}{message.topic}/{message.member}/{schema.partition('.')[2]}"
+            self._file.register(topic, schema)
+            self._file.put(topic, data, frame, seconds, frame)
+        # Only robots that sense need transforms: other tools place sensor data by them.
+        self._robots.update(reading.robot for reading in message.readings)
+
+
+# --- our own channels ---
+
+SMALL: Final = CHUNK // 8
+"""Maximum bytes of a frame that `idle` encodes."""
+
+KEY_AFTER: Final = 8
+"""A keyframe is written when the frames since the last one are this many times as long."""
+
+
+class RecordWriter:
+    """Writes one record. Raises OSError if it cannot be written.
+
+    `stream` is the file, which stays open. Data written before the last `flush` are always
+    readable: `kept` of `frames` frames. `past`: a record to continue, which is copied first.
+    """
+
+    def __init__(
+        self, stream: IO[bytes], description: Description, past: Record | None = None
+    ) -> None:
+        self.frames: int = 0
+        self.kept: int = 0
+        self._description = description
+        self._file = McapFile(stream, description)
+        self._display = Display(self._file, description.world)
+        self._scene = description.world.scene
+        self._checkpoint: Kept | None = None
+        self._since_key = 0
+        self._key_bytes = 0
+        self._put_description()
+        if past is None:
+            first, state = description.frame, description.world.past
+            self._put_keyframe(first, 0.0, Kept.of(state) if first else None)
+            # The parts outside of all agents never change, so their maps are written once.
+            self._display.maps()
+            self._display.poses(self._scene, first, 0.0)
+        else:
+            self._copy(past)
+        self.flush()
+
+    def _put_description(self) -> None:
+        """Write the description, in two chunks: a record cannot be read without it."""
+        self._file.put(c.WORLD, encode_description(self._description), 0, 0.0)
+        self._file.end_chunk()
+        self._file.put(c.WORLD, encode_description(self._description, string=False), 0, 0.0)
+
+    def _copy(self, past: Record) -> None:
+        """Copy a record up to the state from which its world resumes, and write that state."""
+        end = past.intact_end()
+        self._scene = end.scene
+        seconds = 0.0
+        for topic, message in past.messages(end.number):
+            # The description has been written, and the channels for
+            # other tools are derived from the rest.
+            if topic == c.WORLD or topic not in self._file:
+                continue
+            log_time, published = message.log_time, message.publish_time
+            self._file.copy(topic, message.data, log_time, published, message.sequence)
+            self.frames += topic == c.FRAME
+            seconds = (published - self._description.began) / c.NANO
+            sensed = decode_sensed(message.data) if topic == c.SENSED else None
+            if isinstance(sensed, Readings):
+                self._display.readings(sensed, message.sequence, seconds)
+        checkpoint = None if end.checkpoint is None else Kept.of(end.checkpoint)
+        self._put_keyframe(end.number, seconds, checkpoint)
+
+    def frame(
+        self,
+        record: FrameRecord | FrameDone,
+        scene: Scene,
+        seconds: float,
+        timings: Mapping[str, float],
+        checkpoint: Kept | None = None,
+    ) -> None:
+        """Write a frame; `scene` is the string after it, and `checkpoint` that after it.
+
+        The checkpoint and the inputs are first: a frame that was not cut off then has both.
+        """
+        number, after = record.frame, record.frame + 1
+        data = encode_frame(number, record.events, delta_between(self._scene, scene), scene.digest)
+        change = b"" if checkpoint is None else encode_checkpoint(checkpoint, self._checkpoint)
+        if change:
+            self._file.put(c.CHECKPOINT, change, after, seconds, after)
+        if isinstance(record, FrameDone) and record.inputs is not None:
+            inputs = encode_inputs(record.inputs.without_replies)
+            self._file.put(c.INPUTS, inputs, after, seconds, number)
+        self._file.put(c.FRAME, data, after, seconds, number)
+        self._file.put(c.TIMING, _timing(number, seconds, timings), after, seconds, number)
+        self._scene, self._checkpoint = scene, checkpoint
+        self.frames += 1
+        self._since_key += len(data) + len(change)
+        # Keyframes then take an eighth of the record at most, and a seek reads a bounded amount.
+        if self._since_key > KEY_AFTER * self._key_bytes:
+            self._put_keyframe(after, seconds, checkpoint)
+        self._display.poses(scene, after, seconds)
+
+    def log(self, frame: int, seconds: float, member: str, text: str, warning: bool) -> None:
+        """Write a log line during this frame."""
+        time = c.time_of(frame, self._description.world.dt)
+        self._file.put(c.LOG, encode_log(time, member, text, warning), frame, seconds)
+
+    def noted(self, operation: PersonOperation, seconds: float) -> None:
+        """Write what a person did to the world."""
+        data = json.dumps(asdict(operation)).encode()
+        self._file.put(c.OPERATION, data, operation.frame, seconds, operation.frame)
+
+    def sensed(self, readings: Readings, frame: int, seconds: float) -> None:
+        """Write readings of a sensor topic that arrived during this frame."""
+        # Readings in step have the time of their frame; free ones that of the frame in progress.
+        number = readings.frame if readings.frame >= 0 else frame
+        self._file.put(c.SENSED, encode_readings(readings), number, seconds, number)
+        self._display.readings(readings, number, seconds)
+
+    def dropped(self, count: int, frame: int, seconds: float) -> None:
+        """Write the number of missing messages on topics."""
+        self._file.put(c.SENSED, encode_dropped(count), frame, seconds, frame)
+
+    def flush(self) -> None:
+        """Write all data to the disk."""
+        self._file.flush()
+        self.kept = self.frames
+
+    def finish(self) -> None:
+        """Write the remaining data and the index."""
+        self.flush()
+        self._file.finish()
+
+    @property
+    def has_room(self) -> bool:
+        """Whether a small frame, and a keyframe if one is due, stay in memory."""
+        due = self._since_key + SMALL > KEY_AFTER * self._key_bytes
+        # The next keyframe is assumed to be as long as the last one.
+        keyframe = self._key_bytes if due else 0
+        return keyframe <= SMALL and self._file.in_chunk + keyframe < CHUNK - SMALL
+
+    def _put_keyframe(self, frame: int, seconds: float, checkpoint: Kept | None) -> None:
+        data = encode_keyframe(frame, self._scene, checkpoint)
+        self._file.put(c.KEYFRAME, data, frame, seconds)
+        self._since_key, self._key_bytes = 0, len(data)
+        self._checkpoint = checkpoint  # The next checkpoint contains changes from this one.
+
+
+def _timing(frame: int, seconds: float, timings: Mapping[str, float]) -> bytes:
+    if timings:
+        return json.dumps({"frame": frame, "seconds": seconds, **timings}).encode()
+    return b'{"frame": %d, "seconds": %.9f}' % (frame, seconds)
+
+
+# --- the intact parts of a damaged record: `minerva recover` ---
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """Result of a recovery: the new record, its number of frames, and the losses."""
+
+    path: Path
+    frames: int
+    losses: Losses
+
+    def plain(self) -> dict[str, Any]:
+        """The result as a JSON object."""
+        return {"record": str(self.path), "frames": self.frames} | self.losses.plain()
+
+    def lines(self) -> list[str]:
+        """The result as lines of text."""
+        losses = self.losses
+        shown = [f"{self.path}: {counted(self.frames, 'frame')}"]
+        # The reader warns of damage.
+        if losses.cut and not losses.damage:
+            shown.append(f"cut off: its last {losses.cut:,} bytes belong to no complete chunk")
+        elif not losses.damage:
+            shown.append("nothing was damaged")
+        return shown
+
+
+def recovered_name(path: Path) -> Path:
+    """Default path of a recovered record."""
+    return path.with_name(f"{path.stem}.recovered{path.suffix}")
+
+
+def recover(path: Path, into: Path) -> Recovered:
+    """Copy the intact parts of a record to a new, complete record.
+
+    Raises RecordError if no frame is intact, and MisuseError if the file exists or cannot be
+    written.
+    """
+    with Record(path) as record:
+        check_new(into, "record")
+        losses = record.losses()
+        if losses.damage and next(record.frames(), None) is None:
+            raise RecordError(f"{path}: no frame in it is intact")
+        try:
+            # A recovery that fails leaves no half-written record.
+            with replacing(into) as stream:
+                writer = RecordWriter(stream, record.description, record)
+                writer.finish()
+        except OSError as error:
+            raise MisuseError(f"{into}: cannot be written: {error.strerror}") from None
+    return Recovered(into, writer.frames, losses)

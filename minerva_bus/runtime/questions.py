@@ -1,0 +1,626 @@
+"""Questions of operators to a running world: one query, one answer, both msgpack maps.
+
+    {"ask": "status", "since": 0}         → {"status": {...}}
+    {"ask": "totals"}                     → {"totals": {...}}
+    {"ask": "series"}                     → {"series": [...]}
+    {"ask": "vocabulary"}                 → {"vocabulary": ...}
+    {"ask": "scene"}                      → {"scene": text of w, "frame": ...}
+    {"ask": "fragment", "agent": id}      → {"fragment": text, "frame": ...}
+    {"ask": "pub", "type": ..., ...}      → {"frame": ..., "by": person, ...}
+    {"ask": "order", "event": [...], ...} → {"frame": ..., "by": person, ...}
+    {"ask": "pause", "by": person}        → {"frame": ...}; also resume, stop
+    {"ask": "step", "frames": 1}          → {"frame": the frame that follows them}
+    {"ask": "rate", "rate": 30.0}         → {"rate": ...}
+    {"ask": "restart", "member": name}    → {}
+    {"ask": "stack", "member": name}      → {}
+    {"ask": "drain", "member": name}      → {"to": [hosts]}
+    {"ask": "logs", "since": 0, ...}      → {"lines": [...]}
+    {"ask": "orders", "since": 0}         → {"orders": [...]}
+
+An invalid question is answered with {"error": text}.
+"""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import zenoh
+
+from minerva_bus.errors import MinervaError, ProtocolError, SceneError, nearest
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.collection import MAX_NAMES, unknown_agent
+from minerva_bus.frame.composition import PART
+from minerva_bus.frame.event_log import EventLog
+from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.orders import (
+    OrderFates,
+    listed,
+    refusal_of_order,
+    too_much_work,
+    unknown_value,
+    without_effect,
+)
+from minerva_bus.frame.pace import Pace
+from minerva_bus.frame.work import MAX_SINGLE_EVENTS
+from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.events import Event, Events
+from minerva_bus.grammar.measures import Of
+from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.runtime.admission import Admission
+from minerva_bus.runtime.metrics import Metrics
+from minerva_bus.runtime.runner import Runner
+from minerva_bus.runtime.schedule import FrameSchedule
+from minerva_bus.runtime.session_inbox import Question, question
+from minerva_bus.runtime.system import System
+from minerva_bus.runtime.watchers import LocalQuestion, StatusMeter
+from minerva_bus.wire.keys import is_name, who_asks
+from minerva_bus.wire.message_limits import DEFAULT, Limits, check, values_in
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text, pack, unpack
+from minerva_bus.wire.status_codec import plain_lines, plain_orders, plain_series, plain_status
+from minerva_bus.wire.strings_codec import Reader
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary
+from minerva_bus.world.operator import FileStatus, MemberStatus, PersonOperation, WorldStatus
+
+if TYPE_CHECKING:
+    from minerva_bus.collect.collector import SeriesHistory
+
+
+ASKER: Final = "asker"
+"""Name of the certificate of a question, which the coordinator adds; empty without certificates."""
+
+
+@dataclass(frozen=True, slots=True)
+class Operated:
+    """The parts of a running world that operators' commands use.
+
+    `rejected` gives the number of rejections by sender, `outlook` what the world does with an
+    awaited member, and `files` what it writes. `restart` requests a restart of a member, `stack`
+    that its stacks are written to its log; both return the reason if that is impossible, otherwise
+    an empty string. `orders` has the fates of people's orders, `collected` the collected series, if
+    any. `noted` receives each operation of a person.
+    """
+
+    runner: Runner
+    schedule: FrameSchedule
+    event_log: EventLog
+    orders: OrderFates
+    metrics: Metrics
+    status: StatusMeter
+    rejected: Callable[[], Mapping[str, int]]
+    restart: Callable[[str], str]
+    stack: Callable[[str], str]
+    collected: SeriesHistory | None = None
+    outlook: Callable[[str], str] = field(default=lambda _: "")
+    files: Callable[[], tuple[FileStatus, ...]] = field(default=lambda: ())
+    noted: Callable[[PersonOperation], None] = field(default=lambda _: None)
+
+    @property
+    def algorithm(self) -> FrameAlgorithm:
+        """The frame algorithm."""
+        return self.runner.algorithm
+
+    @property
+    def pace(self) -> Pace:
+        """The frame rate and the number of frames that may begin."""
+        return self.schedule.pace
+
+
+Command: TypeAlias = Callable[[Operated, dict[str, Any]], dict[str, Any]]
+
+
+def person_of(asked: Mapping[str, Any]) -> str:
+    """The name of the person who asks.
+
+    With certificates it begins with the name of the certificate, which a question cannot change.
+    """
+    by, asker = as_text(asked.get("by", ""), "by"), as_text(asked.get(ASKER, ""), "the asker")
+    if by and not is_name(by):
+        raise ProtocolError(f"by: {by[:64]!r} is not a name: use letters, digits, _, - and .")
+    return "/".join(dict.fromkeys(name for name in (asker, by) if name))
+
+
+# --- the state of a world ---
+
+
+def status_of(running: Operated, since: int = 0) -> WorldStatus:
+    """State of a world, with the log entries since a number."""
+    algorithm, pace, hz = running.algorithm, running.pace, running.status.hz
+    measured = dict(running.metrics.measured())
+    waits = {
+        name.removeprefix("wait for "): measured.pop(name)
+        for name in sorted(measured)
+        if name.startswith("wait for ")
+    }
+    waiting = tuple(algorithm.waiting_for())
+    members = [_member(entry, waits.get(entry.name, 0.0)) for entry in algorithm.members]
+    return WorldStatus(
+        world=algorithm.world.name,
+        frame=algorithm.frame,
+        dt=algorithm.world.dt,
+        phase=algorithm.phase.value,
+        paused=pace.paused,
+        left=pace.left or 0,
+        rate=pace.rate,
+        hz=hz,
+        agents=algorithm.composition.count,
+        waiting=waiting,
+        # Measured a moment ago, when the frame may have waited for members that have answered.
+        waited=running.status.waited if waiting else 0.0,
+        members=tuple(
+            replace(member, outlook=running.outlook(member.name))
+            if member.name in waiting
+            else member
+            for member in members
+        ),
+        events={name: count * hz for name, count in running.event_log.per_frame().items()},
+        bytes_in=measured.pop("bytes in", 0.0),
+        bytes_out=measured.pop("bytes out", 0.0),
+        phases=measured,
+        happenings=running.event_log.entries(since),
+        refused=running.rejected(),
+        late_frames=running.schedule.overruns.count,
+        behind=running.schedule.overruns.behind,
+        series=0 if running.collected is None else len(running.collected),
+        norms=algorithm.norms.status(),
+        files=running.files(),
+        people=algorithm.world.people,
+    )
+
+
+def _member(member: MemberEntry, wait: float) -> MemberStatus:
+    hello = member.hello
+    if hello is None:
+        return MemberStatus(member.name, member.state.value, expected=member.expected)
+    return MemberStatus(
+        name=member.name,
+        state="drained" if member.active and member.drained else member.state.value,
+        roles=hello.roles,
+        service=hello.service,
+        kinds=tuple([kind.name for kind in hello.kinds]),
+        generates=hello.generates,
+        orders=hello.orders,
+        draws=hello.draws,
+        last_reply=member.last_reply,
+        late=member.late,
+        pid=hello.pid,
+        host=hello.host,
+        expected=member.expected,
+        joins=member.joins,
+        wait=wait,
+        figures={**member.figures, **({"dropped": member.dropped} if member.dropped else {})},
+    )
+
+
+MAX_CHARS: Final = 16_384
+"""Characters of the data and the condition of an event, which the main thread parses."""
+
+
+# --- events of people: they are checked, sent, and their fates kept ---
+
+
+def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Send an event, or a batch, of people, in the form of the wire."""
+    reader = Reader(running.algorithm.world.vocabulary)
+    event = reader.event(asked.get("event"))
+    # Agents trust the sender of an event, so an operator must not set one.
+    if event.senders is not None if isinstance(event, Events) else event.sender:
+        raise ProtocolError("an order is an event or a batch of people: it has no sender")
+    if isinstance(event, Events):
+        return _send_batch(running, event, person_of(asked))
+    return _send(running, event, person_of(asked))
+
+
+def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]:
+    """Send the events of a batch; their fates are not kept."""
+    algorithm = running.algorithm
+    takers = algorithm.members.takers(batch.type)
+    types = algorithm.world.vocabulary.events[batch.type].fields.all
+    # Generators take single orders, and values that the string has are compared one by one.
+    if takers or any(field.type.source is not None for field in types):
+        advice = "send events in columns of a type that no generator takes, or fewer at once"
+        check(f"an order of {batch.type}", batch.count, MAX_SINGLE_EVENTS, "events", advice)
+        known = dict[Of, set[str]]()
+        for event in batch:
+            _send(running, event, person, known)
+    else:
+        refusal = refusal_of_order(algorithm, batch.type)
+        if refusal:
+            raise ProtocolError(refusal)
+        missing = algorithm.composition.first_missing(batch.receivers)
+        if missing is not None:
+            raise ProtocolError(_no_agent(running, missing))
+        refusal = too_much_work(algorithm, batch, person)
+        if refusal:
+            raise ProtocolError(refusal)
+        running.runner.handle(s.Publish(batch, person))
+    frame, sent = algorithm.frame, f"{batch.count} {batch.type}"
+    return {"frame": frame, "event": sent, "through": takers, "by": person}
+
+
+def _no_agent(running: Operated, receiver: str) -> str:
+    composition = running.algorithm.composition
+    few = composition.count <= MAX_NAMES
+    several = listed(sorted(composition.agents())) if few else f"{composition.count} agents"
+    return f"there is no agent {unknown_agent(composition, receiver, f'there are {several}')}"
+
+
+def _send(
+    running: Operated, event: Event, person: str, known: dict[Of, set[str]] | None = None
+) -> dict[str, Any]:
+    algorithm = running.algorithm
+    check(f"an order of {event.type}", len(event.receivers), DEFAULT.receivers, "receivers")
+    # Not `agent`, which makes the node of an agent in columns.
+    homes = algorithm.composition.home_of_each(event.receivers)
+    for receiver in event.receivers:
+        if receiver not in homes:
+            raise ProtocolError(_no_agent(running, receiver))
+    refusal = refusal_of_order(algorithm, event.type)
+    refusal = refusal or unknown_value(algorithm, event, known)
+    refusal = refusal or too_much_work(algorithm, event, person)
+    if refusal:
+        raise ProtocolError(refusal)
+    takers = algorithm.members.takers(event.type)
+    note = without_effect(algorithm, event)
+    number = running.orders.arrive(event, person, algorithm.frame)
+    running.runner.handle(s.Publish(event, person))
+    return {
+        "frame": algorithm.frame,
+        "event": str(event),
+        "through": takers,
+        "by": person,
+        "number": number,
+        **({"note": note} if note else {}),
+    }
+
+
+def publish(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Send an event of a type in the vocabulary; its data are texts in the notation of strings."""
+    algorithm = running.algorithm
+    name = as_text(asked.get("type"), "the type")
+    texts = {
+        field: as_text(value, field)
+        for field, value in as_map(asked.get("data", {}), "the data").items()
+    }
+    condition = as_text(asked.get("condition", ""), "if")
+    size, advice = sum(map(len, [condition, *texts.values()])), "send it by the Python API"
+    check("the data of an event", size, MAX_CHARS, "characters", advice)
+    values = {field: _value(text, field) for field, text in texts.items()}
+    receivers = [
+        as_text(name, "a receiver") for name in as_list(asked.get("receivers", []), "receivers")
+    ]
+    vocabulary = algorithm.world.vocabulary
+    declared = vocabulary.events.get(name)
+    if declared is None:
+        raise ProtocolError(
+            f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
+        )
+    # A condition that no agent can fulfil is an error of the operator.
+    vocabulary.check_condition(name, condition, "pub")
+    try:
+        fitted = declared.fields.values(name, values)
+    except Unfit as unfit:
+        raise ProtocolError(str(unfit)) from None
+    to = tuple(sorted(set(receivers)))
+    event = Event(name, declared.fields.names, fitted, condition, receivers=to)
+    return _send(running, event, person_of(asked))
+
+
+def _value(shown: str, name: str) -> Any:
+    """A value in the notation of strings; quotes around a text are optional."""
+    try:
+        (node,) = parse(f"P<value={shown}>", name)
+        (value,) = node.values
+    except (SceneError, ValueError):
+        return shown
+    return value
+
+
+MAX_STEPS = 1_000_000_000
+MAX_RATE = 1_000_000.0
+MAX_LINES = 1000
+
+
+# --- questions ---
+
+
+def answer(
+    asked: Mapping[str, Any], running: Operated, commands: Mapping[str, Command] | None = None
+) -> dict[str, Any]:
+    """Answer one question with `commands`, by default COMMANDS; errors are part of the answer."""
+    commands = COMMANDS if commands is None else commands
+    try:
+        name = as_text(asked.get("ask"), "ask")
+        if name not in commands:
+            raise ProtocolError(f"unknown question {name[:40]!r}; expected {', '.join(commands)}")
+        return commands[name](running, as_map(asked, "a question"))
+    except MinervaError as error:
+        return {"error": str(error)}
+
+
+def _status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    return {"status": plain_status(status_of(running, as_int(asked.get("since", 0), "since")))}
+
+
+def _totals(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+    return {"totals": running.metrics.counted().plain()}
+
+
+def _series(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+    collected = running.collected
+    return {"series": [] if collected is None else plain_series(collected.series())}
+
+
+def _scene(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+    algorithm = running.algorithm
+    return {"frame": algorithm.frame, "scene": str(algorithm.scene)}
+
+
+def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """The text of the outermost agent with an id, or of one in a population."""
+    composition, agent = running.algorithm.composition, as_text(asked.get("agent"), "the agent")
+    # Names of parts are internal, and change when hosts join or leave.
+    node = composition.agent(agent) if not agent.startswith(PART) else None
+    if node is None:
+        raise ProtocolError(f"there is no agent #{agent[:64]}")
+    return {"frame": running.algorithm.frame, "fragment": str(Scene((node,)))}
+
+
+def _note(running: Operated, asked: Mapping[str, Any], value: object = "") -> None:
+    """Note that a person operates the world, with an effect."""
+    running.noted(
+        PersonOperation(
+            running.algorithm.frame, as_text(asked["ask"], "ask"), str(value), person_of(asked)
+        )
+    )
+
+
+def _pause(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    if not running.pace.paused:
+        _note(running, asked)
+    running.schedule.pause()
+    return {"frame": running.schedule.pauses_before}
+
+
+def _resume(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    if running.pace.left is not None:
+        _note(running, asked)
+    running.pace.resume()
+    running.schedule.repace()
+    return {"frame": running.algorithm.frame}
+
+
+def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    frames = as_int(asked.get("frames", 1), "frames", 1)
+    if frames > MAX_STEPS:
+        raise ProtocolError(f"frames must be a whole number up to {MAX_STEPS}, not {frames}")
+    _note(running, asked, frames)
+    last = running.schedule.pauses_before + frames
+    running.pace.step(frames)
+    running.schedule.repace()
+    return {"frame": last}
+
+
+def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    rate = as_number(asked.get("rate"), "rate")
+    if not 0 <= rate <= MAX_RATE:
+        raise ProtocolError(f"rate must be frames per second from 0 to {MAX_RATE:g}, not {rate:g}")
+    if rate != running.pace.rate:
+        _note(running, asked, f"{rate:g}")
+    running.pace.change(rate)
+    running.schedule.repace()
+    return {"rate": rate}
+
+
+def _restart(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    member = _own_process(running, asked, "restart it where it runs")
+    done = _accepted(running.restart(member))
+    _note(running, asked, member)
+    return done
+
+
+def _stack(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Let a process write the stacks of its threads to its log, where `logs` finds them."""
+    return _accepted(running.stack(_own_process(running, asked, "its stack is not known here")))
+
+
+def _accepted(refused: str) -> dict[str, Any]:
+    if refused:
+        raise ProtocolError(refused)
+    return {}
+
+
+def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) -> str:
+    """The name of a process of the world file. Raises ProtocolError."""
+    member = as_text(asked.get("member"), "the member")
+    expected = {entry.name: entry.expected for entry in running.algorithm.members}
+    if member not in expected:
+        hint = nearest(member, list(expected), f"there are {', '.join(expected)}")
+        raise ProtocolError(f"there is no member {member[:64]!r}{hint}")
+    if not expected[member]:
+        raise ProtocolError(f"{member} is not a process of the world file: {otherwise}")
+    return member
+
+
+def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    member, offers = as_text(asked.get("member"), "the member"), running.algorithm.offers()
+    if member not in offers:
+        hosts = ", ".join(offers) or "none"
+        raise ProtocolError(f"{member[:64]!r} hosts no agents now; hosts are {hosts}")
+    others = {name: kinds for name, kinds in offers.items() if name != member}
+    # The host would have to keep these agents, so it could not be stopped.
+    alone = sorted(offers[member].difference(*others.values()))
+    if alone:
+        raise ProtocolError(
+            f"no other host offers {', '.join(alone)}: attach a host of it first"
+            " (minerva attach module:Class)"
+        )
+    running.runner.handle(s.Drain(member))
+    _note(running, asked, member)
+    return {"to": [name for name, kinds in others.items() if kinds & offers[member]]}
+
+
+def _logs(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    member = as_text(asked.get("member", ""), "the member")
+    lines = running.event_log.lines(as_int(asked.get("since", 0), "since"), member)
+    return {"lines": plain_lines(lines[-MAX_LINES:])}
+
+
+def _orders(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    since = as_int(asked.get("since", 0), "since")
+    return {"orders": plain_orders(running.orders.changed_since(since))}
+
+
+def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+    return {"vocabulary": plain_vocabulary(running.algorithm.world.vocabulary)}
+
+
+def _seek(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+    raise ProtocolError("this is not a replay; only a replay can continue from another frame")
+
+
+def _stop(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    _note(running, asked)
+    running.schedule.stop(s.End("stopped by a person"))
+    return {}
+
+
+COMMANDS: Final[Mapping[str, Command]] = {
+    "status": _status,
+    "totals": _totals,
+    "series": _series,
+    "scene": _scene,
+    "fragment": _fragment,
+    "vocabulary": _vocabulary,
+    "pub": publish,
+    "order": order,
+    "pause": _pause,
+    "resume": _resume,
+    "step": _step,
+    "rate": _rate,
+    "restart": _restart,
+    "stack": _stack,
+    "drain": _drain,
+    "seek": _seek,
+    "logs": _logs,
+    "orders": _orders,
+    "stop": _stop,
+}
+
+
+MAX_VALUES: Final = 25_000
+"""Values of a question: the main thread reads an order at once, and prints it for people."""
+
+PAUSE_FACTOR: Final = 2.0
+"""Pause after an answer, as a multiple of the time that the answer took."""
+
+
+# --- over the bus with the rights of the operator, and from other threads ---
+
+
+class Answers:
+    """Checks and queues the questions to one world and answers them with `commands`.
+
+    At most `limits.questions` wait at the same time, and as many of those who may not operate the
+    world, which come last. Answering takes at most a third of the coordinator's time, so that
+    questions cannot stop the frames. `operated` is called before an answer is sent.
+    """
+
+    def __init__(
+        self,
+        world: Operated,
+        admission: Admission,
+        limits: Limits,
+        operated: Callable[[], None],
+        system: System,
+        commands: Mapping[str, Command],
+    ) -> None:
+        self._operators = deque[Question]()
+        self._readers = deque[Question]()
+        self._world = world
+        self._admission = admission
+        self._limits = limits
+        self._operated = operated
+        self._clock = system.monotonic
+        self._commands = commands
+        # Count the questions of readers and of operators between `admit` and their answers. Deques,
+        # because several threads of Zenoh may append at the same time.
+        self._admitted = deque[None](), deque[None]()
+        self._next_at = 0.0
+
+    def admit(self, query: zenoh.Query) -> Question | None:
+        """The question of a query, or None if too many wait; called in a thread of Zenoh."""
+        # Checked in Zenoh's thread, so that a flood of questions does
+        # not fill the coordinator's inbox, nor its memory.
+        most, most_bytes = self._limits.questions, self._limits.small_bytes
+        asked, size = question(query, most_bytes), len(query.payload) if query.payload else 0
+        _, orders, key = self._asker(asked)
+        admitted = self._admitted[orders]
+        if size > most_bytes:
+            problem = f"a question has {size} bytes, over {most_bytes}"
+        elif len(admitted) >= most:
+            problem = f"{most} questions wait for an answer already; ask again in a moment"
+        else:
+            admitted.append(None)
+            return asked
+        asked.reply(key, pack({"error": problem}))
+        return None
+
+    def add(self, asked: Question) -> None:
+        """Queue an admitted question."""
+        _, orders, _ = self._asker(asked)
+        (self._operators if orders else self._readers).append(asked)
+
+    def __bool__(self) -> bool:
+        """Whether a question waits for its answer."""
+        return bool(self._operators or self._readers)
+
+    @property
+    def wait(self) -> float:
+        """Seconds until the next question may be answered; 0: now."""
+        # Callers sleep for this time, and the clock may pass the end between two of their calls.
+        return max(0.0, self._next_at - self._clock())
+
+    def answer_due(self) -> None:
+        """Answer the next question once the pause after the previous answer is over."""
+        if not self or self.wait > 0:
+            return
+        began = self._clock()
+        orders = bool(self._operators)
+        try:
+            self._answer((self._operators if orders else self._readers).popleft())
+        finally:
+            self._admitted[orders].pop()
+            now = self._clock()
+            # In proportion to the answer, so that expensive questions are answered less often.
+            self._next_at = now + PAUSE_FACTOR * (now - began)
+
+    def answer_local(self, asked: LocalQuestion) -> None:
+        """Answer a question from another thread of this process at once."""
+        asked.answer.set_result(answer(asked.question, self._world, self._commands))
+
+    def _answer(self, question: Question) -> None:
+        asker, orders, key = self._asker(question)
+        try:
+            most = min(self._limits.values, MAX_VALUES)
+            check("a question", values_in(question.data, most), most, "values")
+            asked = as_map(unpack(question.data), "a question")
+            objection = self._admission.objection_to_question(asker, orders, asked.get("ask"))
+            reply = (
+                {"error": objection}
+                if objection
+                else answer({**asked, ASKER: asker}, self._world, self._commands)
+            )
+        except MinervaError as error:
+            reply = {"error": str(error)}
+        self._operated()  # The journal must contain the change before the operator is notified.
+        question.reply(key, pack(reply))
+
+    def _asker(self, question: Question) -> tuple[str, bool, str]:
+        return who_asks(question.key, self._world.algorithm.world.name)
