@@ -10,12 +10,13 @@ from minerva_bus.launch import process_table, supervisor
 from minerva_bus.runtime import coordinator, joining, participants, session, waiting
 
 PAGE = Path(__file__).parents[2] / "docs" / "timeouts.md"
-ROW = re.compile(r"^\| `((?:runtime|launch)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
+ROW = re.compile(r"^\| `((?:runtime|launch|process_end)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
 
 
 def constant(path):
-    package, module, *names = path.split(".")
-    value = import_module(f"minerva_bus.{package}.{module}")
+    modules = 1 if path.startswith("process_end") else 2
+    package, names = path.split(".")[:modules], path.split(".")[modules:]
+    value = import_module(".".join(["minerva_bus", *package]))
     for name in names:
         value = getattr(value() if isinstance(value, type) else value, name)
         value = value() if isinstance(value, type) else value
