@@ -16,7 +16,7 @@ from minerva_bus.grammar.events import single
 from minerva_bus.grammar.printer import json_value
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
-from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operator_client import Client
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
@@ -131,7 +131,7 @@ def _echo_view(
 
     from minerva_bus.cli.attaching import leave_on_signals
     from minerva_bus.frame.member import Member
-    from minerva_bus.runtime.member import MemberProcess
+    from minerva_bus.runtime.participants import MemberProcess
     from minerva_bus.world.services import Device, View
 
     class Echo(Device):

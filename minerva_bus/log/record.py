@@ -44,9 +44,8 @@ from minerva_bus.log.entries import (
 from minerva_bus.log.record_header import Description, decode_description
 from minerva_bus.wording import frames_up_to
 from minerva_bus.world.operator import PersonOperation
-from minerva_bus.world.order import collect
-from minerva_bus.world.service_inputs import Tick
-from minerva_bus.world.services import Generator
+from minerva_bus.world.priority import collect
+from minerva_bus.world.services import Generator, Tick
 
 _END: Final = 1 << 62
 """A number greater than that of any frame."""

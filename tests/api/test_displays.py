@@ -16,7 +16,7 @@ from minerva_bus import Interrupted, connect, count, record, run
 from minerva_bus.api.pictures import MAX_PICTURES
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch import interrupts
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.world.agent import ActivityError
 
 SVG = "{http://www.w3.org/2000/svg}"

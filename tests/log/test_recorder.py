@@ -420,7 +420,9 @@ def test_a_large_string_is_left_to_the_thread(monkeypatch):
     monkeypatch.setattr(RecordWriter, "_put_keyframe", written)
     monkeypatch.setattr(module, "LIGHT", 60.0)
     monkeypatch.setattr(record_writer, "KEY_AFTER", 4)
-    monkeypatch.setattr(record_writer, "SMALL", 4_000)  # Less than the string, more than most frames.
+    monkeypatch.setattr(
+        record_writer, "SMALL", 4_000
+    )  # Less than the string, more than most frames.
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
     recorder.idle()
     for record, string in happened("meadow")[1]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.grammar.events import AnyEvent, first_of
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.options import names_in
 
