@@ -15,7 +15,7 @@
     │   └── NotCompilable        a method uses what cannot be compiled            world.accelerator
     ├── UserCodeError            a method of an agent or a service failed
     │   └── ActivityError        a method of an agent failed at an event         world.agent
-    ├── RecordError              a record cannot be written or read              log.errors
+    ├── RecordError              a record cannot be written or read
     ├── RecordingError           a sensor recording cannot be read               world.recordings
     ├── ProtocolError            a member sent what the protocol does not allow
     ├── Refusal                  the world does not admit this member            frame.member
@@ -179,6 +179,10 @@ def _named(error: BaseException) -> str:
     if isinstance(error, MinervaError):
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+class RecordError(MinervaError):
+    """A record cannot be written, or a file is damaged or not a record."""
 
 
 class ProtocolError(MinervaError):
