@@ -17,11 +17,12 @@ from minerva_agents.robot.grid import (
     SURE,
     UNKNOWN,
     after_passing,
+    behind,
     doubt,
     mark_obstacle,
     mark_scan,
 )
-from minerva_agents.robot.pose import at_distance
+from minerva_agents.robot.pose import at_distance, at_distances
 from minerva_agents.robot.vocabulary import eClear, eLaser
 from minerva_agents.robot.world import vocabulary
 
@@ -32,7 +33,7 @@ def marked(grid):
 
 @pytest.mark.parametrize("ang", [0.0, 37.0, 90.0, -135.0, 180.0])
 @pytest.mark.parametrize("angle", [0.0, 4.0, -90.0, 123.0])
-@pytest.mark.parametrize("dist", [0.05, 0.4, 1.73])
+@pytest.mark.parametrize("dist", [0.05, 0.4, 1.72])
 def test_the_cell_is_that_of_the_papers_formula(ang, angle, dist):
     r, c, cell = 20.3, 19.8, 0.1
     seen = after(robot(row=r, column=c, angle=ang), eLaser(dist, angle))
@@ -85,21 +86,53 @@ def test_a_beam_clears_the_longest_grid_to_its_end(side, beyond):
         assert np.count_nonzero(grid == FREE) == side - (beyond < 0)
 
 
+@given(
+    st.integers(0, 2**32),
+    st.floats(1.5, 30.0),
+    st.floats(1.5, 30.0),
+    st.sampled_from([0.05, 0.1, 0.25]),
+)
+def test_the_last_bits_of_a_scan_do_not_change_the_grid(seed, row, column, cell):
+    """Beams that end on the walls of a floor, which lie on borders of cells, in 32 and 64 bits."""
+    random = np.random.default_rng(seed)
+    angles = random.uniform(0, 2 * math.pi, 90)
+    walls = random.integers(1, 31, (2, 90))
+    start, headings = np.array([[row], [column]]), np.array([np.cos(angles), np.sin(angles)])
+    with np.errstate(divide="ignore"):
+        dist = (walls - start) / headings
+    dist = np.where((dist > 0.01) & (dist < 40), dist, np.inf).min(axis=0)
+    angles, dist = angles[np.isfinite(dist)], dist[np.isfinite(dist)]
+    grids = []
+    for kind in (np.float64, np.float32):
+        grid = np.zeros((40, 40), np.int16)
+        metres, degrees = (dist * cell).astype(kind), np.degrees(angles).astype(kind)
+        ends = at_distances(row, column, degrees.astype(float), metres.astype(float) / cell)
+        mark_scan(grid, row, column, *ends)
+        grids.append(grid.tolist())
+    assert grids[0] == grids[1]
+
+
 def one_by_one(grid, row, column, ends, part):
     """The marks of a scan, beam by beam and cell by cell."""
     for to_row, to_column in ends:
         down, across = to_row - row, to_column - column
-        count = math.ceil(max(abs(down), abs(across)))
+        # On a border, a beam is in the cell behind it.
+        first = row + behind(down), column + behind(across)
+        count = math.ceil(max(abs(down), abs(across)) - 1e-4)
         cells = [
-            (math.floor(k * (down / count) + row), math.floor(k * (across / count) + column))
+            (
+                math.floor(k * (down / count) + first[0]),
+                math.floor(k * (across / count) + first[1]),
+            )
             for k in range(count)
         ]
-        passed = count - (cells[-1:] == [(math.floor(to_row), math.floor(to_column))])
+        end = math.floor(to_row + behind(down)), math.floor(to_column + behind(across))
+        passed = count - (cells[-1:] == [end])
         inside = [c for c in cells[:passed] if 0 <= c[0] < len(grid) and 0 <= c[1] < len(grid)]
         before = grid.copy()
         for number, cell in enumerate(inside):
             grid[cell] = after_passing(int(before[cell]), number < math.ceil(part * passed))
-        mark_obstacle(grid, to_row, to_column)
+        mark_obstacle(grid, *end)
 
 
 places = st.floats(-3.0, 15.0)

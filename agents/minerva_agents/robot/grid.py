@@ -52,6 +52,10 @@ MARKER: Final = 16
 
 Codes: TypeAlias = NDArray[np.int16]
 
+_BORDER: Final = 1e-4
+"""Cells to a border within which a position is on it: more than a distance of 32 bits is wrong by,
+and far less than a laser is."""
+
 _HIT: Final = 3
 """Evidence added by a hit; a passing beam removes 1."""
 
@@ -91,6 +95,21 @@ _STEPS: Final = np.arange(LONGEST, dtype=np.float64)
 _NONE: Final = np.empty(0, np.intp)
 
 
+def behind(far: float) -> float:
+    """What to add to a coordinate of a beam that goes `far` cells along its axis.
+
+    A beam that is on a border of cells, within `_BORDER`, is in the cell behind it. The walls of a
+    map lie on borders; there the last bit of a distance would choose the cell, and half of the hits
+    would thicken the wall by the cell before it. Along a border, the upper cell counts.
+    """
+    return -_BORDER if far < -_BORDER else _BORDER
+
+
+def all_behind(far: Reals) -> Reals:
+    """`behind` of n beams, (n,)."""
+    return np.where(far < -_BORDER, -_BORDER, _BORDER)
+
+
 def holds(grid: Cells, cell: Cell) -> bool:
     """True if the cell lies on the grid."""
     return 0 <= cell[0] < grid.shape[0] and 0 <= cell[1] < grid.shape[1]
@@ -117,8 +136,11 @@ def reopen(grid: Cells) -> None:
 
 
 def mark_marker(grid: Cells, row: float, column: float, marker: int) -> None:
-    """Set the cell of a marker; its previous cell becomes free."""
-    cell = math.floor(row), math.floor(column)
+    """Set the cell of a marker; its previous cell becomes free.
+
+    A marker on a border of cells has the upper one, so that rounding does not move it.
+    """
+    cell = math.floor(row + _BORDER), math.floor(column + _BORDER)
     if holds(grid, cell):
         grid[grid == MARKER + marker] = FREE
         grid[cell] = MARKER + marker
@@ -154,9 +176,11 @@ def _passed(
     which the beam ends is excluded.
     """
     down, across = to_row - row, to_column - column
-    count = math.ceil(max(abs(down), abs(across)))
-    if not count:
+    count = math.ceil(max(abs(down), abs(across)) - _BORDER)
+    if count <= 0:
         return _NONE, 0
+    row, to_row = row + behind(down), to_row + behind(down)
+    column, to_column = column + behind(across), to_column + behind(across)
     down, across = down / count, across / count
     last = math.floor((count - 1) * down + row), math.floor((count - 1) * across + column)
     if last == (math.floor(to_row), math.floor(to_column)):
@@ -244,7 +268,7 @@ def mark_scan(
     longest = np.maximum(np.abs(rows - row), np.abs(columns - column))
     if not np.isfinite(longest).all():
         raise MapError("a beam ends at infinity; give its distance in metres")
-    counts = np.ceil(longest)
+    counts = np.ceil(np.maximum(longest - _BORDER, 0.0))
     passes = np.cumsum(np.minimum(counts, _most_samples(grid))) // _AT_ONCE
     borders = [0, *(1 + np.flatnonzero(passes[1:] != passes[:-1])).tolist(), len(rows)]
     for begin, end in pairwise(borders):
@@ -258,7 +282,7 @@ def _mark(
     flat: Codes = grid.reshape(-1)
     passes = _passes(grid, start, ends, counts, part)
     high, wide = grid.shape
-    rows, columns = np.floor(ends[0]), np.floor(ends[1])
+    rows, columns = (np.floor(to + all_behind(to - at)) for at, to in zip(start, ends, strict=True))
     hitting = np.flatnonzero((rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide))
     hits = rows[hitting].astype(np.intp) * wide + columns[hitting].astype(np.intp)
     is_hit = np.zeros(flat.size, np.bool_)
@@ -297,15 +321,18 @@ def _passes(
     """
     (row, column), (high, wide) = start, grid.shape
     steps = np.maximum(counts, 1.0)
-    down, across = (ends[0] - row) / steps, (ends[1] - column) / steps
+    far_down, far_across = ends[0] - row, ends[1] - column
+    first_row, first_column = row + all_behind(far_down), column + all_behind(far_across)
+    down, across = far_down / steps, far_across / steps
     back = np.maximum(counts - 1, 0)
-    ended = np.floor(back * down + row) == np.floor(ends[0])
-    ended &= np.floor(back * across + column) == np.floor(ends[1])
+    ended = np.floor(back * down + first_row) == np.floor(far_down + first_row)
+    ended &= np.floor(back * across + first_column) == np.floor(far_across + first_column)
     counts = np.where(ended & (counts > 0), counts - 1, counts)
     lengths = np.minimum(counts, _most_samples(grid)).astype(np.intp)
     beams = np.repeat(np.arange(len(counts)), lengths)
     number = np.arange(len(beams)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-    rows, columns = number * down[beams] + row, number * across[beams] + column
+    rows = number * down[beams] + first_row[beams]
+    columns = number * across[beams] + first_column[beams]
     inside = (rows >= 0) & (columns >= 0) & (rows < high) & (columns < wide)
     if not inside.all():
         beams, rows, columns = beams[inside], rows[inside], columns[inside]
