@@ -39,3 +39,8 @@ def install(extra: str) -> str:
     if importlib.util.find_spec("pip") is None:
         return f"uv pip install --python {python} {package}"
     return f"{python} -m pip install {package}"
+
+
+def short(text: str, longest: int = 110) -> str:
+    """A text that fits a line of `longest` characters."""
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"

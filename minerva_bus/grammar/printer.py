@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 from minerva_bus.grammar.measures import Quantity
 from minerva_bus.grammar.scene import AgentNode, Array, FigureNode, Node, Scene, Value
 from minerva_bus.grammar.traversal import walk
+from minerva_bus.wording import short
 
 CONCATENATION = " · "
+LONGEST_MATRIX: Final = 9
+"""Cells of the largest matrix that is shown with its values."""
 
 # `json.dumps` with an option makes an encoder for each call.
 _quoted: Final = json.JSONEncoder(ensure_ascii=False).encode
@@ -67,6 +70,13 @@ def value_text(value: Value) -> str:
     if isinstance(value, Quantity):
         return f"{number_text(value.number)}{value.unit}"
     return _matrix_text(value)
+
+
+def shown_value(value: Value, longest: int = 2000) -> str:
+    """A value as text of at most `longest` characters, of a large matrix its shape."""
+    if isinstance(value, np.ndarray) and value.size > LONGEST_MATRIX:
+        return shape_text(value)
+    return short(value_text(value), longest)
 
 
 def number_text(number: float) -> str:

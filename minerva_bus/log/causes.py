@@ -15,11 +15,12 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.description import World
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, first_of
-from minerva_bus.grammar.printer import shape_text, value_text
+from minerva_bus.grammar.printer import shown_value
 from minerva_bus.grammar.scene import AgentNode, Value, agents
-from minerva_bus.log.explanation import MAX_VALUE, Cause, EventSource, Explanation, short
+from minerva_bus.log.explanation import MAX_VALUE, Cause, EventSource, Explanation
 from minerva_bus.log.past_frames import (
     PastFrame,
     ValueChange,
@@ -35,6 +36,7 @@ from minerva_bus.log.record import Record
 from minerva_bus.log.rejections import rejected_events, rejected_step
 from minerva_bus.log.sources import same_event, source_of
 from minerva_bus.source import SourceLine, assignments, defined, handler_name
+from minerva_bus.wording import short
 from minerva_bus.world.addressing import addressed
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
@@ -44,12 +46,6 @@ from minerva_bus.world.population import parents_of
 MAX_LINKS: Final = 5
 RECENT: Final = 10
 """Frames before the question in which rejections are looked for."""
-
-MAX_SHOWN: Final = 2000
-"""Characters of the longest value in an explanation."""
-
-LONGEST_MATRIX: Final = 9
-"""Cells of the largest matrix whose values are shown."""
 
 
 def explain_value(
@@ -272,10 +268,3 @@ def _origin(source: EventSource, event: Event) -> str:
     person = f"the person {source.person}" if source.person else "a person"
     order = f", for the order {short(source.order)} of {person}" if source.order else ""
     return f"{source.text} sent {event.type} for frame {source.frame}{order}"
-
-
-def shown_value(value: Value, longest: int = MAX_SHOWN) -> str:
-    """A value as text, of a large matrix its shape."""
-    if isinstance(value, np.ndarray) and value.size > LONGEST_MATRIX:
-        return shape_text(value)
-    return short(value_text(value), longest)

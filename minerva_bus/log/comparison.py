@@ -20,14 +20,15 @@ from minerva_bus.log.record import Record
 from minerva_bus.wire.strings_codec import plain_event_list
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.wording import counted
+from minerva_bus.wording import short
 
 MOST: Final = 10
 """Maximum number of differences, and of events, that are listed."""
 
+_LONGEST: Final = 120
+
 FEW: Final = 3
 """Maximum number of listed events that an agent may have received."""
-
-_LONGEST: Final = 120
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +223,9 @@ def apart(
 
 def _only(events: Sequence[Event], others: Sequence[Event]) -> tuple[str, ...]:
     known = set(others)
-    return tuple(_short(str(e)) for e in islice((e for e in events if e not in known), MOST))
+    return tuple(
+        short(str(e), _LONGEST) for e in islice((e for e in events if e not in known), MOST)
+    )
 
 
 def _changes(
@@ -244,11 +247,13 @@ def _changes(
     # The order of agents is part of the string; with missing agents it differs anyway.
     if list(in_a) != list(in_b) and in_a.keys() == in_b.keys():
         yield AttributeDifference(
-            "the agents", "order", _short(" ".join(in_a)), _short(" ".join(in_b))
+            "the agents", "order", short(" ".join(in_a), _LONGEST), short(" ".join(in_b), _LONGEST)
         )
     x, y = without_agents(a), without_agents(b)
     if x != y:
-        yield AttributeDifference("outside of agents", "", _short(str(x)), _short(str(y)))
+        yield AttributeDifference(
+            "outside of agents", "", short(str(x), _LONGEST), short(str(y), _LONGEST)
+        )
 
 
 def _by_id(scene: Scene) -> dict[str, AgentNode]:
@@ -271,7 +276,7 @@ def _received(
     )
     for place, event in enumerate(received):
         if place < FEW:
-            yield _short(str(event))
+            yield short(str(event), _LONGEST)
         else:
             yield f"and {1 + sum(1 for _ in received):,} more"
 
@@ -283,14 +288,10 @@ def _there(agent: AgentNode | None) -> str:
 def _values(attribute: str, a: Value, b: Value) -> tuple[str, str, str]:
     """An attribute and its two values; for matrices, the first cell that differs."""
     if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
-        return attribute, _short(value_text(a)), _short(value_text(b))
+        return attribute, short(value_text(a), _LONGEST), short(value_text(b), _LONGEST)
     if shape_text(a) != shape_text(b):
         return attribute, f"is {shape_text(a)}", f"is {shape_text(b)}"
     where = np.argwhere(bits(a) != bits(b))
     row, column = where[0].tolist()
     more = f" and {len(where) - 1:,} cells more" if len(where) > 1 else ""
     return f"{attribute}[{row}, {column}]{more}", str(a[row, column]), str(b[row, column])
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"

@@ -7,11 +7,10 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from minerva_bus.source import SourceLine
-from minerva_bus.wording import named_some
+from minerva_bus.wording import named_some, short
 
 MAX_PERCEIVED: Final = 6
 MAX_REJECTED: Final = 5
-MAX_TEXT: Final = 110
 MAX_VALUE: Final = 60
 
 
@@ -149,8 +148,3 @@ def rejected_lines(rejected: Sequence[str]) -> list[str]:
     more = len(rejected) - MAX_REJECTED
     shown = [f"  {text}" for text in rejected[:MAX_REJECTED]]
     return ["recently rejected:", *shown, *([f"  and {more} more"] if more > 0 else [])]
-
-
-def short(text: str, longest: int = MAX_TEXT) -> str:
-    """A text that fits a line."""
-    return text if len(text) <= longest else f"{text[: longest - 1]}…"

@@ -7,12 +7,14 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from minerva_bus.grammar.events import Event, first_of
-from minerva_bus.log.causes import RECENT, Causes, event_text, shown_value
-from minerva_bus.log.explanation import EventSource, rejected_lines, short
+from minerva_bus.grammar.printer import shown_value
+from minerva_bus.log.causes import RECENT, Causes, event_text
+from minerva_bus.log.explanation import EventSource, rejected_lines
 from minerva_bus.log.past_frames import agent_at, end_of, past_frames
 from minerva_bus.log.record import Record
 from minerva_bus.log.sources import source_of
 from minerva_bus.world.agent import Kinds
+from minerva_bus.wording import short
 
 MAX_RECEIVED: Final = 40
 """Entries about received events."""

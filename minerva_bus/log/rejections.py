@@ -11,9 +11,9 @@ from minerva_bus.frame.inputs import is_people
 from minerva_bus.frame.norms import Norms
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.explanation import short
 from minerva_bus.log.past_frames import PastFrame, agent_in
 from minerva_bus.log.sources import person_behind, sources_of
+from minerva_bus.wording import short
 from minerva_bus.world.norms import SOURCE, Norm
 
 
