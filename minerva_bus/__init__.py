@@ -11,11 +11,8 @@ if TYPE_CHECKING:
     from minerva_bus.api.checking import check
     from minerva_bus.api.datasets import Dataset, export_dataset
     from minerva_bus.api.exporting import Export, export
-    from minerva_bus.api.graphs import Graph, graph
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.records import (
-        diff,
-        explain,
         record,
         replay,
         replay_swapped,
@@ -60,10 +57,9 @@ __version__ = "0.6.0"
 _HOMES = {
     "api.datasets": "Dataset export_dataset",
     "api.exporting": "Export export",
-    "api.graphs": "Graph graph",
     "api.live": "Live connect",
     "api.checking": "check",
-    "api.records": "diff explain record replay replay_swapped replay_views resume",
+    "api.records": "record replay replay_swapped replay_views resume",
     "api.run_result": "Interrupted Run",
     "api.running": "run",
     "api.service_specs": "each service",
@@ -120,7 +116,6 @@ __all__ = [
     "Frame",
     "Generator",
     "Geometry",
-    "Graph",
     "Ids",
     "Interrupted",
     "Label",
@@ -149,13 +144,10 @@ __all__ = [
     "connect",
     "count",
     "data",
-    "diff",
     "each",
     "evolve",
-    "explain",
     "export",
     "export_dataset",
-    "graph",
     "interpret",
     "on",
     "parse",

@@ -25,7 +25,6 @@ from minerva_bus.errors import MinervaError, MisuseError, whole
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.explaining import explain_running_value
 from minerva_bus.launch.in_process import never
 from minerva_bus.log.explanation import Explanation
 from minerva_bus.runtime.operator_client import AskingOperator
@@ -186,33 +185,6 @@ class Live:
     def table(self, name: str = "") -> DataTable:
         """The data collected so far, as for `Run.table`; of a world in this process only."""
         return pick_table(self._backend.tables, name)
-
-    def explain(self, agent: str, attribute: str, frame: int | None = None) -> Explanation:
-        """How an agent's attribute got its value, as the function `explain` does for a record.
-
-        The latest frames are those of the journal of a world on a bus, earlier ones those of its
-        record, as far as it is written. The world does not notice it.
-
-        Args:
-            agent: id of the agent, with or without #.
-            attribute: name of the attribute.
-            frame: the value at the beginning of this frame is explained; None: the latest one.
-
-        Raises:
-            MisuseError: the world has neither a journal nor a record on this machine.
-            RecordError: there is no such frame, agent or attribute.
-            BusError: the world does not answer.
-
-        Example:
-            `World.load("traffic").start(bus=True).explain("c21", "stop").origin`
-
-        """
-        code = "" if self.world is None else self.world.read
-        name = agent.removeprefix("#")
-        answer = explain_running_value(self.operator, code, name, attribute, frame)
-        if not isinstance(answer, Explanation):
-            raise MisuseError(f"explain #{name}: the attribute is empty; name one of the agent's")
-        return answer
 
     def close(self) -> None:
         """End the world, or disconnect from one that runs elsewhere."""

@@ -1,4 +1,4 @@
-"""Records as functions, which `minerva run`, `replay` and `diff` call."""
+"""Records as functions, which `minerva run` and `replay` call."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from minerva_bus.api.requests import Past, request_of
 from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import check_film, run_request
 from minerva_bus.api.world import World, world_of
-from minerva_bus.arguments import path_of, text, text_list, whole_number
+from minerva_bus.arguments import path_of, text, text_list
 from minerva_bus.launch.past import WorldSource, find_file
-from minerva_bus.launch.replays import Swap, Swapped, explained, recomputed, run_swapped
+from minerva_bus.launch.replays import Swap, Swapped, recomputed, run_swapped
 from minerva_bus.launch.typed_text import option_text
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.log.comparison import Difference, compare
@@ -21,15 +21,6 @@ from minerva_bus.log.explanation import Explanation
 from minerva_bus.log.record import Record
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
-
-
-def diff(a: str | Path, b: str | Path) -> Difference:
-    """The first frame in which two records differ, and why; `same` if none does.
-
-    Raises RecordError.
-    """
-    with Record(path_of("a", a)) as first, Record(path_of("b", b)) as second:
-        return compare(first, second)
 
 
 def replay(
@@ -51,43 +42,6 @@ def replay(
 
     """
     return recomputed(path_of("record", record), _source(world), progress or _no_progress)
-
-
-def explain(
-    record: str | Path,
-    agent: str,
-    attribute: str,
-    frame: int | None = None,
-    world: World | str | Path = "",
-) -> Explanation:
-    """How an agent's attribute got its value: the methods, events and senders that led to it.
-
-    The methods of the agents in question run again on the recorded events of a few frames.
-
-    Args:
-        record: the file, .mcap.
-        agent: id of the agent, with or without #.
-        attribute: name of the attribute.
-        frame: the value at the beginning of this frame is explained; None: the last one.
-        world: the world with the agents' code; "": the world file that the record names.
-
-    Returns:
-        The explanation: `links` lead from the change of the value back to its `origin`.
-
-    Raises:
-        RecordError: the record cannot be read, or has no such frame, agent or attribute.
-        WorldFileError: the world file is missing.
-        MinervaError: the record is of another world, or code of an agent fails.
-
-    Example:
-        `explain("run.mcap", "r1", "objective", frame=340).origin`
-
-    """
-    name = text("agent", agent).removeprefix("#")
-    if frame is not None:
-        frame = whole_number("frame", frame)
-    path, attribute = path_of("record", record), text("attribute", attribute)
-    return explained(path, _source(world), name, attribute, frame)
 
 
 def replay_views(

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 import typer
 
 from minerva_bus.cli.commands import (
-    explaining,
     exporting,
     keys,
     observing,
@@ -50,10 +49,10 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 GROUPS: Final = {
-    "Run": ("run", "worlds", "check", "graph", "attach", "bridge"),
-    "Observe": ("list", "top", "logs", "echo", "explain", "metrics"),
+    "Run": ("run", "worlds", "check", "attach", "bridge"),
+    "Observe": ("list", "top", "logs", "echo", "metrics"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
-    "Records": ("info", "replay", "seek", "diff", "export", "recover", "map"),
+    "Records": ("info", "replay", "seek", "export", "recover", "map"),
     "Set up": ("new", "schema", "doctor", "keys", "version"),
 }
 """The kernel's commands by topic, in the order of the help."""
@@ -140,7 +139,6 @@ _MODULES: Final = (
     operating,
     records,
     exporting,
-    explaining,
     setting_up,
 )
 

@@ -1,4 +1,4 @@
-"""`minerva info`, `diff` and `recover`: contents of records."""
+"""`minerva info` and `recover`: contents of records."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 from contextlib import nullcontext
 from pathlib import Path
 
-from minerva_bus.api.records import diff
 from minerva_bus.cli.output import FAILED, Done, checking, print_answer, print_message, print_result
 from minerva_bus.collect.table_parts import read_parts
 from minerva_bus.errors import MisuseError
@@ -39,13 +38,6 @@ def show_moment(file: Path, frame: int | None, string: bool, as_json: bool) -> N
         print_result(written(moment.string))
     else:
         print_answer(moment, as_json)
-
-
-def show_difference(a: Path, b: Path, as_json: bool) -> int:
-    """Print the first difference of two records; returns the exit code. Raises RecordError."""
-    difference = diff(a, b)
-    print_answer(difference, as_json)
-    return 0 if difference.same else 1
 
 
 def show_frames(file: Path, begin: int, as_json: bool) -> None:

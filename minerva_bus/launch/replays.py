@@ -187,39 +187,6 @@ def recomputed(path: Path, world: WorldSource, progress: Callable[[int, int], No
         return recompute(record, kinds_in(file), lambda done: progress(done, last))
 
 
-def explained(
-    path: Path, world: WorldSource, name: str, attribute: str, frame: int | None
-) -> Explanation:
-    """How an agent's attribute got its value in a recorded run; see `explain_value`.
-
-    Raises RecordError and WorldFileError, and ActivityError if user code fails.
-    """
-    from minerva_bus.log.causes import explain_value
-
-    with Record(path) as record:
-        return explain_value(record, _kinds_for(record, world), name, attribute, frame)
-
-
-def explained_in(
-    record: Record, world: WorldSource | None, name: str, attribute: str, frame: int | None
-) -> Explanation | Observation:
-    """As `explained`, of an open record; without a world no code runs.
-
-    Without an attribute, it is the agent with what it received; see `observe_agent`.
-    """
-    from minerva_bus.log.causes import explain_value
-    from minerva_bus.log.observation import observe_agent
-
-    kinds: Kinds = {} if world is None else _kinds_for(record, world)
-    if not attribute:
-        return observe_agent(record, kinds, name, frame)
-    return explain_value(record, kinds, name, attribute, frame)
-
-
-def _kinds_for(record: Record, world: WorldSource) -> Kinds:
-    return kinds_in(world_file_of(record.path, world, record.description, CODE))
-
-
 @dataclass(frozen=True, slots=True)
 class Without:
     """The inputs that are not fed: those of `members`, and views that only they request.

@@ -3,6 +3,7 @@
 import pytest
 from frogs import Frog, pond
 
+from minerva_analysis import diff, explain, graph
 from minerva_bus import (
     EMPTY,
     EventType,
@@ -14,13 +15,10 @@ from minerva_bus import (
     check,
     connect,
     count,
-    diff,
     each,
     evolve,
-    explain,
     export,
     export_dataset,
-    graph,
     interpret,
     record,
     replay,

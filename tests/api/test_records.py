@@ -3,19 +3,8 @@
 import pytest
 from frogs import Frog, eTick, pond
 
-from minerva_bus import (
-    Agent,
-    MinervaError,
-    World,
-    check,
-    diff,
-    each,
-    on,
-    record,
-    replay,
-    resume,
-    run,
-)
+from minerva_analysis import diff
+from minerva_bus import Agent, MinervaError, World, check, each, on, record, replay, resume, run
 from minerva_bus.errors import WorldFileError
 
 

@@ -39,7 +39,7 @@ ONLY = {
     "mcap": "log",
 }
 
-REQUIRED: dict[str, set[str]] = {}
+REQUIRED = {"assistants": {"analysis"}}
 """Extensions that others require, by the extension that requires them."""
 
 

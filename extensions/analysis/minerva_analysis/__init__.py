@@ -1,1 +1,19 @@
-"""Analysis of records: pictures of runs."""
+"""Analysis of records and worlds: causes of values, differences, pictures, graphs of events.
+
+records, explaining, causes   `explain`: how a value came about; `diff`
+past_frames                   frames of a record that are computed again
+halts                         why a running world does not advance
+record_plot, tracks           pictures of runs
+graphs, emitted               `graph`: who publishes and who receives which event types
+"""
+
+from minerva_bus.public_names import imported_at_first_use
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from minerva_analysis.graphs import Graph, graph
+    from minerva_analysis.records import diff, explain
+
+__getattr__ = imported_at_first_use(__name__, {"graphs": "Graph graph", "records": "diff explain"})
+
+__all__ = ["Graph", "diff", "explain", "graph"]

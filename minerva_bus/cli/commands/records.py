@@ -154,24 +154,6 @@ def _refuse(context: typer.Context, options: Mapping[str, object], reason: str) 
 
 
 @examples(
-    "minerva diff run.mcap other.mcap",
-    "minerva diff run.mcap other.mcap --json",
-)
-def diff(
-    a: Record,
-    b: Annotated[Path, typer.Argument(help="Another record.", autocompletion=completing.records)],
-    json: Json = False,
-) -> None:
-    """Show the first frame in which two runs differ.
-
-    The exit code is 1 if there is one.
-    """
-    from minerva_bus.cli.recording import show_difference
-
-    raise typer.Exit(show_difference(a, b, json))
-
-
-@examples(
     "minerva map run.log",
     "minerva map scans.mcap --output house.pgm --cell 0.1",
 )

@@ -136,33 +136,6 @@ def check(
 
 
 @examples(
-    "minerva graph robot --output robot.mmd",
-    "minerva graph garden.toml --view web --json",
-)
-@grouped
-def graph(
-    context: typer.Context,
-    overrides: Annotated[Overrides, Takes("view", "set_")],
-    world: WorldArgument,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="A .mmd file; default: standard output.")
-    ] = None,
-    json: Json = False,
-    force: Force = False,
-) -> None:
-    """Print how events flow between processes and agents.
-
-    It is Mermaid text, which GitHub and many editors draw. Event types are in the order of a frame.
-    The world is read, not run: this runs the Python code that the world file names, but no frame.
-    Its own options are options here too.
-    """
-    from minerva_bus.cli.graphing import show_graph
-
-    given = Overrides(options_of(context.args), overrides.settings, overrides.views)
-    show_graph(world, given, output, json)
-
-
-@examples(
     "minerva attach svg --path now.svg",
     "minerva attach garden:Snail --connect tls/host:7447 --keys keys --name hostA",
 )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
+from minerva_analysis.explaining import explain_running_value, explain_world
 from minerva_assistants.mcp.programs import SECONDS, input_file, run_command
 from minerva_assistants.mcp.tool import AGENT_ID, Result, Tool, ToolCall, text, whole
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.launch.explaining import explain_running_value, explain_world
 from minerva_bus.launch.installed import installed_worlds
 
 

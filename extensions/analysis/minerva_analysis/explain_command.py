@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from minerva_analysis.explaining import explain_running_value, explain_world, explained_in
 from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import print_answer
 from minerva_bus.cli.places import client

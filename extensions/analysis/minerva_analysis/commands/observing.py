@@ -1,9 +1,9 @@
-"""The command that explains values of a record, and running worlds."""
+"""`minerva explain`."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -11,6 +11,8 @@ from minerva_bus.cli import completing
 from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples
 from minerva_bus.cli.startup import uncollected
+
+TOPIC: Final = "Observe"
 
 
 @examples(
@@ -63,7 +65,7 @@ def explain(
     Without --agent, it prints who is awaited, in which call, what happens next and what to do.
     """
     with uncollected():
-        from minerva_bus.cli.explaining import ValueQuestion, explain_record, explain_running
+        from minerva_analysis.explain_command import ValueQuestion, explain_record, explain_running
 
     question = ValueQuestion(code, agent, attribute, frame, no_code)
     if record.endswith(".mcap"):

@@ -7,10 +7,10 @@ import signal
 from pathlib import Path
 
 import pytest
-from running import Run, World, eventually, here
 
+from minerva_analysis.explaining import explain_world
 from minerva_bus.errors import BusError
-from minerva_bus.launch.explaining import explain_world
+from tests.runtime.running import Run, World, eventually, here
 
 WORLD = """
 [world]
@@ -46,7 +46,7 @@ REMOTE = """
 service = "faulty:Extra"
 elsewhere = true
 """
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def world_in(folder, tables):

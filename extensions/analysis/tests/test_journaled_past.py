@@ -4,13 +4,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from harbour import harbour
 
 from minerva_bus.errors import RecordError
+from minerva_analysis import explaining as journaled_past
+from minerva_analysis.explaining import explain_running_value
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch import journaled_past
-from minerva_bus.launch.explaining import explain_running_value
 from minerva_bus.launch.run_outputs import description_of
 from minerva_bus.log import journal
 from minerva_bus.log.entries import Kept
@@ -19,6 +18,7 @@ from minerva_bus.log.journaled import read_described
 from minerva_bus.log.record_header import encode_description
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
+from tests.log.harbour import harbour
 
 FRAMES = 60
 EVERY = 8

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus import Agent, EventType, Generator, MinervaError, World, each, graph, on, view
-from minerva_bus.api.graph_text import mermaid
+from minerva_analysis import graph
+from minerva_analysis.graphs import mermaid
+from minerva_bus import Agent, EventType, Generator, MinervaError, World, each, on, view
 from minerva_bus.launch.installed import installed_worlds
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
-from running import minerva
+from tests.runtime.running import minerva
 
 eTick = EventType("eTick")
 eSing = EventType("eSing", pitch=float)
@@ -148,7 +149,7 @@ def test_the_command_prints_and_writes_mermaid(tmp_path):
 
 def test_the_guide_shows_the_graph_of_a_world(tmp_path):
     shown = minerva(tmp_path, "graph", "plants", "--view", "svg").stdout.splitlines()
-    guide = (Path(__file__).parents[2] / "docs" / "worlds.md").read_text(encoding="utf-8")
+    guide = (Path(__file__).parents[3] / "docs" / "worlds.md").read_text(encoding="utf-8")
     assert "\n".join(shown[1:]) in guide
 
 

@@ -1,4 +1,4 @@
-"""`minerva plot` with its options; what it does is imported when it is called."""
+"""`minerva diff` and `minerva plot`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,31 @@ from typing import Annotated, Final
 
 import typer
 
-from minerva_bus.cli.options import Collect, Force, Json, examples
+from minerva_bus.cli import completing
+from minerva_bus.cli.options import Collect, Force, Json, Record, examples
 
 TOPIC: Final = "Records"
+
+
+@examples(
+    "minerva diff run.mcap other.mcap",
+    "minerva diff run.mcap other.mcap --json",
+)
+def diff(
+    a: Record,
+    b: Annotated[Path, typer.Argument(help="Another record.", autocompletion=completing.records)],
+    json: Json = False,
+) -> None:
+    """Show the first frame in which two runs differ.
+
+    The exit code is 1 if there is one.
+    """
+    from minerva_analysis.records import diff as compared
+    from minerva_bus.cli.output import print_answer
+
+    difference = compared(a, b)
+    print_answer(difference, json)
+    raise typer.Exit(0 if difference.same else 1)
 
 
 @examples(

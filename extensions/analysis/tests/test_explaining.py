@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from harbour import Crew, Pilot, Port, Raft, Ship, eCargo, eSail, harbour
 
 from minerva_bus import Agent, explain, on, record
 from minerva_bus.errors import MinervaError, RecordError
@@ -11,6 +10,7 @@ from minerva_bus.log import chunks
 from minerva_bus.log.observation import observe_agent
 from minerva_bus.log.past_frames import last_change
 from minerva_bus.log.record import Record
+from tests.log.harbour import Crew, Pilot, Port, Raft, Ship, eCargo, eSail, harbour
 from tests.log.recorded_runs import bytes_of, record_of
 from tests.runtime.running import here
 
@@ -235,14 +235,14 @@ def test_a_live_world_explains_a_value_of_its_last_frame(tmp_path):
         live.step(3)
         live.publish(eSail(30.0, receivers=("s1",)), by="anna")
         live.step(2)
-        answer = live.explain("#s1", "x")
+        answer = explain(live, "#s1", "x")
         assert (answer.frame, chain(answer)) == (5, ["3 #s1 Ship.sail eSail"])
         assert "the person anna" in answer.origin
-        assert live.explain("s1", "x", 2).frame == 2
+        assert explain(live, "s1", "x", 2).frame == 2
         with pytest.raises(MinervaError, match="the attribute is empty"):
-            live.explain("s1", "")
+            explain(live, "s1", "")
     with harbour().start() as unrecorded, pytest.raises(MinervaError, match="neither its journal"):
-        unrecorded.explain("s1", "x")
+        explain(unrecorded, "s1", "x")
 
 
 def test_a_record_of_another_world_is_refused(records):

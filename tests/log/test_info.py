@@ -1,0 +1,97 @@
+"""`minerva info`."""
+
+import io
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import typer
+
+from minerva_bus.cli.recording import show_info
+from minerva_bus.grammar.events import single
+from minerva_bus.log.entries import encode_frame
+from minerva_bus.log.writer import RecordWriter
+from minerva_bus.world.operator import PersonOperation
+from tests.log.recorded_runs import bytes_of, description, happened, strings_of
+
+mcap = pytest.importorskip("mcap")
+
+
+def files(folder, *data) -> tuple[Any, Any]:
+    a, b = (folder / f"{name}.mcap" for name in "ab")
+    for path, content in zip((a, b), data, strict=False):
+        path.write_bytes(content)
+    return a, b
+
+
+def written(frames, **changed):
+    """A record of arbitrary frames that need not be from one run."""
+    file, _ = happened("meadow")
+    described = description(file)
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, replace(described, world=replace(described.world, **changed)))
+    for record, string in frames:
+        writer.frame(replace(record, digest=string.digest), string, 0.0, {})
+    writer.finish()
+    return stream.getvalue()
+
+
+def test_info_describes_the_record(tmp_path, capsys):
+    path, _ = files(tmp_path, bytes_of("meadow"))
+    show_info(path, check=True, as_json=True)
+    info = json.loads(capsys.readouterr().out)
+    _, frames = happened("meadow")
+    events = [event.type for record, _ in frames for event in single(record.events)]
+    assert info["world"] == "meadow"
+    assert info["seed"] == 7
+    assert info["complete"] is info["checked"] is True
+    assert (info["frames"], info["missing"]) == (60, 0)
+    assert info["seconds"] == pytest.approx(2.4)
+    assert info["events"] == {name: events.count(name) for name in sorted(set(events))}
+    assert info["digest"] == frames[-1][0].digest.hex()
+    assert info["first_agents"] == {"AFox": 3, "AMeadow": 1, "ARabbit": 6}
+    rabbits = sum(node.symbol == "ARabbit" for node in strings_of("meadow")[-1])
+    assert info["last_agents"]["ARabbit"] == rabbits
+    assert info["log_lines"] == 60
+    assert info["timings"] == {"evolve": pytest.approx(0.001)}
+    assert info["options"] == {"start": "1"}
+
+
+def test_info_for_people(tmp_path, capsys):
+    path, _ = files(tmp_path, bytes_of("flock", finished=False))
+    show_info(path, check=False, as_json=False)
+    said = capsys.readouterr().out
+    assert "flock, seed 1" in said
+    assert "cut off" in said
+    assert "ABird 80 → 80, AHawk 1 → 1" in said
+
+
+def test_info_lists_what_people_did(tmp_path, capsys):
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(happened("meadow")[0]))
+    for frame, value in ((3, "2"), (9, "5")):
+        writer.noted(PersonOperation(frame, "step", value, "anna"), 0.1)
+    writer.noted(PersonOperation(12, "pause"), 0.2)
+    writer.finish()
+    path, _ = files(tmp_path, stream.getvalue())
+    show_info(path, check=False, as_json=True)
+    steps = json.loads(capsys.readouterr().out)["operations"]
+    assert steps[1] == {"frame": 9, "command": "step", "value": "5", "person": "anna"}
+    show_info(path, check=False, as_json=False)
+    assert "operated    step by anna ×2, pause by people" in capsys.readouterr().out
+
+
+def test_info_checks(tmp_path, monkeypatch, capsys):
+    file, frames = happened("meadow")
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(file))
+    encoded = lambda number, events, edit, _: encode_frame(number, events, edit, bytes(16))  # noqa: E731
+    monkeypatch.setattr("minerva_bus.log.writer.encode_frame", encoded)
+    writer.frame(*frames[0], 0.0, {})
+    writer.finish()
+    path, _ = files(tmp_path, stream.getvalue())
+    with pytest.raises(typer.Exit) as ended:
+        show_info(path, check=True, as_json=False)
+    assert ended.value.exit_code == 1
+    assert "the digest of the string after frame 0 is" in capsys.readouterr().err
