@@ -19,8 +19,7 @@ from minerva_bus.log.foxglove_json import without_agents
 from minerva_bus.log.record import Record
 from minerva_bus.wire.strings_codec import plain_event_list
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
-from minerva_bus.wording import counted
-from minerva_bus.wording import short
+from minerva_bus.wording import counted, short
 
 MOST: Final = 10
 """Maximum number of differences, and of events, that are listed."""

@@ -26,7 +26,7 @@ from minerva_analysis.past_frames import (
     value_of,
 )
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import World
+from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import (
     AGENTS,
     PEOPLE,
@@ -45,11 +45,11 @@ from minerva_bus.log.reader import Record
 from minerva_bus.source import SourceLine, assignments, defined, handler_name
 from minerva_bus.wording import named_some, short
 from minerva_bus.world.addressing import addressed
+from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
-from minerva_bus.world.kinds import Kinds
-from minerva_bus.world.lineage import parents_of
+from minerva_bus.world.evolution import TracedCall, trace_calls
 from minerva_bus.world.norms import REFUSED, SOURCE, Norm
-from minerva_bus.world.step_trace import TracedCall, trace_calls
+from minerva_bus.world.population import parents_of
 
 MAX_LINKS: Final = 5
 RECENT: Final = 10
@@ -272,7 +272,7 @@ def _order_before(event: Event, frames: Mapping[int, PastFrame], number: int) ->
     return "", ""
 
 
-def rejected_events(world: World, past: PastFrame, name: str) -> Iterator[str]:
+def rejected_events(world: WorldSpec, past: PastFrame, name: str) -> Iterator[str]:
     """Events of a frame to or from an agent that norms have rejected, in words."""
     norms = [norm for norm in world.norms if norm.on and norm.refuses]
     types = {event_type for norm in norms for event_type in norm.on}
@@ -296,7 +296,7 @@ def rejected_events(world: World, past: PastFrame, name: str) -> Iterator[str]:
                     break
 
 
-def rejected_step(world: World, past: PastFrame, name: str, result: Scene) -> str:
+def rejected_step(world: WorldSpec, past: PastFrame, name: str, result: Scene) -> str:
     """The norm that rejected the result of λ for an agent, in words; empty if none did.
 
     `result` is what its methods made of the part of the string around it.
@@ -324,7 +324,7 @@ def _of_type(past: PastFrame, event_type: str) -> list[AnyEvent]:
     return [event for event in past.frame.events if event.type == event_type]
 
 
-def _norms(world: World, norm: Norm, composition: Composition, past: PastFrame) -> Norms:
+def _norms(world: WorldSpec, norm: Norm, composition: Composition, past: PastFrame) -> Norms:
     checkpoint = past.checkpoint
     counts: Mapping[str, Any] = {}
     if checkpoint is not None:
@@ -374,7 +374,7 @@ def explain_value(
 class Causes:
     """Causes in the frames `past` of a run, by number."""
 
-    def __init__(self, world: World, kinds: Kinds, past: Mapping[int, PastFrame]) -> None:
+    def __init__(self, world: WorldSpec, kinds: Kinds, past: Mapping[int, PastFrame]) -> None:
         self._world = world
         self._past = past
         # A copy processes other events than the agent, so only events are explained.

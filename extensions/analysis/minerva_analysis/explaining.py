@@ -34,7 +34,7 @@ from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journaled import keyframes_in, read_described, resume_from
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
-from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.agent import Kinds
 from minerva_bus.world.operator import LogLine, Operator, WorldStatus
 
 SAMPLE_SECONDS: Final = 0.5

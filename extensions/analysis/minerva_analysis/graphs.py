@@ -18,7 +18,7 @@ from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.when import Participation
+from minerva_bus.world.services import Participation
 
 ENDING: Final = ".mmd"
 

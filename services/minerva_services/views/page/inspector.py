@@ -15,7 +15,6 @@ from typing import Any, Final
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.printer import shown_value
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.log.causes import shown_value
 from minerva_bus.world.services import WorldInfo
 
 MAX_SECONDS: Final = 120.0
