@@ -26,7 +26,6 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.in_process import never
-from minerva_bus.log.explanation import Explanation
 from minerva_bus.runtime.operator_client import AskingOperator
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.operator import WorldStatus

@@ -16,8 +16,7 @@ from minerva_bus.launch.past import WorldSource, find_file
 from minerva_bus.launch.replays import Swap, Swapped, recomputed, run_swapped
 from minerva_bus.launch.typed_text import option_text
 from minerva_bus.launch.world_files import Collecting
-from minerva_bus.log.comparison import Difference, compare
-from minerva_bus.log.explanation import Explanation
+from minerva_bus.log.comparison import Difference
 from minerva_bus.log.record import Record
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service

@@ -71,8 +71,6 @@ from minerva_bus.world.priority import collect
 from minerva_bus.world.services import Generator, Service
 
 if TYPE_CHECKING:
-    from minerva_bus.log.explanation import Explanation
-    from minerva_bus.log.observation import Observation
     from minerva_bus.log.record_header import Description
 
 SIDES: Final = ("the record", "this run")

@@ -11,7 +11,7 @@ import typer
 from minerva_bus.cli.recording import show_info
 from minerva_bus.grammar.events import single
 from minerva_bus.log.entries import encode_frame
-from minerva_bus.log.writer import RecordWriter
+from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.world.operator import PersonOperation
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 
@@ -87,7 +87,7 @@ def test_info_checks(tmp_path, monkeypatch, capsys):
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))
     encoded = lambda number, events, edit, _: encode_frame(number, events, edit, bytes(16))  # noqa: E731
-    monkeypatch.setattr("minerva_bus.log.writer.encode_frame", encoded)
+    monkeypatch.setattr("minerva_bus.log.record_writer.encode_frame", encoded)
     writer.frame(*frames[0], 0.0, {})
     writer.finish()
     path, _ = files(tmp_path, stream.getvalue())

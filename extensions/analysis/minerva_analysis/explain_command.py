@@ -10,8 +10,6 @@ from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import print_answer
 from minerva_bus.cli.places import client
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.explaining import explain_running_value, explain_world
-from minerva_bus.launch.replays import explained_in
 from minerva_bus.log.record import Record
 
 

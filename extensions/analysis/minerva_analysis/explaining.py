@@ -23,17 +23,16 @@ from minerva_analysis.causes import (
     observe_agent,
 )
 from minerva_analysis.halts import Halt, explain_halt
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MinervaError, MisuseError, RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.child_processes import ENDS
 from minerva_bus.launch.past import CODE, WorldSource, kinds_in, world_file_of
 from minerva_bus.launch.temporary_folder import temporary_folder
-from minerva_bus.log.checkpoints import Kept
-from minerva_bus.log.errors import RecordError
+from minerva_bus.log.entries import Kept
 from minerva_bus.log.journaled import keyframes_in, read_described, resume_from
-from minerva_bus.log.reader import Record
-from minerva_bus.log.writer import RecordWriter
+from minerva_bus.log.record import Record
+from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.operator import LogLine, Operator, WorldStatus
 
@@ -110,7 +109,7 @@ def explain_running_value(
 
     """
     from minerva_bus.launch.written_frames import last_written
-    from minerva_bus.log.errors import RecordError, check_installed
+    from minerva_bus.log.channels import check_installed
 
     check_installed()
     status = operator.status()
@@ -147,7 +146,7 @@ def _explained_by_file(
     """The explanation by a record that is being written; `latest` is that by the journal."""
     from minerva_analysis.causes import Explanation
     from minerva_bus.launch.written_frames import wait_for_frame
-    from minerva_bus.log.reader import Record
+    from minerva_bus.log.record import Record
 
     # The value is the same since the beginning of the frames that were repeated. Without a journal,
     # the record alone has the latest frames.

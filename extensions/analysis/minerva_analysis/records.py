@@ -11,7 +11,7 @@ from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, text, whole_number
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.comparison import Difference, compare
-from minerva_bus.log.reader import Record
+from minerva_bus.log.record import Record
 
 
 def diff(a: str | Path, b: str | Path) -> Difference:

@@ -9,9 +9,7 @@ import pytest
 
 from minerva_analysis import diff as compared
 from minerva_bus.grammar.scene import AgentNode, Scene
-from minerva_bus.log.entries import encode_frame
 from minerva_bus.log.record_writer import RecordWriter
-from minerva_bus.world.operator import PersonOperation
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 
 mcap = pytest.importorskip("mcap")

@@ -4,11 +4,11 @@ import json
 
 import pytest
 
+from minerva_analysis.causes import observe_agent
+from minerva_analysis.past_frames import last_change
 from minerva_bus import Agent, explain, on, record
 from minerva_bus.errors import MinervaError, RecordError
 from minerva_bus.log import chunks
-from minerva_bus.log.observation import observe_agent
-from minerva_bus.log.past_frames import last_change
 from minerva_bus.log.record import Record
 from tests.log.harbour import Crew, Pilot, Port, Raft, Ship, eCargo, eSail, harbour
 from tests.log.recorded_runs import bytes_of, record_of

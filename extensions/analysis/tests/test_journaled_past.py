@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from minerva_bus.errors import RecordError
 from minerva_analysis import explaining as journaled_past
 from minerva_analysis.explaining import explain_running_value
+from minerva_bus.errors import RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.run_outputs import description_of
