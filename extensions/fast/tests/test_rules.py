@@ -329,8 +329,8 @@ def test_a_search_away_from_the_edges_finds_the_same(monkeypatch):
     x, y = random.uniform(0, 30, (2, 200))
     x[:60], y[40:100] = random.uniform(-40, 70, (2, 60))  # some of them outside
     birds = Bird.many(200, x=x, y=y, seen=0, sum_x=0, sum_y=0)
-    for known in (field_module.inside, lambda *_: False):
-        monkeypatch.setattr(field_module, "inside", known)
+    for known in (field_module.reaches_no_edge, lambda *_: False):
+        monkeypatch.setattr(field_module, "reaches_no_edge", known)
         space = flock(200, 30.0, 30.0)
         space.birds = birds
         with interpreted():

@@ -12,7 +12,6 @@ import numpy as np
 
 from minerva_fast.compiled.library import compiled, floor_divide_reals, modulo_reals, power
 
-_EXACT = 2**53
 
 
 @compiled

@@ -45,12 +45,12 @@ def checked_views(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> dict[s
     """The programs of a class's compiled views by event type. Raises NotCompilable."""
     types = {field.name: field.type for field in cls.kind.fields.all}
     return {
-        event_type: _checked(cls, types, event_type, function)
+        event_type: _checked_view(cls, types, event_type, function)
         for event_type, function in sorted(methods.items())
     }
 
 
-def _checked(
+def _checked_view(
     cls: Any, types: Mapping[str, Any], event_type: str, function: Callable[..., Any]
 ) -> CheckedMethod:
     origin = Origin.of(function)

@@ -28,7 +28,7 @@ _OF_NUMPY: Final = frozenset(
 )  # fmt: skip
 _ARRAYS: Final = {"zeros": 1, "ones": 1, "full": 2}
 """Functions that make an array, with the place of the type of its items."""
-_ITEMS: Final = (bool, float, int, np.bool_, np.float64, np.int64)
+_ITEM_TYPES: Final = (bool, float, int, np.bool_, np.float64, np.int64)
 _OF_TWO: Final = ("atan2", "copysign", "fmod", "hypot", "power")
 _IN_MATH: Final = {
     **{name: f"math.{name}" for name in ("ceil", "floor", "trunc")},
@@ -67,7 +67,7 @@ def check_called(origin: Origin, node: ast.Call) -> None:
         name = ast.unparse(node.func)
         raise origin.problem(node, f"the function {name}", _instead(name, function))
     if function in FUNCTIONS:
-        _check_arguments(origin, node, function)
+        _check_count(origin, node, function)
     elif getattr(function, "__name__", "") in _ARRAYS:
         _check_items(origin, node)
 
@@ -80,7 +80,7 @@ def _check_method(origin: Origin, node: ast.Call) -> None:
         raise origin.problem(node, f"the method {method.attr} of a value", instead)
 
 
-def _check_arguments(origin: Origin, node: ast.Call, function: Any) -> None:
+def _check_count(origin: Origin, node: ast.Call, function: Any) -> None:
     """Functions of numbers have as many arguments as in methods of agents."""
     name, count = ast.unparse(node.func), len(node.args)
     if node.keywords:
@@ -108,7 +108,7 @@ def _check_items(origin: Origin, node: ast.Call) -> None:
     others = [each.arg for each in node.keywords if each.arg != "dtype"]
     if others or len(given) > 1:
         raise origin.problem(node, f"these arguments of {name}", "write its shape and dtype only")
-    if given and called(origin, given[0]) not in _ITEMS:
+    if given and called(origin, given[0]) not in _ITEM_TYPES:
         instead = "write dtype=float, dtype=int or dtype=bool"
         raise origin.problem(given[0], f"an array of {ast.unparse(given[0])}", instead)
 

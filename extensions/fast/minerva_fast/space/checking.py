@@ -29,7 +29,6 @@ REFUSED: Final = {**STATEMENTS, **EXPRESSIONS}
 _BITS: Final = 2**63
 _ITEMS: Final = (np.bool_, np.float64, np.int64)
 """Types of the items of constant arrays, which are those of Python's numbers."""
-_REMEDY: Final = "use numbers, if, for, while and the functions for rules"
 _REMEDIES: Final = {
     MIXED: REAL_EVERYWHERE,
     READ_ONLY: "change the subject of the rule, or another matrix, by the name of its parameter",

@@ -78,7 +78,7 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     u, columns = cells_between(x - radius, x + radius, field.width, field.across, field.periodic)
     top, rows = cells_between(y - radius, y + radius, field.height, field.down, field.periodic)
     wraps = field.periodic and not (
-        inside(x, radius, field.width, field.across) and inside(y, radius, field.height, field.down)
+        reaches_no_edge(x, radius, field.width, field.across) and reaches_no_edge(y, radius, field.height, field.down)
     )
     count = 0
     table.counts[FOUND] = table.values.shape[1]
@@ -130,7 +130,7 @@ def meet(
 
 
 @kernel
-def inside(center: float, radius: float, size: float, cells: int) -> bool:
+def reaches_no_edge(center: float, radius: float, size: float, cells: int) -> bool:
     """Whether an interval meets no cell at an edge, so that no way across edges is shorter.
 
     Cells at an edge also have the rows outside. A little more than a cell, because of rounding.

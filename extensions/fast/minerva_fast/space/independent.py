@@ -136,7 +136,3 @@ class _Body:
         else:
             yield from _Body(kernel.function, "".join(subjects), rows[0] if rows else "").moves()
         self.own.update(bound.arguments[name] for name in subjects)
-
-
-def _is(node: ast.AST, name: str) -> bool:
-    return isinstance(node, ast.Name) and node.id == name

@@ -24,7 +24,6 @@ from minerva_fast.space.occupancy import copy, move_to, random_at, random_free, 
 _SEARCHES: Final = (near, within, random_at, random_free)
 _CHANGES: Final = (go_to, move_to, remove, copy)
 _POSITION: Final = ("cell", "x", "y")
-_SHAPES: Final = ("lattice", "field")
 _ANY: Final = "*"
 """In place of a column: all of them."""
 
