@@ -11,32 +11,49 @@ from minerva_bus.public_names import imported_at_first_use
 
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
-    from minerva_fast.space.draws import (
+    from minerva_fast.space.kernels import (
         Draws,
         chance,
         exponential,
         integers,
+        interpreted,
+        kernel,
         normal,
         random,
         shuffle,
         uniform,
     )
-    from minerva_fast.space.edges import Edges, degree, edge, neighbour, random_neighbour
-    from minerva_fast.space.field import FieldGrid, go_to, near
-    from minerva_fast.space.kernels import interpreted, kernel
-    from minerva_fast.space.lattice import CellGrid, beside, next_cell
-    from minerva_fast.space.occupancy import copy, move_to, random_at, random_free, remove, within
+    from minerva_fast.space.places import (
+        CellGrid,
+        Edges,
+        FieldGrid,
+        beside,
+        copy,
+        degree,
+        edge,
+        go_to,
+        move_to,
+        near,
+        neighbour,
+        next_cell,
+        random_at,
+        random_free,
+        random_neighbour,
+        remove,
+        within,
+    )
     from minerva_fast.space.rules import ORDERED, SHUFFLED, SIMULTANEOUS, Activation, rule
     from minerva_fast.space.space import Space
     from minerva_fast.space.tables import Column, InField, OnLattice
 
 _HOMES = {
-    "space.draws": "Draws chance exponential integers normal random shuffle uniform",
-    "space.edges": "Edges degree edge neighbour random_neighbour",
-    "space.field": "FieldGrid go_to near",
-    "space.kernels": "interpreted kernel",
-    "space.lattice": "CellGrid beside next_cell",
-    "space.occupancy": "copy move_to random_at random_free remove within",
+    "space.kernels": (
+        "Draws chance exponential integers interpreted kernel normal random shuffle uniform"
+    ),
+    "space.places": (
+        "CellGrid Edges FieldGrid beside copy degree edge go_to move_to near neighbour next_cell"
+        " random_at random_free random_neighbour remove within"
+    ),
     "space.rules": "ORDERED SHUFFLED SIMULTANEOUS Activation rule",
     "space.space": "Space",
     "space.tables": "Column InField OnLattice",

@@ -13,7 +13,7 @@ pytest.importorskip("numba")
 from twins import same
 
 from minerva_bus import EMPTY, Agent, EventType, on
-from minerva_fast.compiled import mixed_library
+from minerva_fast.compiled import library
 
 eDay = EventType("eDay", grass=float, count=int)
 STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
@@ -237,7 +237,7 @@ REAL = (-0.0, 0.5, -1.75, 1e300, 5e-324, 2.0**60, *map(float, WHOLE))
 
 @pytest.mark.parametrize("name", MIXED)
 def test_numbers_that_may_be_ints_give_the_results_of_python_or_a_fault(name):
-    function, faults = getattr(mixed_library, name), 0
+    function, faults = getattr(library, name), 0
     pairs = [(a, b) for a in (*WHOLE, *REAL) for b in (*WHOLE, *REAL)]
     if name == "power_mixed":
         pairs = [(a, b) for a, b in pairs if isinstance(b, int) and 0 <= b < 10]

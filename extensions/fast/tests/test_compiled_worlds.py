@@ -177,9 +177,9 @@ def test_only_a_class_with_compiled_methods_imports_the_extension(tmp_path, meth
 
 
 def test_without_numba_the_error_names_the_extra(world, monkeypatch):
-    from minerva_fast.compiled import loading
+    from minerva_fast.compiled import machine_code
 
     monkeypatch.setitem(sys.modules, "numba", None)
-    loading.load_kernel.cache_clear()
+    machine_code.load_kernel.cache_clear()
     with pytest.raises(Exception, match=r"minerva-bus\[fast\]"):
         run(str(world("compiled = true")), bus=False)

@@ -19,10 +19,10 @@ from minerva_fast import (
     go_to,
     kernel,
     near,
-    parts,
     random,
     rule,
 )
+from minerva_fast.space import compiling
 
 
 @kernel
@@ -167,8 +167,8 @@ def sky(count=50):
 @pytest.fixture
 def threads(monkeypatch):
     """A function that sets the number of threads, also for few rows."""
-    monkeypatch.setattr(parts, "_ROWS", 1)
-    return lambda count: monkeypatch.setenv(parts.THREADS, str(count))
+    monkeypatch.setattr(compiling, "_ROWS", 1)
+    return lambda count: monkeypatch.setenv(compiling.THREADS, str(count))
 
 
 @pytest.mark.parametrize("make", [sky, meadow])

@@ -9,7 +9,8 @@ from space_worlds import eStep
 from minerva_bus import Cells, MinervaError, Reals, evolve, on
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.context import Frame
-from minerva_fast import ORDERED, SIMULTANEOUS, Space, interpreted, kernel, rule, rules
+from minerva_fast import ORDERED, SIMULTANEOUS, Space, interpreted, kernel, rule
+from minerva_fast.space import rules
 from minerva_fast.space.rules import SpaceRule
 
 SIZE = 6

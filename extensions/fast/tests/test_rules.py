@@ -36,7 +36,6 @@ from minerva_fast import (
     OnLattice,
     Space,
     chance,
-    compiling,
     copy,
     exponential,
     integers,
@@ -49,12 +48,12 @@ from minerva_fast import (
     rule,
     uniform,
 )
-from minerva_fast.compiled.loading import generated
-from minerva_fast.space import field as field_module
-from minerva_fast.space.field import FieldGrid
+from minerva_fast.compiled.machine_code import generated
+from minerva_fast.space import compiling, places
+from minerva_fast.space.compiling import new_progress
 from minerva_fast.space.kernels import key
-from minerva_fast.space.opened import Opened, _sharing
-from minerva_fast.space.parts import new_progress
+from minerva_fast.space.places import FieldGrid
+from minerva_fast.space.tables import Opened, _sharing
 
 
 @pytest.fixture
@@ -329,8 +328,8 @@ def test_a_search_away_from_the_edges_finds_the_same(monkeypatch):
     x, y = random.uniform(0, 30, (2, 200))
     x[:60], y[40:100] = random.uniform(-40, 70, (2, 60))  # some of them outside
     birds = Bird.many(200, x=x, y=y, seen=0, sum_x=0, sum_y=0)
-    for known in (field_module.reaches_no_edge, lambda *_: False):
-        monkeypatch.setattr(field_module, "reaches_no_edge", known)
+    for known in (places.reaches_no_edge, lambda *_: False):
+        monkeypatch.setattr(places, "reaches_no_edge", known)
         space = flock(200, 30.0, 30.0)
         space.birds = birds
         with interpreted():

@@ -7,8 +7,8 @@ from minerva_bus import Vocabulary, World, each, on, run
 from minerva_bus.launch.compiling import compile_classes
 from minerva_fast import Space, interpreted
 from minerva_fast.space.compiling import RuleLoop
-from minerva_fast.space.named import rules_of
 from minerva_fast.space.rules import loops_of
+from minerva_fast.space.space import rules_of
 
 
 def world(agents):

@@ -35,7 +35,7 @@ from minerva_fast import (
     uniform,
     within,
 )
-from minerva_fast.space.opened import Opened
+from minerva_fast.space.tables import Opened
 
 eStep = EventType("eStep", search=bool, risk=float, dx=int)
 

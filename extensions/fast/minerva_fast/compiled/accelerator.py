@@ -19,12 +19,11 @@ from minerva_bus.world.accelerator import IF_POSSIBLE, Mode, NotCompilable
 from minerva_bus.world.class_declaration import takes_batch
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import PopulationState, Turn
+from minerva_fast.compiled.code_generation import FAULT, GONE, written
 from minerva_fast.compiled.form import Emission, Newborn, Program
 from minerva_fast.compiled.kernel_calls import KernelCall
-from minerva_fast.compiled.loading import Kernel, load_kernel
-from minerva_fast.compiled.method import CheckedMethod, checked_methods
-from minerva_fast.compiled.views import checked_views
-from minerva_fast.compiled.writing import FAULT, GONE, written
+from minerva_fast.compiled.machine_code import Kernel, load_kernel
+from minerva_fast.compiled.programs import CheckedMethod, checked_methods, checked_views
 
 Functions = Mapping[str, Callable[..., Any]]
 Check = Callable[[Any, Functions], dict[str, CheckedMethod]]

@@ -1,6 +1,6 @@
 """The checked form of a compiled method: typed expressions and statements.
 
-`statements` makes it of a syntax tree, `writing` prints it as a Python module.
+`statements` makes it of a syntax tree, `code_generation` prints it as a Python module.
 Whatever Python would answer with an error, or with a number that has no machine type, is a *fault*:
 the row is undone, and the Python method itself runs for it. So the kernel needs no error messages.
 """

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus import portable
 from minerva_fast.compiled.form import BinaryOperation, Call, Constant, Expression, ValueKind
-from minerva_fast.compiled.refused import FUNCTIONS_INSTEAD, TEXT_AS_NUMBER
+from minerva_fast.compiled.origin import FUNCTIONS_INSTEAD, TEXT_AS_NUMBER
 
 if TYPE_CHECKING:
     from minerva_fast.compiled.expressions import Expressions
@@ -52,7 +52,7 @@ def _numbers(
 
 
 def _reals(count: int, function: str, *, faults: bool = True) -> Checked:
-    """A function of reals in `function_library`."""
+    """A function of reals in `library`."""
 
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
         reals = map(check.as_real, _numbers(check, node, arguments, count, count))

@@ -1,26 +1,43 @@
-"""Checks of rules and kernels when they are declared, with the messages of compiled methods."""
+"""Checks of rules and kernels when they are declared, with the messages of compiled methods.
+
+- Functions: kernels, the functions that methods of agents may call, those of Python for loops, and
+  those of numpy that are exact. Random numbers, clocks and files are refused: numba compiles some
+  of them, and two runs would differ. Others of numpy have other last bits as machine code, or
+  other types.
+- Variables that may have no value when they are read: machine code would read what memory happens
+  to contain there.
+- Matrices: those of which a rule does more than read items are taken as changed. A rule gets the
+  memory of the string for a matrix that it only reads. If the check takes a change for reading, the
+  compiler refuses the rule, because such an array is read-only there.
+"""
 
 from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, Final, cast
 
 import numpy as np
 
 from minerva_bus.errors import nearest
 from minerva_bus.world.accelerator import NotCompilable
-from minerva_fast.compiled.origin import MISSING, Origin
-from minerva_fast.compiled.refused import EXPRESSIONS, REAL_EVERYWHERE, STATEMENTS, TEXT_AS_NUMBER
-from minerva_fast.space import draws
-from minerva_fast.space.callable import called, check_called
-from minerva_fast.space.definite import check_values
-from minerva_fast.space.guarded import MIXED, READ_ONLY
-from minerva_fast.space.kernels import Kernel, helpers
+from minerva_fast.compiled.functions import FUNCTIONS, OF_PORTABLE
+from minerva_fast.compiled.machine_code import is_portable
+from minerva_fast.compiled.origin import (
+    EXPRESSIONS,
+    FUNCTIONS_INSTEAD,
+    MISSING,
+    REAL_EVERYWHERE,
+    STATEMENTS,
+    TEXT_AS_NUMBER,
+    Origin,
+)
+from minerva_fast.space import kernels as draws
+from minerva_fast.space.kernels import MIXED, READ_ONLY, Kernel, helpers
 
 _POSSIBLE: Final = (ast.List, ast.Tuple, ast.Slice)
 """Expressions that rules may use, but methods of agents not: numba has a type for them."""
@@ -323,3 +340,248 @@ def _check_arguments(origin: Origin, node: ast.Call, kernel: Kernel[..., Any]) -
 
 def _keywords(node: ast.Call) -> dict[str, Any]:
     return {str(each.arg): each.value for each in node.keywords}
+
+
+_OF_LOOPS: Final = (enumerate, len, print, range, zip)
+_OF_NUMPY: Final = frozenset(
+    (
+        "absolute", "fabs", "full", "isfinite", "isinf", "isnan", "maximum", "minimum", "ones",
+        "rint", "sign", "sqrt", "zeros",
+    )
+)  # fmt: skip
+_ARRAYS: Final = {"zeros": 1, "ones": 1, "full": 2}
+"""Functions that make an array, with the place of the type of its items."""
+_ITEM_TYPES: Final = (bool, float, int, np.bool_, np.float64, np.int64)
+_OF_TWO: Final = ("atan2", "copysign", "fmod", "hypot", "power")
+_IN_MATH: Final = {
+    **{name: f"math.{name}" for name in ("ceil", "floor", "trunc")},
+    **{name: f"portable.{name}" for name in OF_PORTABLE},
+    **{f"arc{name}": f"portable.a{name}" for name in ("cos", "sin", "tan")},
+    "arctan2": "portable.atan2",
+}
+"""What to write in place of functions of numpy."""
+_METHODS: Final = ("append", "copy", "fill", "pop")
+"""Methods of lists and arrays."""
+_RANDOM: Final = ("random", "numpy.random", "secrets")
+_DRAWS: Final = "draw numbers from the parameter of type Draws: random(draws), integers(draws, 6)"
+_REMEDY: Final = "use numbers, if, for, while and the functions for rules"
+
+
+def called(origin: Origin, node: ast.expr) -> Any:
+    """The object that a name or `module.name` refers to; MISSING if it is a variable or unknown."""
+    if isinstance(node, ast.Name):
+        local = node.id in origin.function.__code__.co_varnames
+        return MISSING if local else origin.lookup(node.id)
+    if isinstance(node, ast.Attribute):
+        owner = called(origin, node.value)
+        return getattr(owner, node.attr, MISSING) if isinstance(owner, ModuleType) else MISSING
+    return MISSING
+
+
+def check_called(origin: Origin, node: ast.Call) -> None:
+    """Raise NotCompilable if a call is of a function that a rule cannot call, or wrong."""
+    function = called(origin, node.func)
+    if function is MISSING:
+        _check_method(origin, node)
+        return
+    if not callable(function):
+        return
+    if not _is_possible(function):
+        name = ast.unparse(node.func)
+        raise origin.problem(node, f"the function {name}", _instead(name, function))
+    if function in FUNCTIONS:
+        _check_count(origin, node, function)
+    elif getattr(function, "__name__", "") in _ARRAYS:
+        _check_items(origin, node)
+
+
+def _check_method(origin: Origin, node: ast.Call) -> None:
+    """Methods of values are those of lists and arrays."""
+    method = node.func
+    if isinstance(method, ast.Attribute) and method.attr not in _METHODS:
+        instead = FUNCTIONS_INSTEAD.get(method.attr, _REMEDY)
+        raise origin.problem(node, f"the method {method.attr} of a value", instead)
+
+
+def _check_count(origin: Origin, node: ast.Call, function: Any) -> None:
+    """Functions of numbers have as many arguments as in methods of agents."""
+    name, count = ast.unparse(node.func), len(node.args)
+    if node.keywords:
+        raise origin.problem(node, "named arguments of this function", "write them in order")
+    if function in (min, max):
+        if count < 2:
+            instead = "write a for loop, or name two values or more"
+            raise origin.problem(node, f"{name} of one value", instead)
+    elif function is round and count > 1:
+        instead = "round(100 * x) / 100, if that is precise enough"
+        raise origin.problem(node, "round with a number of digits", instead)
+    elif count != (expected := _count(function)):
+        raise origin.problem(node, f"{count} arguments; expected {expected}", _REMEDY)
+
+
+def _count(function: Any) -> int:
+    return 2 if getattr(function, "__name__", "") in _OF_TWO else 1
+
+
+def _check_items(origin: Origin, node: ast.Call) -> None:
+    """An array has items of 64 bits, or bools, as numbers of Python have."""
+    name = ast.unparse(node.func)
+    given = node.args[_ARRAYS[name.rpartition(".")[2]] :]
+    given += [each.value for each in node.keywords if each.arg == "dtype"]
+    others = [each.arg for each in node.keywords if each.arg != "dtype"]
+    if others or len(given) > 1:
+        raise origin.problem(node, f"these arguments of {name}", "write its shape and dtype only")
+    if given and called(origin, given[0]) not in _ITEM_TYPES:
+        instead = "write dtype=float, dtype=int or dtype=bool"
+        raise origin.problem(given[0], f"an array of {ast.unparse(given[0])}", instead)
+
+
+def _is_possible(function: Any) -> bool:
+    if isinstance(function, Kernel) or is_portable(function) or function in _OF_LOOPS:
+        return True
+    of_numpy = str(getattr(function, "__module__", "")).split(".")[0] == "numpy"
+    if isinstance(function, np.ufunc) or (of_numpy and not _is_random(function)):
+        return getattr(function, "__name__", "") in _OF_NUMPY
+    return _is_key(function) and function in FUNCTIONS
+
+
+def _is_key(function: Any) -> bool:
+    try:
+        hash(function)
+    except TypeError:
+        return False
+    return True
+
+
+def _is_random(function: Any) -> bool:
+    instance: object = getattr(function, "__self__", None)
+    modules = {str(getattr(function, "__module__", "")), type(instance).__module__}
+    return any(each.startswith(_RANDOM) for each in modules)
+
+
+def _is_number_of_numpy(function: Any) -> bool:
+    return isinstance(function, type) and issubclass(function, np.generic)
+
+
+def _instead(name: str, function: Any) -> str:
+    if _is_random(function):
+        return _DRAWS
+    last = name.split(".")[-1]
+    if last.startswith("empty"):
+        return f"write {name.replace('empty', 'zeros')}: an empty array has any values"
+    if getattr(function, "__module__", "") == "time":
+        return FUNCTIONS_INSTEAD["time"]
+    if last in ("pow", "power"):
+        return "write portable.power(x, y)"
+    if _is_number_of_numpy(function):
+        return "write int(...) or float(...)"
+    if last in _IN_MATH and _IN_MATH[last] != name:
+        return f"write {_IN_MATH[last]}"
+    if isinstance(function, FunctionType):
+        return f"mark {name} with @kernel"
+    return FUNCTIONS_INSTEAD.get(last, _REMEDY)
+
+
+_LOOPS: Final = (ast.For, ast.While)
+
+
+def check_values(origin: Origin) -> None:
+    """Raise NotCompilable at the first variable that may have no value."""
+    arguments = origin.tree.args
+    parameters = {each.arg for each in (*arguments.posonlyargs, *arguments.args)}
+    stored = {
+        node.id
+        for node in ast.walk(origin.tree)
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    }
+    _Paths(origin, stored | parameters).block(origin.tree.body, parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class _Paths:
+    """Follows the paths through a function with these variables.
+
+    `breaks` has, for each loop around a statement, the variables with a value at its breaks.
+    """
+
+    origin: Origin
+    variables: set[str]
+    breaks: list[set[str] | None] = field(default_factory=list[set[str] | None])
+
+    def block(self, body: Iterable[ast.stmt], known: set[str] | None) -> set[str] | None:
+        """The variables with a value after some statements; None if their end is not reached."""
+        for node in body:
+            if known is None:
+                break
+            known = self._after(node, known)
+        return known
+
+    def _after(self, node: ast.stmt, known: set[str]) -> set[str] | None:
+        if isinstance(node, ast.If):
+            self._read(node.test, known)
+            return _both(self.block(node.body, {*known}), self.block(node.orelse, {*known}))
+        if isinstance(node, _LOOPS):
+            return self._after_loop(node, known)
+        self._read(node, known)
+        if isinstance(node, ast.Break):
+            self.breaks[-1] = _both(self.breaks[-1], known)
+        if isinstance(node, ast.Return | ast.Raise | ast.Break | ast.Continue):
+            return None
+        return known | _stored(node)
+
+    def _after_loop(self, node: ast.For | ast.While, known: set[str]) -> set[str] | None:
+        head = node.iter if isinstance(node, ast.For) else node.test
+        self._read(head, known)
+        self.breaks.append(None)
+        inside = known | _stored(node.target) if isinstance(node, ast.For) else {*known}
+        self.block(node.body, inside)
+        left = self.breaks.pop()
+        endless = isinstance(head, ast.Constant) and bool(head.value)
+        return _both(left, None if endless else self.block(node.orelse, {*known}))
+
+    def _read(self, node: ast.AST, known: set[str]) -> None:
+        """Check the variables that an expression or a statement without others in it reads."""
+        for each in ast.walk(node):
+            if not isinstance(each, ast.Name) or each.id not in self.variables - known:
+                continue
+            if isinstance(each.ctx, ast.Load) or isinstance(node, ast.AugAssign):
+                raise self.origin.problem(
+                    each,
+                    f"{each.id} may have no value here",
+                    f"assign {each.id} before the branch or loop that sets it",
+                )
+
+
+def _stored(node: ast.AST) -> set[str]:
+    if isinstance(node, ast.AnnAssign) and node.value is None:
+        return set()
+    names = [each for each in ast.walk(node) if isinstance(each, ast.Name)]
+    return {each.id for each in names if isinstance(each.ctx, ast.Store)}
+
+
+def _both(first: set[str] | None, other: set[str] | None) -> set[str] | None:
+    """The variables with a value on both of two paths, of which None is not reached."""
+    if first is None or other is None:
+        return other if first is None else first
+    return first & other
+
+
+def only_read(function: FunctionType, names: Collection[str]) -> frozenset[str]:
+    """Those of these parameters of which a function only reads items (`grass[cell]`) or `len`."""
+    try:
+        origin = Origin.of(function)
+    except NotCompilable:  # such as a rule without source
+        return frozenset()
+    reading = {id(node) for each in ast.walk(origin.tree) for node in _read(origin, each)}
+    used = [node for node in ast.walk(origin.tree) if isinstance(node, ast.Name)]
+    changed = {node.id for node in used if id(node) not in reading}
+    return frozenset(names) - changed
+
+
+def _read(origin: Origin, node: ast.AST) -> list[ast.AST]:
+    """The parts of a node that are only read, if they are names."""
+    if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Load):
+        return [node.value]
+    if isinstance(node, ast.Call) and called(origin, node.func) is len:
+        return [*node.args]
+    return []

@@ -3,24 +3,48 @@
 A kernel calls kernels that are names of its module and functions of `portable`, and uses its
 module's numbers. Functions of `math`, except the square root, have other last bits on other
 machines.
+
+Random numbers are the methods of `moment.chance` as functions, with the same numbers. All rules of
+a frame continue one stream, that of (seed, id of the space, frame).
+
+Arrays of a rule are guarded: they refuse every index but those of rows or cells that exist. numpy
+and numba read a negative index from the end of an array, and the arrays of a table have room for
+newborns after its rows. A rule that computes an index, such as `i - 1` or the result of `beside`,
+must not read or change those.
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from hashlib import blake2b
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, Final, Generic, ParamSpec, TypeVar, cast
+from typing import Any, Final, Generic, ParamSpec, TypeAlias, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus import portable
-from minerva_fast.compiled.loading import ALLOCATING, NUMBA_OPTIONS, numba_library
-from minerva_fast.compiled.sources import PortableForms, is_portable
+from minerva_bus.portable.distributions import (
+    draw_chance,
+    draw_exponential,
+    draw_integers,
+    draw_normal,
+    draw_random,
+    draw_uniform,
+)
+from minerva_fast.compiled.machine_code import (
+    ALLOCATING,
+    NUMBA_OPTIONS,
+    PortableForms,
+    is_portable,
+    numba_library,
+)
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -116,7 +140,7 @@ def _of_portable(used: Collection[str]) -> ModuleType:
 def _portable_form(function: FunctionType) -> Any:
     """The compiled form of a function of `portable`, with faults if it has any."""
     # Here, because numba is optional.
-    from minerva_fast.space.functions import FUNCTIONS
+    from minerva_fast.space.operators import FUNCTIONS
 
     return FUNCTIONS.get(function) or _portable_forms().of(function)
 
@@ -197,3 +221,167 @@ def interpreted() -> Generator[None]:
 
 interpreting: Final[Callable[[], bool]] = _interpreting.get
 """Whether rules run as Python now. Each loop of a frame asks, so it is no function of ours."""
+
+
+Draws: TypeAlias = NDArray[np.uint64]
+"""A random stream, shape (1,); the parameter of a rule with this annotation."""
+
+
+@kernel
+def random(draws: Draws) -> float:
+    """Uniform in [0, 1)."""
+    return draw_random(draws, 0)
+
+
+@kernel
+def uniform(draws: Draws, low: float = 0.0, high: float = 1.0) -> float:
+    """Uniform in [low, high)."""
+    return draw_uniform(draws, 0, low, high)
+
+
+@kernel
+def integers(draws: Draws, low: int, high: int | None = None) -> int:
+    """An int in [low, high), or in [0, low) without `high`. Raises ValueError if there is none."""
+    if high is None:
+        least, below = 0, low
+    else:
+        least, below = low, high
+    # The difference is what is drawn, so it must not be too large.
+    if below - least <= 0:
+        raise ValueError(EMPTY_RANGE)
+    return draw_integers(draws, 0, least, below)
+
+
+@kernel
+def chance(draws: Draws, probability: float) -> bool:
+    """True with this probability."""
+    return draw_chance(draws, 0, probability)
+
+
+@kernel
+def exponential(draws: Draws, mean: float = 1.0) -> float:
+    """Exponentially distributed, with this mean."""
+    return draw_exponential(draws, 0, -mean)
+
+
+@kernel
+def normal(draws: Draws, mean: float = 0.0, deviation: float = 1.0) -> float:
+    """Normally distributed; takes two draws."""
+    return draw_normal(draws, 0, mean, deviation)
+
+
+@kernel
+def shuffle(draws: Draws, rows: NDArray[np.int64]) -> None:
+    """Put rows into a random order (Fisher and Yates)."""
+    for last in range(len(rows) - 1, 0, -1):
+        other = integers(draws, 0, last + 1)
+        row = rows[last]
+        rows[last] = rows[other]
+        rows[other] = row
+
+
+EMPTY_RANGE = "integers: no int is in this range; expected low < high"
+
+
+ALL: Final = -1
+"""In place of an item of `counts`: all items of the array may be used."""
+UNCHECKED: Final = -2
+"""In place of an item of `counts`: indices are not compared."""
+
+NO_INT: Final = "a rule has one int as index; write int(...) for a real"
+FAULT: Final = "machine code has no result for these numbers"
+MIXED: Final = "a number here is an int in one case and a real in another"
+READ_ONLY: Final = "an assignment to a matrix that stays as it is, such as `before`"
+REAL_IN_CELLS: Final = "Cells are ints, and this is a real: write int(...), or use Reals"
+
+
+class Guarded:
+    """An array as a rule that runs as Python sees it."""
+
+    __slots__ = ("_counts", "_name", "_slot", "_values")
+
+    def __init__(
+        self, name: str, values: NDArray[Any], counts: NDArray[np.int64], slot: int
+    ) -> None:
+        self._name = name
+        self._values = values
+        self._counts = counts
+        self._slot = slot
+
+    def __len__(self) -> int:
+        return len(self._values) if self._slot == ALL else int(self._counts[self._slot])
+
+    def __getitem__(self, index: int) -> Any:
+        # A number of Python, because numpy's have no ZeroDivisionError, and fewer bits.
+        return self._values[self._checked(index)].item()
+
+    def __setitem__(self, index: int, value: float) -> None:
+        place = self._checked(index)
+        if not self._values.flags.writeable:
+            raise TypeError(f"{self._name}[{index}]: {READ_ONLY}")
+        if self._values.dtype.kind == "i":
+            if isinstance(value, float):
+                raise TypeError(REAL_IN_CELLS)
+            value = int(value)  # An int of numpy that is too large would lose its upper bits.
+        self._values[place] = value
+
+    def _checked(self, index: Any) -> int:
+        try:
+            place = operator.index(index)
+        except TypeError:
+            raise TypeError(f"{self._name}[{index!r}]: {NO_INT}") from None
+        if not 0 <= place < len(self):
+            raise IndexError(f"{self._name}[{index}]: the index must be from 0 to {len(self) - 1}")
+        return place
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """Makes the guarded form of an array, with its number of items in `counts`.
+
+    Attributes:
+        name: of the array, for messages.
+        slot: the item of `counts` with the number of items that exist, or ALL.
+
+    """
+
+    name: str
+    slot: int = ALL
+
+    def __call__(self, values: NDArray[Any], counts: NDArray[np.int64]) -> Guarded:
+        return Guarded(self.name, values, counts, self.slot)
+
+    @property
+    def compiled(self) -> Any:
+        """The same for machine code. Raises ImportError without numba."""
+        # Here, because numba is optional.
+        from minerva_fast.space.operators import guard
+
+        return guard(self.slot)
+
+    @property
+    def key(self) -> str:
+        """What machine code with it depends on."""
+        return str(self.slot)
+
+
+class _Unchecked(Kernel[[Any], Any]):
+    """A kernel whose machine code is not compiled from its function."""
+
+    @property
+    def compiled(self) -> Any:
+        """The same for machine code. Raises ImportError without numba."""
+        from minerva_fast.space.operators import unchecked
+
+        return unchecked
+
+
+def _same(array: Any) -> Any:
+    """An array without index checks, for kernels whose indices are known to exist.
+
+    In rules that run as Python it is the same array, which checks them.
+    """
+    return array
+
+
+unchecked: Final = _Unchecked(_same)

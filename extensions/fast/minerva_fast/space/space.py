@@ -10,17 +10,30 @@
 
 The inhabitants are state of the space, in the string like all state: matrices of tables
 (`minerva_fast.space.tables`). λ of the space applies rules to them, each as one compiled function.
+
+The rules that a method names are found in its code, so that they can be compiled before it runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, Final, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
-from minerva_fast.space.named import rules_of
-from minerva_fast.space.opened_space import OpenedSpace
-from minerva_fast.space.rules import SpaceRule, loops_of
+from minerva_fast.compiled.origin import MISSING, lookup
+from minerva_fast.space.compiling import PLACE, new_progress, parts_of, run_parts
+from minerva_fast.space.kernels import Draws, interpreted, interpreting
+from minerva_fast.space.places import ROWS, UNCOUNTED, UNLISTED, CellGrid, Edges, opened_edges
+from minerva_fast.space.rules import BEFORE, SHUFFLED, RuleParameter, SpaceRule, loops_of
+from minerva_fast.space.tables import Matrices, Opened
 
 
 class Space(Agent):
@@ -77,3 +90,310 @@ class Space(Agent):
         yield from super().machine_code()
         for loop in loops_of(rules_of(cls)):
             yield f"{loop.name} of {cls.__name__}", loop.prepare
+
+
+def rules_of(cls: type) -> list[SpaceRule]:
+    """The rules that methods of a class refer to, each once.
+
+    By name, as `module.name`, in a tuple or list, or in a function of the same module that a method
+    calls. Others are compiled when they first run.
+    """
+    rules: dict[SpaceRule, None] = {}
+    known: set[FunctionType] = set()
+    for base in reversed(cls.__mro__):
+        for value in vars(base).values():
+            if isinstance(value, FunctionType):
+                rules |= dict.fromkeys(_rules_in(value, known))
+    return list(rules)
+
+
+def _rules_in(function: FunctionType, known: set[FunctionType]) -> Iterator[SpaceRule]:
+    if function in known:
+        return
+    known.add(function)
+    for value in _values(function):
+        if isinstance(value, FunctionType):
+            if value.__module__ == function.__module__:
+                yield from _rules_in(value, known)
+        else:
+            yield from _among(value)
+
+
+def _among(value: Any) -> Iterator[SpaceRule]:
+    if isinstance(value, SpaceRule):
+        yield value
+    elif isinstance(value, tuple | list):
+        for item in cast("Iterable[Any]", value):
+            yield from _among(item)
+
+
+def _values(function: FunctionType) -> Iterator[Any]:
+    """The objects that a function names, and those of modules that it names."""
+    names = list(dict.fromkeys(_names(function.__code__)))
+    for name in names:
+        value = lookup(function, name)
+        if isinstance(value, ModuleType):
+            for attribute in names:
+                yield getattr(value, attribute, MISSING)
+        yield value
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    yield from code.co_freevars
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names(constant)
+
+
+_TAKES_FREE_CELLS: Final = attrgetter("takes_free_cells")
+_SEARCHES: Final = attrgetter("searches")
+_BIRTHS: Final = attrgetter("births")
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """An activation in which machine code failed: its place in the order, and its rule's number."""
+
+    rule: int
+    place: int
+
+
+@dataclass(slots=True)
+class _Started:
+    """A rule with the number of rows for which it runs, and the state before it, if it asks.
+
+    `rows` are these rows, if the rule puts them into an order.
+    """
+
+    rule: SpaceRule
+    count: int
+    rows: NDArray[np.int64]
+    before: Opened | list[Any]
+
+
+class OpenedSpace:
+    """The tables and matrices of a space, opened once for several rules."""
+
+    def __init__(
+        self,
+        space: Space,
+        moment: Context,
+        rules: Sequence[SpaceRule],
+        data: Mapping[str, float],
+        as_python: Mapping[int, int],
+    ) -> None:
+        """Open a space.
+
+        Args:
+            space: the space, which has its former matrices until `close`.
+            moment: the context of its method.
+            rules: the rules to apply.
+            data: numbers for parameters of rules.
+            as_python: numbers of rules that run as Python from a place on, with these places.
+
+        """
+        self._space = space
+        self._rules = rules
+        self._chance = moment.chance
+        self._data = data
+        state = vars(space)
+        self._values = {name: state[name] for name in space.kind.fields.names if name in state}
+        self._values.update(data)
+        self._as_python = as_python
+        self._lattice = CellGrid(int(space.width), int(space.height), space.periodic)
+        self._births = np.array([space.births])
+        self._draws: Draws = np.array([self._chance.word], np.uint64)
+        self._tables: dict[str, Opened] = {}
+        self._edges: dict[str, Edges] = {}
+        self._progress = new_progress()
+        self._matrices = Matrices(space)
+        self._python = interpreting()
+
+    def failure(self) -> Failure | None:
+        """Apply rules in turn; the activation in which machine code failed, which ends this early.
+
+        Raises any error of rules that run as Python, and MisuseError.
+        """
+        self._check_data()
+        for number, rule in enumerate(self._rules):
+            self._progress[PLACE] = 0
+            try:
+                started = self._apply(rule, self._as_python.get(number))
+            except MinervaError:
+                raise
+            except Exception:
+                if self._python or number in self._as_python:
+                    raise
+                return Failure(number, int(self._progress[PLACE]))
+            if number in self._as_python:
+                # Machine code has neither lines nor ints of any length.
+                with interpreted():
+                    self._activate(started, self._as_python[number], started.count)
+        return None
+
+    def _check_data(self) -> None:
+        """Raise MisuseError if no rule has a parameter for some number."""
+        if not self._data:
+            return
+        names = {parameter.name: None for rule in self._rules for parameter in rule.parameters}
+        for name in self._data:
+            if name not in names:
+                hint = nearest(name, list(names))
+                raise MisuseError(f"no rule of this `run` has a parameter {name}{hint}")
+
+    def reset(self) -> None:
+        """Give the space the matrices that it had before the rules."""
+        self._matrices.reset()
+
+    def _apply(self, rule: SpaceRule, end: int | None) -> _Started:
+        """Run a rule for the rows that exist at its start, or for those before a place."""
+        started = self._start(rule)
+        in_turn = end is not None or self._python or not rule.independence.independent
+        # Few cells of a matrix need no threads.
+        if in_turn or (rule.subject.matrix and parts_of(started.count) == 1):
+            self._activate(started, 0, started.count if end is None else end)
+        else:
+            self._share(started, parts_of(started.count))
+        return started
+
+    def _share(self, started: _Started, parts: int) -> None:
+        """Run an independent rule in threads; raises the error of the first row."""
+        subject = started.rule.subject
+        for parameter in started.rule.tables:
+            self._table(parameter).reserve(started.rule.births)
+        arguments = [self._all_arguments(started, shared=True) for _ in range(parts)]
+
+        def run(part: int, begin: int, end: int, progress: NDArray[np.int64]) -> None:
+            rule, rows = started.rule, started.rows
+            rule.drive(begin, end, rows, progress, self._draws, *arguments[part])
+
+        failed = run_parts(run, started.count, parts)
+        if failed is not None:
+            self._progress[PLACE], error = failed
+            raise error
+        if started.rule.independence.moves:
+            self._table(subject).moved = True
+
+    def _start(self, rule: SpaceRule) -> _Started:
+        before = self._snapshot(rule) if rule.sees_before else []
+        count = self._count(rule.subject)
+        rows = np.arange(count if rule.order is SHUFFLED else 0)
+        return _Started(rule, count, rows, before)
+
+    def _activate(self, started: _Started, begin: int, end: int) -> None:
+        """Run a rule for the rows at these places of its order."""
+        rule = started.rule
+        while begin < end:
+            for parameter in rule.tables if rule.births else ():
+                self._table(parameter).reserve(rule.births)
+            arguments = self._all_arguments(started)
+            begin = rule.drive(begin, end, started.rows, self._progress, self._draws, *arguments)
+
+    def close(self) -> None:
+        """Write everything back to the space and its stream."""
+        for name, table in self._tables.items():
+            setattr(self._space, name, table.close())
+        self._space.births = int(self._births[0])
+        self._chance.word = int(self._draws[0])
+
+    def _count(self, subject: RuleParameter) -> int:
+        if subject.table is not None:
+            return int(self._table(subject).arrays["counts"][ROWS])
+        return self._attribute(subject).size
+
+    def _snapshot(self, rule: SpaceRule) -> Opened | list[Any]:
+        subject = rule.subject
+        if subject.table is not None:
+            return self._table(subject).snapshot()
+        self._attribute(subject)
+        return [self._matrices.as_it_is(subject.name)]
+
+    def _all_arguments(self, started: _Started, *, shared: bool = False) -> list[Any]:
+        """The arguments of a rule after its draws; `shared` for a thread of an independent one."""
+        arguments: list[Any] = []
+        subject = started.rule.subject
+        for parameter in started.rule.parameters:
+            if parameter.name == BEFORE:
+                before = started.before
+                arguments += before if isinstance(before, list) else before.arguments(shared=shared)
+            elif parameter.table is not None:
+                table = self._table(parameter)
+                # An independent rule does not read the lists of its subject.
+                if not (shared and parameter is subject):
+                    table.enlist()
+                arguments += table.arguments(shared=shared)
+            elif parameter.number:
+                arguments.append(self._number(parameter))
+            else:
+                arguments += self._arguments(parameter, started.rule)
+        return arguments
+
+    def _arguments(self, parameter: RuleParameter, rule: SpaceRule) -> list[Any]:
+        """The arguments for a parameter that is neither a table nor a number."""
+        if parameter.draws:
+            return [self._draws]
+        if parameter.type is CellGrid:
+            return [*self._lattice[:3]]
+        if parameter.type is Edges:
+            return [*self._opened_edges(parameter)]
+        self._attribute(parameter)
+        only_read = parameter.name in rule.only_read
+        matrices = self._matrices
+        return [(matrices.to_read if only_read else matrices.to_change)(parameter.name)]
+
+    def _number(self, parameter: RuleParameter) -> Any:
+        """The number for a parameter, passed to `run` or of the space."""
+        name = parameter.name
+        number = self._values[name] if name in self._values else self._attribute(parameter)
+        # The usual case: only nan differs from itself.
+        if type(number) is parameter.type and number == number:
+            return number
+        return self._converted(parameter, number)
+
+    def _converted(self, parameter: RuleParameter, number: Any) -> Any:
+        """A number in the type of a parameter, if it has the same value in it."""
+        try:
+            made = parameter.type(number)
+        except (TypeError, ValueError, OverflowError):  # such as a text, or nan as an int
+            made = None
+        if made is None or made != number or isinstance(number, str):
+            raise MisuseError(
+                f"{self._space.kind.name}: {parameter.name} must be {parameter.type.__name__}, as"
+                f" the rule declares, not {number!r}"
+            )
+        return made
+
+    def _opened_edges(self, parameter: RuleParameter) -> Edges:
+        name = parameter.name
+        if name not in self._edges:
+            nodes = self._lattice.width * self._lattice.height
+            self._edges[name] = opened_edges(name, self._attribute(parameter), nodes)
+        return self._edges[name]
+
+    def _table(self, parameter: RuleParameter) -> Opened:
+        opened = self._tables.get(parameter.name)
+        if opened is None:
+            kind: Any = parameter.table
+            matrix = self._attribute(parameter)
+            extent = self._space.width, self._space.height
+            vacant = None
+            if not any(map(_TAKES_FREE_CELLS, self._rules)):
+                vacant = UNCOUNTED if any(map(_SEARCHES, self._rules)) else UNLISTED
+            room = max(map(_BIRTHS, self._rules))
+            opened = Opened.of(
+                kind, matrix, self._lattice, extent, self._births, vacant=vacant, room=room
+            )
+            self._tables[parameter.name] = opened
+        return opened
+
+    def _attribute(self, parameter: RuleParameter) -> Any:
+        if parameter.name not in self._space.kind.fields.names:
+            raise MisuseError(
+                f"{self._space.kind.name} has no attribute {parameter.name}, which a rule expects;"
+                " declare it in the class, or pass a number to `run`"
+            )
+        value: Any = getattr(self._space, parameter.name)
+        if parameter.array and not isinstance(value, np.ndarray):
+            raise MisuseError(f"{self._space.kind.name}.{parameter.name} must be a matrix")
+        return value  # pyright: ignore[reportUnknownVariableType]
