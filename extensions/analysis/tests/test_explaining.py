@@ -4,9 +4,10 @@ import json
 
 import pytest
 
+from minerva_analysis import explain
 from minerva_analysis.causes import observe_agent
 from minerva_analysis.past_frames import last_change
-from minerva_bus import Agent, explain, on, record
+from minerva_bus import Agent, on, record
 from minerva_bus.errors import MinervaError, RecordError
 from minerva_bus.log import chunks
 from minerva_bus.log.record import Record
