@@ -17,6 +17,7 @@ from minerva_bus.grammar.printer import json_value
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
 from minerva_bus.runtime.operator_client import Client
+from minerva_bus.runtime.world_status import status_object, types_of
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
@@ -58,8 +59,9 @@ def _doing(status: WorldStatus) -> str:
 
 def listing(status: WorldStatus) -> dict[str, Any]:
     """A status as a JSON object."""
-    members = [{"member": member.pop("name"), **member} for member in map(asdict, status.members)]
-    return {**asdict(status), "members": members, "happenings": []}
+    shown = status_object(status)
+    members = [{"member": member.pop("name"), **member} for member in shown["members"]]
+    return {**shown, "members": members}
 
 
 def _row(member: MemberStatus) -> list[str]:
@@ -67,7 +69,7 @@ def _row(member: MemberStatus) -> list[str]:
         member.name,
         member.state,
         " ".join(member.roles),
-        " ".join([*member.kinds, *member.generates, *member.draws]),
+        types_of(member),
         str(member.last_reply),
         str(member.late),
         str(member.pid),

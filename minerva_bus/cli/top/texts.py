@@ -9,6 +9,7 @@ from rich.bar import Bar
 from rich.table import Table
 from rich.text import Text
 
+from minerva_bus.runtime.world_status import activity, awaited, types_of
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
@@ -46,17 +47,15 @@ def _late(status: WorldStatus) -> str:
 
 def doing(status: WorldStatus) -> Text:
     """Whether the world runs, is paused, or waits for members."""
-    if status.waiting and status.waited >= 0.3:
-        names = ", ".join(status.waiting[:4]) + (" …" if len(status.waiting) > 4 else "")
-        return Text(f"● waiting for {names} for {status.waited:.1f} s", "bold red")
-    if status.paused and not status.left:
-        return Text("● paused", "bold yellow")
-    return Text("● running", "bold green")
+    now = activity(status)
+    if awaited(status):
+        return Text(f"● {now} for {status.waited:.1f} s", "bold red")
+    return Text(f"● {now}", "bold yellow" if now == "paused" else "bold green")
 
 
 def row(member: MemberStatus, longest: float) -> list[Text]:
     """The table row of a member; `longest` is the longest wait for any member, µs."""
-    types = " ".join([*member.kinds, *member.generates, *member.draws])
+    types = types_of(member)
     return [
         Text(member.name, "bold"),
         Text(member.state, _STATES.get(member.state, "")),

@@ -15,7 +15,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import installed_worlds
 from minerva_bus.launch.registry import running
-from minerva_bus.world.operator import WorldStatus
+from minerva_bus.runtime.world_status import status_object
 
 MAX_TEXT: Final = 100_000
 """Characters of the longest text in a result."""
@@ -29,11 +29,6 @@ def shortened(long: str) -> str:
     if len(long) <= MAX_TEXT:
         return long
     return f"{long[:MAX_TEXT]}… ({len(long) - MAX_TEXT} more characters; ask for one agent)"
-
-
-def status_object(status: WorldStatus) -> dict[str, Any]:
-    """The state of a world without its events, which are a tool of their own."""
-    return {**asdict(status), "happenings": []}
 
 
 def vocabulary_object(vocabulary: Vocabulary) -> dict[str, Any]:

@@ -10,13 +10,13 @@ from typing import Any, Final
 from minerva_assistants.mcp.observing import (
     events_object,
     picture_of,
-    status_object,
     string_object,
     vocabulary_object,
 )
 from minerva_assistants.mcp.tool import ToolCall
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import AGENT_ID
+from minerva_bus.runtime.world_status import status_object
 
 _ROOT: Final = "minerva://world"
 AGENT_TEMPLATE: Final = f"{_ROOT}/agents/{{id}}"

@@ -12,6 +12,7 @@ from minerva_bus.grammar.appearance import Disc, Label, Line
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.runtime.world_status import activity, awaited
 from minerva_bus.semantics.colors import Legend, LegendEntry, rgb
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import LogEntry, WorldStatus
@@ -94,9 +95,8 @@ def _css_color(color: str, opacity: float) -> str:
 
 
 def _state(status: WorldStatus) -> str:
-    if status.waiting and status.waited > 0.5:
-        return f"waiting for {', '.join(status.waiting)}, {duration(status.waited)}"
-    return "paused" if status.paused else "running"
+    waited = f", {duration(status.waited)}" if awaited(status) else ""
+    return f"{activity(status)}{waited}"
 
 
 def notice(text: str) -> str:

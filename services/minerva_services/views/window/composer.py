@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from minerva_bus.runtime.world_status import activity, awaited
 from minerva_bus.semantics.picture import Picture
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.operator import WorldStatus
@@ -80,10 +81,6 @@ def beams_of(scan: Scan, robot: Pose) -> Beams:
     return Beams(sensor.x, sensor.y, ends, hits)
 
 
-_LONG_WAIT = 1.0
-"""Waiting time in seconds from which it is shown; short waits are normal."""
-
-
 HINT = "? shows the keys"
 
 
@@ -94,8 +91,8 @@ def caption(
     parts = [f"frame {frame}", f"{frame * dt:.1f} s"] if frame >= 0 else ["no view yet"]
     if status is not None:
         parts.append("paused" if status.paused else pace(status))
-        if status.waiting and status.waited > _LONG_WAIT:
-            parts.append(f"waiting for {', '.join(status.waiting)}")
+        if awaited(status):
+            parts.append(activity(status))
     return "  ·  ".join([*parts, *(text for text in (report, doing) if text)])
 
 
