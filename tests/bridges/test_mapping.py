@@ -85,6 +85,10 @@ def test_from_one_second_to_another(tmp_path):
     lines = [flaser([1.0], (x, 0.0, 0.0), time=10.0 + x) for x in range(6)]
     made = drawn(write(tmp_path / "a.log", *lines), begin=1.0, end=3.0)
     assert made.way[:, 0].tolist() == [1.0, 2.0, 3.0]
+    assert [*made.notes] == [
+        "2 readings skipped: before 1 s (--from)",
+        "readings after 3 s are not read (--to)",
+    ]
 
 
 def test_the_grid_is_as_the_robot_draws_it_itself(tmp_path):

@@ -19,6 +19,7 @@ import cmath
 import io
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -56,7 +57,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.plotting import write_figure
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.wording import install
+from minerva_bus.wording import counted, install
 from minerva_bus.world.readings import Displacement, Scan
 from minerva_bus.world.recordings import (
     Compensator,
@@ -181,7 +182,11 @@ def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progres
     way, angle = np.array(canvas.way), canvas.first_angle
     left_out, drift = extent.unposed, located.drift
     scans, places = [item.scan for item in posed_all], [place_of(item) for item in posed_all]
-    notes = (*located.notes, *doubling_notes(scans, places, choice.poses))
+    notes = (
+        *_window_notes(choice, located.outside),
+        *located.notes,
+        *doubling_notes(scans, places, choice.poses),
+    )
     return Drawn(
         canvas.grid,
         choice.cell,
@@ -203,6 +208,7 @@ class _Trajectory:
         self._taken: list[tuple[Pose | None, tuple[Displacement, ...]]] = []
         self._points: list[TrajectoryPoint] = []
         self.notes: list[str] = []
+        self.outside = Counter[str]()
 
     @property
     def drift(self) -> Drift | None:
@@ -213,7 +219,7 @@ class _Trajectory:
         self, recording: Recording, choice: MapChoice, progress: Progress
     ) -> Iterator[Posed | Unposed]:
         if choice.poses == "published":
-            yield from _published(recording, choice, progress)
+            yield from _published(recording, choice, progress, Counter())
             return
         located = list(_located(recording, choice, lambda part: progress(0.6 * part), NO_MOTION))
         if choice.poses == "matched":
@@ -247,7 +253,7 @@ class _Trajectory:
     def again(
         self, recording: Recording, choice: MapChoice, progress: Progress
     ) -> Iterator[Posed | Unposed]:
-        published = _published(recording, choice, progress)
+        published = _published(recording, choice, progress, self.outside)
         if choice.poses == "published":
             yield from published
             return
@@ -269,7 +275,7 @@ def _located(
 ) -> Iterator[Located]:
     """The scans at estimated poses."""
     return located_scans(
-        _between(recording, choice, progress),
+        _between(recording, choice, progress, Counter()),
         cell=choice.cell,
         farthest=choice.farthest,
         matched=choice.poses == "matched",
@@ -278,23 +284,40 @@ def _located(
 
 
 def _published(
-    recording: Recording, choice: MapChoice, progress: Progress
+    recording: Recording, choice: MapChoice, progress: Progress, outside: Counter[str]
 ) -> Iterator[Posed | Unposed]:
     """The scans to draw, at the recording's own poses."""
-    for posed in posed_scans(_between(recording, choice, progress)):
+    for posed in posed_scans(_between(recording, choice, progress, outside)):
         yield replace(posed, scan=shortened(posed.scan, choice.farthest))
 
 
-def _between(recording: Recording, choice: MapChoice, progress: Progress) -> Iterator[Recorded]:
-    """The readings between the chosen start and end times."""
+def _between(
+    recording: Recording, choice: MapChoice, progress: Progress, outside: Counter[str]
+) -> Iterator[Recorded]:
+    """The readings between the chosen start and end times; others are counted, up to the end."""
     clock = RecordingClock()
     for recorded in Compensator(choice.time_offset).all(recording.readings()):
         progress(recording.part)
         clock.advance(recorded.stamp)
         if clock.seconds > choice.end:
+            # Nothing further is read, because a recording may be long.
+            outside["after"] += 1
             return
-        if clock.seconds >= choice.begin:
+        if clock.seconds < choice.begin:
+            outside["before"] += 1
+        else:
             yield recorded
+
+
+def _window_notes(choice: MapChoice, outside: Counter[str]) -> list[str]:
+    """Lines on the readings outside the chosen times."""
+    notes: list[str] = []
+    if outside["before"]:
+        readings = counted(outside["before"], "reading")
+        notes.append(f"{readings} skipped: before {choice.begin:g} s (--from)")
+    if outside["after"]:
+        notes.append(f"readings after {choice.end:g} s are not read (--to)")
+    return notes
 
 
 # --- files ----------------------------------------------------------------------------------------
