@@ -295,6 +295,18 @@ def test_of_two_lasers_the_first_by_name_is_played_and_the_other_reported(tmp_pa
     assert "/rear skipped" in passed.of("topics passed over")[0]
 
 
+def test_topics_that_are_not_read_are_counted(tmp_path):
+    types, _ = messages()
+    path = mcap_of(
+        tmp_path / "more.mcap",
+        (1.0, "/front", "sensor_msgs/LaserScan", types.scan([1.0, 2.0])),
+        (1.0, "/tf", "tf2_msgs/TFMessage", types.transforms(("a", "b", 0.0, 0.0, 0.0, 0.0))),
+    )
+    said, passed = readings(path)
+    assert [item.topic for item in said] == ["scan"]
+    assert "/tf skipped" in passed.of("topics of other types")[0]
+
+
 def test_topics_by_their_names(tmp_path):
     said, passed = bag_of(tmp_path, two_lasers, topics={"/rear": "back", "/front": "scan"})
     assert [(x.topic, x.reading.ranges.tolist()) for x in said] == [

@@ -48,6 +48,7 @@ _NANOSECOND: Final = 1e-9
 _UNUSABLE, _GARBAGE, _BROKEN = "messages passed over", "messages not readable", "broken off"
 _NO_SCHEMA: Final = "a type without a schema"
 _SKIPPED_TOPICS: Final = "topics passed over"
+_OTHER_TOPICS: Final = "topics of other types"
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +186,11 @@ class Bag:
     def _first_ones(self, known: Mapping[str, str]) -> Mapping[str, str]:
         chosen: dict[str, str] = {}
         for topic, kind in sorted(known.items()):
+            if topic.lstrip("/") == _TF_STATIC:
+                continue  # It has the mounts of sensors.
             if kind not in CONVERSIONS:
+                line = f"{self.path}: {topic} skipped: messages {kind} are not read"
+                self.pass_over(_OTHER_TOPICS, line)
                 continue
             here = CONVERSIONS[kind].topic
             # Two topics of one kind would mix their readings in one topic of the world.

@@ -40,6 +40,10 @@ class LineError(ValueError):
     """A line does not match its keyword."""
 
 
+class OtherMessage(Exception):
+    """A message of CARMEN that is no measurement of a laser or of odometry."""
+
+
 @dataclass(frozen=True, slots=True)
 class OdometryLine:
     """ODOM: pose, speeds in metres and degrees per second, and times."""
@@ -82,20 +86,16 @@ LogLine: TypeAlias = OdometryLine | LaserLine | ParameterLine
 
 
 def read_line(line: str) -> LogLine | None:
-    """Parse a line; None for comments and other messages.
-
-    Raises LineError.
-    """
+    """Parse a line; None for an empty one or a comment. Raises LineError and OtherMessage."""
     words = line.split()
     if not words or words[0].startswith("#"):
         return None
     read = _READERS.get(words[0])
     if read is None:
-        # Other messages of CARMEN are skipped silently. A first word that cannot be a keyword means
-        # a damaged line, or a file of another kind.
+        # A first word that cannot be a keyword means a damaged line, or a file of another kind.
         if not words[0].isascii() or not words[0].replace("_", "").isalnum():
             raise LineError("not a CARMEN message")
-        return None
+        raise OtherMessage(f"messages {words[0][:20]} are not read")
     return read(_Words(words))
 
 

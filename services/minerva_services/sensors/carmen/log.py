@@ -21,6 +21,7 @@ from minerva_services.sensors.carmen.lines import (
     LaserLine,
     LineError,
     OdometryLine,
+    OtherMessage,
     ParameterLine,
     read_line,
 )
@@ -31,6 +32,7 @@ _MAX_BYTES: Final = 4 << 30
 _GZIP: Final = b"\x1f\x8b"
 _FRONT_LASER: Final = "robot_frontlaser_offset"
 _PASSED_OVER, _TIMELESS, _BROKEN = "lines passed over", "lines without a time", "broken off"
+_OTHER: Final = "other messages"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +86,9 @@ class CarmenLog:
         for number, text in self._lines():
             try:
                 line = read_line(text)
+            except OtherMessage as error:
+                self.pass_over(_OTHER, f"{self.path}: line {number} skipped: {error}")
+                continue
             except LineError as error:
                 skipped(_PASSED_OVER, f"{self.path}: line {number} skipped: {error}")
                 continue
