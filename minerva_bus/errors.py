@@ -140,7 +140,7 @@ class UserCodeError(MinervaError):
     """A method of an agent or a service raised or returned an invalid value: see `__cause__`.
 
     `where` names the method and its arguments; `handler` is the method, if known.
-    `minerva_bus.blame.report` formats the error with its file, line and source line.
+    `minerva_bus.user_code.report` formats the error with its file, line and source line.
     """
 
     def __init__(self, where: str, handler: Callable[..., Any] | None = None) -> None:

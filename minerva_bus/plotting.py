@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from minerva_bus.arguments import path_of
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_output, write_output
+from minerva_bus.files import check_output, write_output
 from minerva_bus.wording import install
 
 INK: Final = "#2f3640"

@@ -1,7 +1,7 @@
 """What a script, an interactive Python and a notebook show of an error that nobody catches.
 
 A traceback through the framework has up to a hundred lines, of which the reader wrote two. The
-report of `minerva_bus.blame` names these. MINERVA_TRACEBACK=1 shows all frames.
+report of `minerva_bus.user_code` names these. MINERVA_TRACEBACK=1 shows all frames.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def report_threads() -> None:
 
 def rendered(error: BaseException) -> str:
     """The text to show of an error of Minerva Bus."""
-    from minerva_bus.blame import report, whole  # which import all error classes
+    from minerva_bus.user_code import report, whole  # which import all error classes
 
     if os.environ.get(VARIABLE):
         return whole(error)
@@ -47,8 +47,7 @@ def rendered(error: BaseException) -> str:
 def _print_of_thread(uncaught: ExceptHookArgs) -> None:
     import threading
 
-    from minerva_bus.blame import report
-    from minerva_bus.source import place_of
+    from minerva_bus.user_code import place_of, report
 
     error, thread = uncaught.exc_value, uncaught.thread
     usual = isinstance(error, SystemExit) or bool(os.environ.get(VARIABLE))

@@ -1,9 +1,12 @@
-"""Phrases for messages that several layers use."""
+"""Phrases for messages that several layers use, and texts of any origin in XML."""
 
 import importlib.util
+import re
 import shlex
 import sys
 from collections.abc import Sequence
+from typing import Final
+from xml.sax.saxutils import escape
 
 
 def counted(number: int, noun: str) -> str:
@@ -44,3 +47,17 @@ def install(extra: str) -> str:
 def short(text: str, longest: int = 110) -> str:
     """A text that fits a line of `longest` characters."""
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
+
+
+# Characters that XML 1.0 does not allow, not even escaped.
+_UNWRITABLE: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def xml_characters(text: str) -> str:
+    """The text with U+FFFD in place of characters that XML does not allow."""
+    return _UNWRITABLE.sub("\ufffd", text)
+
+
+def xml_text(text: str) -> str:
+    """Any text as XML character data."""
+    return escape(xml_characters(text))

@@ -10,9 +10,9 @@ from typing import Any, Final
 from minerva_bus.arguments import path_of, text
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.files import note_read
 from minerva_bus.launch.specs import load
 from minerva_bus.log.exporters import ExportChoice, Exporter, ExportProgress
-from minerva_bus.outputs import note_read
 
 EXPORTERS: Final = "minerva.exporters"
 

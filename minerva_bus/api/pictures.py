@@ -14,7 +14,7 @@ from string import Template
 from typing import Final
 
 from minerva_bus.arguments import path_of
-from minerva_bus.outputs import write_output
+from minerva_bus.files import write_output
 from minerva_bus.wording import counted
 
 MAX_PICTURES: Final = 300

@@ -10,7 +10,6 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from minerva_bus.blame import report
 from minerva_bus.cli.options import JoinOptions
 from minerva_bus.cli.output import FAILED, Done, print_message, print_report
 from minerva_bus.cli.places import identity, place
@@ -27,6 +26,7 @@ from minerva_bus.runtime.joining import ARRIVAL
 from minerva_bus.runtime.participants import BACK_WITHIN, MemberProcess
 from minerva_bus.runtime.session import CONNECT_SECONDS, end_at_once
 from minerva_bus.settings.overrides import Overrides
+from minerva_bus.user_code import report
 from minerva_bus.world.services import Device
 
 RECONNECT_SECONDS: Final = 600.0

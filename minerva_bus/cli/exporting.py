@@ -15,8 +15,8 @@ from minerva_bus.cli.progress import progress_bar
 from minerva_bus.collect.plans import TablePlan, parse_entries
 from minerva_bus.collect.tables import CsvWriter, TableFiles
 from minerva_bus.errors import MisuseError
+from minerva_bus.files import note_read
 from minerva_bus.log.record import Record
-from minerva_bus.outputs import note_read
 from minerva_bus.wording import counted
 
 if TYPE_CHECKING:

@@ -41,7 +41,7 @@ from minerva_bus.cli.promised import promised
 from minerva_bus.cli.shells import Group, answer_fast
 from minerva_bus.cli.world_first import WorldFirstCommand
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.outputs import forget_inputs
+from minerva_bus.files import forget_inputs
 from minerva_bus.process_end import ended_by_system, limit_threads
 from minerva_bus.uncaught import report_threads
 

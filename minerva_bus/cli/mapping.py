@@ -16,8 +16,8 @@ import typer
 from minerva_bus.cli.output import Done, print_report
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import WorldFileError, nearest
+from minerva_bus.files import forget_inputs
 from minerva_bus.launch.specs import load
-from minerva_bus.outputs import forget_inputs
 from minerva_bus.world.recordings import (
     MapChoice,
     Mapper,

@@ -21,7 +21,7 @@ def _choose_keys(keys: str) -> None:
 
 
 def _choose_force(force: bool) -> bool:
-    from minerva_bus.outputs import force_overwriting
+    from minerva_bus.files import force_overwriting
 
     force_overwriting(force)
     return force

@@ -40,7 +40,7 @@ from minerva_bus.collect.tables import (
     table_path,
 )
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_file, is_forced, replacing, target_of
+from minerva_bus.files import check_file, is_forced, replacing, target_of
 
 _ABOUT: Final = "tables.json"
 _DRAFT: Final = ".draft"

@@ -28,9 +28,8 @@ from minerva_bus.arguments import path_of, text, text_list
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.rows import DTYPES, Data
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.file_marks import MARK
+from minerva_bus.files import MARK, check_output, is_stream, name_file, note_read, target_of
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.outputs import check_output, is_stream, name_file, note_read, target_of
 from minerva_bus.wording import counted, install
 
 if TYPE_CHECKING:

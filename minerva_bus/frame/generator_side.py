@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from typing import Any, Final, TypeAlias
 
-from minerva_bus.blame import blamed
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import Readings
@@ -16,6 +15,7 @@ from minerva_bus.grammar.events import AnyEvent, in_columns
 from minerva_bus.grammar.ids import no_id
 from minerva_bus.grammar.scene import AGENT_ID
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.user_code import blamed
 from minerva_bus.world.context import Frame
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, Generator, Service, Tick, When

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any, TypeAlias, cast
 
-from minerva_bus.blame import blamed
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.device_side import DeviceSide
@@ -24,7 +23,7 @@ from minerva_bus.frame.host_side import Host
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.frame.service_calls import figures_by, made_events
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.source import handler_name
+from minerva_bus.user_code import blamed, handler_name
 from minerva_bus.world.agent import Agent, kinds_of, with_own_fields
 from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy

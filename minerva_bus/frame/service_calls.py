@@ -14,10 +14,10 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from minerva_bus.blame import blamed
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import AnyEvent, Event, Events, check_number
 from minerva_bus.grammar.symbols import EventType
+from minerva_bus.user_code import blamed
 from minerva_bus.world.services import Service
 
 VALUE: Final = "="

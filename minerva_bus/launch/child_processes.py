@@ -22,10 +22,9 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, UserCodeError
-from minerva_bus.source import SourceLine, innermost, is_foreign
 from minerva_bus.uncaught import report_threads
+from minerva_bus.user_code import SourceLine, innermost, is_foreign, report
 
 FAILED: Final = os.EX_SOFTWARE
 """The exit code of a child that ended by an exception that is not a MinervaError."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import Followed, RecordError, WorldFileError
+from minerva_bus.files import text_of_path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART, Fragment
@@ -39,7 +40,6 @@ from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import Journaled, read_journal, resume_from
 from minerva_bus.log.record_header import encode_description
-from minerva_bus.path_text import text_of_path
 from minerva_bus.runtime.admission import ListenConfig
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.system import REAL, System, run_through

@@ -21,7 +21,6 @@ from queue import Empty, SimpleQueue
 from typing import Any, Final
 from weakref import WeakSet
 
-from minerva_bus.blame import blamed, report, whole
 from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -48,8 +47,16 @@ from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.system import REAL
 from minerva_bus.runtime.watchers import StatusMeter
 from minerva_bus.runtime.world_log import WorldLog
-from minerva_bus.source import SourceLine, function_name, handler_name, innermost
 from minerva_bus.uncaught import VARIABLE
+from minerva_bus.user_code import (
+    SourceLine,
+    blamed,
+    function_name,
+    handler_name,
+    innermost,
+    report,
+    whole,
+)
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import PersonOperation

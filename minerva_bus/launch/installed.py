@@ -18,8 +18,7 @@ from typing import Any, Final
 
 from minerva_bus.entry_points import OWN, entries
 from minerva_bus.errors import WorldFileError, nearest
-from minerva_bus.input_files import MAX_BYTES, read_text
-from minerva_bus.outputs import note_read
+from minerva_bus.files import MAX_BYTES, note_read, read_text
 from minerva_bus.settings.kinds import phrase_of
 
 SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"

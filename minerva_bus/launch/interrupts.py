@@ -10,9 +10,9 @@ from contextlib import ExitStack, contextmanager
 from types import FrameType
 from typing import Final, TypeAlias
 
-from minerva_bus.blame import WORLD_CODE
 from minerva_bus.errors import UserCodeError
 from minerva_bus.launch.child_processes import Pipes
+from minerva_bus.user_code import WORLD_CODE
 
 Handler: TypeAlias = Callable[[int, FrameType | None], None]
 

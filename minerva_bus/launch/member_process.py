@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.files import check_output, write_output
 from minerva_bus.frame.member import Unready
 from minerva_bus.launch.child_processes import UNREADY, ReportPipe
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.outputs import check_output, write_output
 from minerva_bus.runtime.joining import STARTED_HERE
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.wording import install

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, MisuseError, RecordError, WorldFileError
+from minerva_bus.files import path_of_text
 from minerva_bus.frame.algorithm import GIVEN_UP, FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import HALTED, Checkpoint
@@ -23,7 +24,6 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.toml_tables import Table, TomlError, read_toml
 from minerva_bus.launch.typed_text import of_nodes, option_text
 from minerva_bus.launch.world_files import WorldFile, read_world_file
-from minerva_bus.path_text import path_of_text
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.wording import named_some

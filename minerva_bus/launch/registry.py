@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from minerva_bus.errors import BusError
-from minerva_bus.outputs import open_itself
+from minerva_bus.files import open_itself
 
 PROBE_SECONDS: Final = 1.0
 """Time within which another process has checked a lock, and released its own."""

@@ -28,6 +28,7 @@ from minerva_bus.errors import (
     WorldStopped,
     nearest,
 )
+from minerva_bus.files import text_of_path
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -53,7 +54,6 @@ from minerva_bus.launch.typed_text import typed_options
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference, apart, same_events
 from minerva_bus.log.record import Cursor, Record, RecordedReadings
-from minerva_bus.path_text import text_of_path
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.questions import COMMANDS, Operated, status_of

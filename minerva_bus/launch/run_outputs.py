@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.errors import RecordError
+from minerva_bus.files import text_of_path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.past import Resumed, differing
 from minerva_bus.launch.typed_text import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
-from minerva_bus.path_text import text_of_path
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.settings.kinds import ALL
 from minerva_bus.world.operator import FileStatus, PersonOperation

@@ -22,7 +22,6 @@ from pathlib import Path, PurePath
 from types import ModuleType
 from typing import Any, cast, get_type_hints
 
-from minerva_bus.blame import report
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MinervaError, MisuseError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
@@ -35,7 +34,7 @@ from minerva_bus.launch.installed import (
 )
 from minerva_bus.launch.toml_tables import Table
 from minerva_bus.settings.kinds import fits, phrase_of
-from minerva_bus.source import place_of
+from minerva_bus.user_code import place_of, report
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service, check_attributes
 

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.outputs import open_itself
+from minerva_bus.files import open_itself
 
 LOCK: Final = ".lock"
 

@@ -22,8 +22,8 @@ from typing import Final, Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from minerva_bus.errors import MinervaError
+from minerva_bus.files import open_itself
 from minerva_bus.launch.registry import make_runtime_folder, runtime_folder
-from minerva_bus.outputs import open_itself
 from minerva_bus.runtime.endpoints import is_wildcard
 
 _LOCAL: Final = frozenset(("localhost", "127.0.0.1", "::1"))

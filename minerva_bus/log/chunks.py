@@ -24,10 +24,10 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from minerva_bus.errors import RecordError
+from minerva_bus.files import is_stream, note_read
 from minerva_bus.log import channels as c
 from minerva_bus.log.channels import FRAME, KEYFRAME, OWN, PROFILE, check_installed
 from minerva_bus.log.entries import Keyframe
-from minerva_bus.outputs import is_stream, note_read
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD: Final = struct.Struct("<BQ")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import name_file
+from minerva_bus.files import name_file
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import BusError, Followed
+from minerva_bus.files import replacing
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
@@ -37,7 +38,6 @@ from minerva_bus.log.entries import (
     encode_keyframe,
     plain_by_source,
 )
-from minerva_bus.outputs import replacing
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 

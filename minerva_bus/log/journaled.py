@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import MinervaError, RecordError
+from minerva_bus.files import is_stream, read_bytes
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.input_files import read_bytes
 from minerva_bus.log.entries import (
     FORMAT,
     EntryDecoder,
@@ -25,7 +25,6 @@ from minerva_bus.log.entries import (
 )
 from minerva_bus.log.journal import HEAD, key_of
 from minerva_bus.log.record_header import Description, decode_description
-from minerva_bus.outputs import is_stream
 from minerva_bus.wire.plain import as_int, as_map, as_number, as_text, as_texts, pack
 
 DESCRIPTION_AT: Final = 2

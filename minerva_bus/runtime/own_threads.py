@@ -11,7 +11,7 @@ from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.system import System, Timer
-from minerva_bus.source import handler_name
+from minerva_bus.user_code import handler_name
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Generator
 

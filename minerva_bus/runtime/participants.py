@@ -14,7 +14,6 @@ from typing import Any, Final
 
 import zenoh
 
-from minerva_bus.blame import WORLD_CODE, blamed, report, whole
 from minerva_bus.errors import BusError, UserCodeError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member, Refusal
@@ -38,6 +37,7 @@ from minerva_bus.runtime.session_inbox import Inbox, KeyedSample, keyed_sample
 from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.world_link import WorldLink
 from minerva_bus.security.credentials import Credentials
+from minerva_bus.user_code import WORLD_CODE, blamed, report, whole
 from minerva_bus.wire.keys import COORDINATOR, Keys, checked_name
 from minerva_bus.world.services import Device
 

@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import KeysError
-from minerva_bus.input_files import read_bytes
-from minerva_bus.outputs import is_stream
+from minerva_bus.files import is_stream, read_bytes
 from minerva_bus.security.credentials import FAMILY, SERVERS, Rights
 from minerva_bus.wording import install
 

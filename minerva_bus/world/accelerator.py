@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
 
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError
-from minerva_bus.source import handler_name
+from minerva_bus.user_code import handler_name
 from minerva_bus.world.class_declaration import COMPILED, POPULATION, marked
 
 if TYPE_CHECKING:

@@ -39,7 +39,7 @@ from minerva_bus.grammar.ids import Ids, no_id
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.source import handler_name
+from minerva_bus.user_code import handler_name
 from minerva_bus.world.accelerator import Accelerator, accelerated
 from minerva_bus.world.class_declaration import (
     ON,

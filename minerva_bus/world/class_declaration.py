@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Final, cast, get_origin, get_type_hints
 
 from minerva_bus.errors import MisuseError, SignatureError
 from minerva_bus.grammar.fields import Default, Fields
-from minerva_bus.source import handler_name
+from minerva_bus.user_code import handler_name
 from minerva_bus.world.expressions import NO_DEFAULT, default_of
 
 ON = "_minerva_on"

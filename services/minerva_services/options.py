@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.input_files import read_text
+from minerva_bus.files import read_text
 from minerva_bus.wording import install
 
 _Init = TypeVar("_Init", bound=Callable[..., None])

@@ -4,7 +4,7 @@ import pytest
 
 from minerva_bus import check
 from minerva_bus.errors import WorldFileError
-from minerva_bus.input_files import read_text
+from minerva_bus.files import read_text
 from minerva_bus.launch import installed
 from tests.runtime.running import here
 

@@ -11,9 +11,9 @@ import pytest
 from frogs import Frog, eCroak, eFeed, marsh, pond
 
 from minerva_bus import Interrupted, connect, count, data, run
-from minerva_bus.blame import report
 from minerva_bus.errors import BusError, MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.registry import running
+from minerva_bus.user_code import report
 from tests.patience import eventually
 
 COLLECT = {"frogs": count(Frog), "x": Frog.x, "croak": data(eCroak), "mood": Frog.mood}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from frogs import Frog, pond
 
-from minerva_bus import count, data, outputs, run
+from minerva_bus import count, data, files, run
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.table_parts import (
     JoinedPart,
@@ -244,8 +244,8 @@ def test_a_file_that_appears_during_a_run_stays_and_so_do_the_rows(tmp_path, end
 
 @pytest.mark.parametrize("forced", [False, True])
 def test_a_folder_of_a_user_is_no_folder_of_parts(tmp_path, monkeypatch, forced):
-    monkeypatch.setattr(outputs, "_policy", outputs._Policy())
-    outputs.force_overwriting(forced)
+    monkeypatch.setattr(files, "_policy", files._Policy())
+    files.force_overwriting(forced)
     kept = tmp_path / "frogs.csv.parts" / "notes.txt"
     kept.parent.mkdir()
     kept.write_text("of a user")

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from minerva_bus import outputs
+from minerva_bus import files as outputs
 from minerva_bus.cli.main import main
 
 pytest.importorskip("PIL")

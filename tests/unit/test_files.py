@@ -9,26 +9,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_agents.robot.maps import load_map
-from minerva_bus import outputs, record, resume
+from minerva_bus import files, record, resume
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.tables import CsvWriter, TableFiles
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.file_marks import is_own
-from minerva_bus.input_files import read_text
+from minerva_bus.files import (
+    check_file,
+    check_output,
+    check_replaceable,
+    is_own,
+    note_read,
+    path_of_text,
+    read_text,
+    replacing,
+    text_of_path,
+    write_output,
+)
 from minerva_bus.launch.installed import declared_options, file_text
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log import chunks as scanning
 from minerva_bus.log.chunks import Chunks
 from minerva_bus.log.exporters import new_folder
-from minerva_bus.outputs import (
-    check_file,
-    check_output,
-    check_replaceable,
-    note_read,
-    replacing,
-    write_output,
-)
-from minerva_bus.path_text import path_of_text, text_of_path
 from minerva_bus.security.certificates import read_certificate
 from minerva_services.options import read_password
 
@@ -84,7 +85,7 @@ SVG = b"<svg xmlns='http://www.w3.org/2000/svg'/>\n"
 
 @pytest.fixture(autouse=True)
 def _a_process_of_its_own(monkeypatch):
-    monkeypatch.setattr(outputs, "_policy", outputs._Policy())
+    monkeypatch.setattr(files, "_policy", files._Policy())
 
 
 def image(suffix):
@@ -179,7 +180,7 @@ def test_force_overwrites(tmp_path):
     path = tmp_path / "house.svg"
     path.write_bytes(SVG)
     note_read(path)
-    outputs.force_overwriting(True)
+    files.force_overwriting(True)
     write_output(path, b"<svg/>\n")
     assert path.read_bytes().startswith(b"<svg/>")
 
@@ -217,7 +218,7 @@ def test_a_link_stays_and_names_the_new_file(tmp_path):
 
 @pytest.mark.parametrize("forced", [False, True])
 def test_a_pipe_without_a_reader_is_refused_and_waits_for_none(tmp_path, forced):
-    outputs.force_overwriting(forced)
+    files.force_overwriting(forced)
     pipe = tmp_path / "pipe.svg"
     os.mkfifo(pipe)
     with pytest.raises(
@@ -235,7 +236,7 @@ def test_a_pipe_without_a_reader_is_refused_and_waits_for_none(tmp_path, forced)
             os.read(reader, 100)
     finally:
         os.close(reader)
-        for kept in outputs._policy.pipes.values():
+        for kept in files._policy.pipes.values():
             os.close(kept)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from minerva_bus.errors import UserCodeError
 from minerva_bus.launch.child_processes import blocked_at
-from minerva_bus.source import SourceLine, innermost, place_of
+from minerva_bus.user_code import SourceLine, innermost, place_of
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ from minerva_agents.robot.trajectories import (
 )
 from minerva_bus import Cells
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_output, write_output
+from minerva_bus.files import check_output, write_output
 from minerva_bus.plotting import write_figure
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import counted, install

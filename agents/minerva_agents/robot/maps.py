@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from minerva_agents.robot.grid import MapError, clearance
 from minerva_agents.robot.pose import Cell
 from minerva_bus import portable
-from minerva_bus.outputs import note_read
+from minerva_bus.files import note_read
 from minerva_bus.wording import install
 
 FREE: Final = 0

@@ -42,7 +42,7 @@ from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of, single
 from minerva_bus.grammar.printer import shown_value
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.log.record import Record
-from minerva_bus.source import SourceLine, assignments, defined, handler_name
+from minerva_bus.user_code import SourceLine, assignments, defined, handler_name
 from minerva_bus.wording import named_some, short
 from minerva_bus.world.addressing import addressed
 from minerva_bus.world.agent import Kinds

@@ -9,7 +9,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.api.symbols import names_in
 from minerva_bus.grammar.symbols import EventType
-from minerva_bus.source import variables_of
+from minerva_bus.user_code import variables_of
 from minerva_bus.world.agent import Agent
 
 _PACKAGE: Final = __name__.partition(".")[0]

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from minerva_bus.launch import child_processes
 from minerva_bus.launch.child_processes import NOT_STARTED, STOPPED, blocked_at, own_frames
-from minerva_bus.source import SourceLine
+from minerva_bus.user_code import SourceLine
 from minerva_bus.wording import counted
 from minerva_bus.world.norms import Then
 from minerva_bus.world.operator import MemberStatus, WorldStatus

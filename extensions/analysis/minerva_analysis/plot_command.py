@@ -13,8 +13,8 @@ from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.collect.series_plot import PlotOptions, plot_table
 from minerva_bus.collect.tables import read_table
 from minerva_bus.errors import MisuseError
+from minerva_bus.files import check_output
 from minerva_bus.log.record import Record
-from minerva_bus.outputs import check_output
 from minerva_bus.plotting import check_picture
 
 _TABLES: Final = (".csv", ".parquet")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from minerva_bus.markup import xml_characters
+from minerva_bus.wording import xml_characters
 from minerva_conformance.case import Case, CaseOutcome, CaseResult, Tier
 from minerva_conformance.suite import ScoreCard
 

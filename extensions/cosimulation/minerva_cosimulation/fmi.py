@@ -19,9 +19,8 @@ from pythonfmu3 import FmuBuilder  # pyright: ignore[reportMissingTypeStubs]
 
 from minerva_bus.api.world import world_of
 from minerva_bus.errors import MisuseError
-from minerva_bus.file_marks import MARK
+from minerva_bus.files import MARK, check_output, write_output
 from minerva_bus.grammar.fields import Field
-from minerva_bus.outputs import check_output, write_output
 from minerva_cosimulation.stepped_world import SteppedWorld
 from minerva_cosimulation.world_slave import DESCRIPTION, STARTS
 

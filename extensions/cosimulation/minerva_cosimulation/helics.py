@@ -19,7 +19,7 @@ import helics
 
 from minerva_bus.api.world import World
 from minerva_bus.errors import MisuseError
-from minerva_bus.input_files import read_text
+from minerva_bus.files import read_text
 from minerva_cosimulation.stepped_world import SteppedWorld
 
 _Result = TypeVar("_Result")

@@ -7,7 +7,7 @@ from importlib import import_module
 
 import pytest
 
-from minerva_bus.blame import described
+from minerva_bus.user_code import described
 from minerva_bus.world.accelerator import NotCompilable
 
 HEAD = """

@@ -17,10 +17,10 @@ from gymnasium import spaces
 
 from minerva_bus.collect.tables import needed
 from minerva_bus.errors import MisuseError
+from minerva_bus.files import check_input
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
-from minerva_bus.input_files import check_input
 from minerva_bus.world.agent import Agent, Handler
 from minerva_bus.world.context import Context
 from minerva_bus.world.decorators import on

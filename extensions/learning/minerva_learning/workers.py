@@ -17,7 +17,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldStopped
 from minerva_bus.launch.child_processes import (
     ChildProcess,
@@ -30,6 +29,7 @@ from minerva_bus.launch.child_processes import (
     parse_report,
     reap,
 )
+from minerva_bus.user_code import report
 from minerva_learning.block import MakeEnv, WorldBlock
 from minerva_learning.shared import SharedArrays
 

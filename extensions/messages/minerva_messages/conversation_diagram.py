@@ -6,8 +6,8 @@ from pathlib import Path
 
 from minerva_bus.cli.output import print_json, print_result
 from minerva_bus.errors import MinervaError
+from minerva_bus.files import check_output, write_output
 from minerva_bus.log.record import Record
-from minerva_bus.outputs import check_output, write_output
 from minerva_messages.exchanges import Exchange, check_drawable, exchange_of
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from minerva_bus.markup import xml_text
+from minerva_bus.wording import xml_text
 from minerva_messages.acts import Act
 from minerva_messages.exchanges import Exchange, SentMessage
 

@@ -27,7 +27,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.source import variables_of
+from minerva_bus.user_code import variables_of
 from minerva_bus.wording import named_some
 
 VERSION: Final = "Minerva Bus"

@@ -14,7 +14,7 @@ from minerva_bus.launch.in_process import never
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
-from minerva_bus.source import place_of
+from minerva_bus.user_code import place_of
 from minerva_study.outcome import Outcome
 from minerva_study.sent_world import spec_of
 from minerva_study.trial import prepared, run_trial

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any, Final, Self, cast
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import is_stream
+from minerva_bus.files import is_stream
 from minerva_study.code_digests import differences
 
 FLUSH_SECONDS: Final = 0.5

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.files import replacing
 from minerva_bus.launch.typed_text import option_text, toml_value
-from minerva_bus.outputs import replacing
 from minerva_bus.wording import install
 from minerva_study.grid import Combination
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, Final, cast
 from zlib import crc32
 
+from minerva_bus.files import replacing
 from minerva_bus.launch.in_process import never
 from minerva_bus.launch.world_files import Collecting, WorldFile, read_world_file
-from minerva_bus.outputs import replacing
 from minerva_bus.settings.overrides import Overrides
 from minerva_study.grid import Combination, Grid
 from minerva_study.journal import StudyJournal, invalid_line

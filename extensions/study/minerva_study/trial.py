@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.blame import report
 from minerva_bus.errors import WorldFileError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import WorldSpec
@@ -29,6 +28,7 @@ from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.tables import WatchSettings
+from minerva_bus.user_code import report
 from minerva_study.outcome import Outcome
 
 LOCAL = "tcp/127.0.0.1:0"

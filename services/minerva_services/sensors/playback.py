@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import is_stream
+from minerva_bus.files import is_stream
 from minerva_bus.world.readings import Mount
 from minerva_bus.world.recordings import (
     Compensator,

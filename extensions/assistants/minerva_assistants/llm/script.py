@@ -20,7 +20,7 @@ from typing import Any, cast
 from minerva_assistants.llm.backends import BackendError, Completion, Prompt
 from minerva_assistants.llm.local import text_of
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.input_files import read_text
+from minerva_bus.files import read_text
 
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 

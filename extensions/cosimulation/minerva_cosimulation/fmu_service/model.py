@@ -15,7 +15,7 @@ from fmpy.fmi1 import FMICallException  # pyright: ignore[reportMissingTypeStubs
 from fmpy.fmi3 import FMU3Slave  # pyright: ignore[reportMissingTypeStubs]
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.outputs import is_stream
+from minerva_bus.files import is_stream
 
 _TYPES: Final = {"Float64": float, "Int64": int, "Int32": int, "Boolean": bool, "String": str}
 """Types of variables that have a value in a string."""

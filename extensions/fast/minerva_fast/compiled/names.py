@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
-from minerva_bus.source import variables_of
+from minerva_bus.user_code import variables_of
 from minerva_fast.compiled.form import (
     DECLARED,
     Emission,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.source import SourceLine, handler_name
+from minerva_bus.user_code import SourceLine, handler_name
 from minerva_bus.world.accelerator import REMEDY, NotCompilable
 
 MISSING: Final = object()

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus import portable
-from minerva_bus.input_files import check_input
+from minerva_bus.files import check_input
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Mount, Odometry, Scan
 from minerva_bus.world.recordings import FirstSkip, PassOver, Recorded, RecordingError, watched

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from minerva_bus.input_files import read_bytes
+from minerva_bus.files import read_bytes
 from minerva_bus.world.readings import Sightings
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.sensors.vision.detection import Grey

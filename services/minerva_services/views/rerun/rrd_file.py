@@ -11,8 +11,7 @@ from typing import Final
 import rerun as rr
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.file_marks import MARK
-from minerva_bus.outputs import target_of
+from minerva_bus.files import MARK, target_of
 from minerva_bus.semantics.picture import Picture, Tiles
 from minerva_services.views.floor_parts import Floor, named_floors
 from minerva_services.views.rerun.archetypes import ENTITIES, archetypes, floor_archetypes

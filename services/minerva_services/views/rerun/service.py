@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_file
-from minerva_bus.path_text import text_of_path
+from minerva_bus.files import check_file, text_of_path
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, require
 from minerva_services.views.overlay import Overlay

@@ -6,8 +6,7 @@ import math
 from collections.abc import Mapping
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_file
-from minerva_bus.path_text import text_of_path
+from minerva_bus.files import check_file, text_of_path
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, names_in
 from minerva_services.views.sound.sonification import Sonification

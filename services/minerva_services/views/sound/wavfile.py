@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.file_marks import MARK
-from minerva_bus.outputs import check_file
+from minerva_bus.files import MARK, check_file
 from minerva_services.views.sound.synthesis import Samples
 
 _CHANNELS, _WIDTH, _PCM = 2, 2, 1

@@ -4,7 +4,7 @@ import re
 from xml.sax.saxutils import escape
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.markup import xml_characters
+from minerva_bus.wording import xml_characters
 
 _MAX_NUMBER = 1e9
 _COLOR = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})|[A-Za-z]+")

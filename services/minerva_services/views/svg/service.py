@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.files import check_output, text_of_path, write_output
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.outputs import check_output, write_output
-from minerva_bus.path_text import text_of_path
 from minerva_bus.wording import install
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types

@@ -11,7 +11,7 @@ from enum import Enum
 from pathlib import Path
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_file, check_output
+from minerva_bus.files import check_file, check_output
 from minerva_bus.wording import install
 
 _PIXELS = range(100, 7681)

@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 
-from minerva_bus.outputs import write_output
-from minerva_bus.path_text import text_of_path
+from minerva_bus.files import text_of_path, write_output
 from minerva_services.views.svg.files import numbered, prepare_folder
 from minerva_services.views.window.options import WindowOptions
 from minerva_services.views.window.painter import Pixels

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.file_marks import MARK, gif_comment
-from minerva_bus.outputs import check_file
+from minerva_bus.files import MARK, check_file, gif_comment
 from minerva_services.views.svg.files import prepare_folder
 from minerva_services.views.window.painter import Pixels
 

@@ -1,8 +1,15 @@
-"""Output files: never overwrite a user's file or an input of this run.
+"""Files of users: output never overwrites them, and input is read as a whole, up to a size.
 
-Every file that the program writes carries a mark (file_marks.py), so a later run recognises it.
+Every file that the program writes carries a mark, by which a later run recognises it: a comment, a
+text chunk or a tag, depending on the format. In text formats it has a checksum, so a file that was
+edited afterwards counts as the user's. The rules for output apply per process; forked processes
+inherit the inputs and permissions.
 
-The rules apply per process; forked processes inherit the inputs and permissions.
+A name of an input may belong to any file, by mistake or by intent. A pipe would be opened when
+something writes to it, a device may have no end, and a sparse file takes no space but more memory
+than there is.
+
+Paths become texts: on Linux a name is any bytes, but messages, records and journals have UTF-8.
 """
 
 from __future__ import annotations
@@ -10,14 +17,140 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import secrets
 import stat
-from collections.abc import Callable, Generator
+import struct
+import zlib
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
-from typing import IO, TypeAlias
+from typing import IO, Final, TypeAlias
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.file_marks import is_own, marked
+
+
+def text_of_path(path: str | Path) -> str:
+    r"""The UTF-8 text of a path; bytes that are no UTF-8 are escaped as `\xff`.
+
+    Python decodes names in the encoding of the locale, so `str` of a path would have other
+    characters in the locale C, or lone surrogates, which no message can contain.
+    """
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def path_of_text(text: str) -> Path:
+    """The path that `text_of_path` has made into a text; another one if bytes were escaped."""
+    return Path(os.fsdecode(text.encode()))
+
+
+MARK: Final = "Made by Minerva Bus"
+
+_EDGE: Final = 1 << 16
+"""Bytes at the start and the end of a file that are searched for its mark."""
+
+
+def marked(content: bytes, suffix: str) -> bytes:
+    """The content with the program's mark in the format of the file's suffix.
+
+    Content of a format without a place for a mark is returned unchanged.
+    """
+    add = _MARKERS.get(suffix.lower())
+    return add(content) if add else content
+
+
+def is_own(path: Path) -> bool:
+    """Whether a file carries the program's mark and, in a text format, is unchanged."""
+    try:
+        if path.suffix.lower() in _COMMENTS:
+            return _is_unchanged(path.read_bytes())
+        with path.open("rb") as file:
+            # A format determines where its mark is: near the start of a PNG or PGM, at the end of a
+            # PDF or GIF.
+            edges = file.read(_EDGE)
+            file.seek(max(0, os.fstat(file.fileno()).st_size - _EDGE))
+            edges += file.read()
+    except OSError:
+        return False
+    # Under another name, such as that of a link, it would be destroyed as a video or a table.
+    is_named_record = path.suffix.lower() == ".mcap"
+    return MARK.encode() in edges or (is_named_record and _is_record(edges))
+
+
+def _is_record(head: bytes) -> bool:
+    """Whether a file begins as an MCAP file whose header names this library."""
+    return head.startswith(b"\x89MCAP") and b"minerva-bus" in head[:256]
+
+
+_COMMENTS: Final[Mapping[str, tuple[str, str]]] = {
+    ".svg": ("<!-- ", " -->"),
+    ".html": ("<!-- ", " -->"),
+    ".yaml": ("# ", ""),
+    ".toml": ("# ", ""),
+    ".mnv": ("// ", ""),
+    ".mmd": ("%% ", ""),
+}
+"""Start and end of a comment in text formats."""
+
+_LAST_LINE: Final = re.compile(
+    rb"(?:<!--|#|//|%%) " + MARK.encode() + rb", checksum ([0-9a-f]{8})(?: -->)?\n\Z"
+)
+
+
+def _commented(suffix: str) -> Callable[[bytes], bytes]:
+    begin, end = _COMMENTS[suffix]
+
+    def add(content: bytes) -> bytes:
+        text = content if content.endswith(b"\n") else content + b"\n"
+        mark = f"{begin}{MARK}, checksum {zlib.crc32(text):08x}{end}\n"
+        return text + mark.encode()
+
+    return add
+
+
+def _is_unchanged(content: bytes) -> bool:
+    # The mark must be the last line, so a file to which a user has added lines does not match.
+    mark = _LAST_LINE.search(content[-200:])
+    if mark is None:
+        return False
+    line = len(mark.group(0))
+    return f"{zlib.crc32(content[:-line]):08x}".encode() == mark.group(1)
+
+
+_PNG_HEADER: Final = 33
+"""Bytes of the signature and the first chunk, IHDR."""
+
+
+def _png_chunk(content: bytes) -> bytes:
+    """A PNG with a text chunk after its header (PNG specification, 11.3.3.2, keyword Software)."""
+    chunk = b"tEXtSoftware\0" + MARK.encode()
+    # The length counts the data without the type, the CRC covers both.
+    framed = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    return content[:_PNG_HEADER] + framed + content[_PNG_HEADER:]
+
+
+def _pgm_comment(content: bytes) -> bytes:
+    """A PGM with a comment line after its magic number."""
+    return content[:3] + f"# {MARK}\n".encode() + content[3:]
+
+
+def _pdf_comment(content: bytes) -> bytes:
+    return content + f"% {MARK}\n".encode()
+
+
+def gif_comment(content: bytes) -> bytes:
+    """A GIF with a comment extension before its trailer (GIF89a, section 24)."""
+    text = MARK.encode()
+    return content[:-1] + b"\x21\xfe" + bytes([len(text)]) + text + b"\0" + content[-1:]
+
+
+_MARKERS: Final[Mapping[str, Callable[[bytes], bytes]]] = {
+    **{suffix: _commented(suffix) for suffix in _COMMENTS},
+    ".png": _png_chunk,
+    ".pgm": _pgm_comment,
+    ".pdf": _pdf_comment,
+    ".gif": gif_comment,
+}
+
 
 _Identity: TypeAlias = tuple[int, int]
 
@@ -227,3 +360,35 @@ def open_itself(path: Path, flags: int, mode: int = 0o600) -> int:
 def _identity(status: os.stat_result) -> _Identity:
     # Not the path, because links give a file several names.
     return status.st_dev, status.st_ino
+
+
+MAX_BYTES: Final = 64 << 20
+
+
+def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
+    """Contents of a file of at most `most` bytes.
+
+    Raises OSError with the reason in `strerror`, also for larger files, pipes and devices, and
+    ValueError if the name contains a null character.
+    """
+    check_input(path, most)
+    return path.read_bytes()
+
+
+def read_text(path: Path, most: int = MAX_BYTES) -> str:
+    """Text of a file of at most `most` bytes, in UTF-8 with or without a byte order mark.
+
+    Raises OSError and ValueError as `read_bytes` does, and UnicodeDecodeError.
+    """
+    return read_bytes(path, most).decode("utf-8-sig")
+
+
+def check_input(path: Path, most: int = MAX_BYTES) -> None:
+    """Raise OSError if this is not a regular file, or one of more than `most` bytes."""
+    size = path.stat().st_size
+    if path.is_dir():
+        raise OSError(errno.EISDIR, "a folder; expected a file")
+    if is_stream(path):
+        raise OSError(errno.EINVAL, "a pipe or device; expected a file")
+    if size > most:
+        raise OSError(errno.EFBIG, f"has {size:,} bytes; expected at most {most:,}")
