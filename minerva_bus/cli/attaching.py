@@ -15,9 +15,9 @@ from minerva_bus.cli.output import FAILED, Done, print_message, print_report
 from minerva_bus.cli.places import identity, place
 from minerva_bus.errors import KeysError, MisuseError, UnknownOption, WorldFileError, nearest
 from minerva_bus.frame.member import Member, WorldRestarted
-from minerva_bus.launch.compiling import compile_agents, compile_classes, no_progress
+from minerva_bus.launch.child_processes import end_signals
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.interrupts import end_signals
+from minerva_bus.launch.process_specs import compile_agents, compile_classes, no_progress
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
 from minerva_bus.launch.typed_text import typed_options
 from minerva_bus.launch.world_files import read_world_file

@@ -10,12 +10,11 @@ import typer
 from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.output import FAILED, INTERRUPTED, WRONG, print_json, print_result
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
-from minerva_bus.launch.console import Console
+from minerva_bus.launch.child_processes import end_signals
+from minerva_bus.launch.console import Console, RunSummary
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.member_process import NOTHING, Profiling
-from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.settings.overrides import Overrides

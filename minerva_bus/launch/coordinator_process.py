@@ -1,6 +1,7 @@
 """The coordinator's process: it runs a world, reports to the launcher and reads its commands.
 
-It writes the journal, from which another coordinator continues after a crash.
+It writes the journal, from which another coordinator continues after a crash, and opens the world
+to other machines, with certificates.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.errors import Followed, RecordError, WorldFileError
 from minerva_bus.files import text_of_path
+from minerva_bus.errors import BusError, Followed, KeysError, RecordError, WorldFileError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART, Fragment
@@ -24,7 +25,6 @@ from minerva_bus.frame.members import MemberIndex
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.placement import kinds_of
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.access import security
 from minerva_bus.launch.child_processes import LineBuffer, ReportPipe
 from minerva_bus.launch.metrics_server import exported
 from minerva_bus.launch.process_specs import ProcessSpec
@@ -36,22 +36,27 @@ from minerva_bus.launch.run_outputs import (
     description_of,
     recording,
 )
-from minerva_bus.launch.world_files import WorldFile
+from minerva_bus.launch.world_files import Access, WorldFile
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import Journaled, read_journal, resume_from
 from minerva_bus.log.record_header import encode_description
-from minerva_bus.runtime.admission import ListenConfig
+from minerva_bus.runtime.admission import LOCAL_KIND, ListenConfig, Security
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.transport import overhear
 from minerva_bus.runtime.watchers import Printed, Started, Status, Watchers
+from minerva_bus.security.credentials import Rights, family_start, rights_of
 from minerva_bus.wire.codec import encode
+from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import FileStatus
 
 MAX_BYTES: Final = DEFAULT.message_bytes
 """Size of the largest message that a member reads."""
+
+MAX_PATH_BYTES: Final = 100
+"""Longest path of a socket: systems accept 104 to 108; Zenoh adds a lock file beside it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -480,3 +485,54 @@ class RunJournal:
         self._log(
             f"{journal.path}: {problem}; the world continues, but ends if its coordinator is killed"
         )
+
+
+def security(access: Access, world: str, started: Iterable[str] = ()) -> Security | None:
+    """Security of the coordinator's session. Raises KeysError and, for the socket, BusError.
+
+    Local processes connect through a socket in a folder that only its owner can open. No family of
+    certificates may contain the name of a process that the world has `started`.
+    """
+    if access.keys is None:
+        return None
+    from minerva_bus.security.authority import KeyFolder
+
+    keys = KeyFolder(access.keys)
+    own = keys.credentials(COORDINATOR)
+    _check_families(keys.rights(), started)
+    # `rights` and `stamp` are functions, because certificates are issued and revoked while the
+    # world runs.
+    return Security(own, local_endpoint(world), keys.rights, keys.stamp)
+
+
+def _check_families(rights: Mapping[str, Rights], started: Iterable[str]) -> None:
+    for member in started:
+        granted = rights_of(member, rights)
+        if granted is not None and family_start(granted.name) and not granted.revoked:
+            raise KeysError(
+                f"{granted.name} allows others to act as {member}, a process that the world starts:"
+                " rename either of them"
+            )
+
+
+def local_endpoint(world: str) -> str:
+    """The endpoint at which local processes reach a secured world. Raises BusError."""
+    folder = runtime_folder()
+    path = str((folder / f"{world}.sock").absolute())
+    if len(os.fsencode(path)) > MAX_PATH_BYTES:
+        raise BusError(
+            f"{path} is too long for a socket ({MAX_PATH_BYTES} bytes); set MINERVA_RUNTIME_DIR to"
+            " a folder with a shorter path"
+        )
+    try:
+        status = folder.stat()
+    except OSError as error:
+        raise BusError(f"cannot use {folder} for running worlds: {error.strerror}") from None
+    # Stricter than `check_runtime_folder`: any user who can search the folder can open the socket,
+    # and the local link has no certificates.
+    if status.st_uid != os.getuid() or status.st_mode & 0o077:
+        raise BusError(
+            f"{folder} is accessible to other users, who could join the world through it; chmod 700"
+            " it, or set MINERVA_RUNTIME_DIR to another folder"
+        )
+    return f"{LOCAL_KIND}/{path}"

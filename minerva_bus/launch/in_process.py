@@ -30,12 +30,11 @@ from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.norms import NORMS
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.launch.captured_output import MEMBERS, inherited, printed
-from minerva_bus.launch.compiling import compile_agents
-from minerva_bus.launch.console import Console, live_line
-from minerva_bus.launch.interrupts import interrupts_deferred
+from minerva_bus.launch.child_processes import interrupts_deferred
+from minerva_bus.launch.console import Console, RunSummary, live_line
 from minerva_bus.launch.metrics_server import exported
+from minerva_bus.launch.process_specs import compile_agents
 from minerva_bus.launch.run_outputs import CollectSink, RunRecord, collect_sink, recording
-from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.direct import InProcessRunner, timed
 from minerva_bus.runtime.metrics import Metrics

@@ -214,7 +214,7 @@ def check_runtime_folder(place: Path) -> bool:
         raise _unusable(place, f"belongs to another user (uid {status.st_uid})")
     mode = status.st_mode & 0o777
     # Others may read the folder; writing to it could redirect the user to another endpoint. A
-    # socket in it requires more (`local_endpoint` in access.py).
+    # socket in it requires more (`local_endpoint` in coordinator_process.py).
     if mode & 0o022:
         raise _unusable(place, f"is writable by others (mode {mode:o}); chmod 700")
     return True

@@ -22,16 +22,23 @@ from minerva_bus.launch.child_processes import (
     UNREADY,
     ChildProcess,
     LineReader,
+    caught,
     how_ended,
     parse_report,
 )
-from minerva_bus.launch.compiling import compile_agents
-from minerva_bus.launch.console import Console, live_line, starting_line
+from minerva_bus.launch.console import (
+    Console,
+    EndReport,
+    RunSummary,
+    Startup,
+    live_line,
+    starting_line,
+)
 from minerva_bus.launch.coordinator_process import CoordinatorStart, discard_journal, journal_path
-from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.machine_resources import check_capacity, prepare, remove_orphans
 from minerva_bus.launch.member_process import NOTHING, Profiling
 from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
+from minerva_bus.launch.process_specs import compile_agents
 from minerva_bus.launch.process_table import (
     FAILURE_REPORT,
     REPORT_SECONDS,
@@ -42,7 +49,6 @@ from minerva_bus.launch.process_table import (
 )
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.run_outputs import check_record, check_tables, complete_tables
-from minerva_bus.launch.summary import EndReport, RunSummary, Startup
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import MORE_TIME, Coordinator
 from minerva_bus.runtime.participants import RAISED, RAISED_BY_CHANCE

@@ -16,11 +16,10 @@ from typing import Final
 from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.access import Access
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.toml_tables import Table
 from minerva_bus.launch.typed_text import filled, read_options
-from minerva_bus.launch.world_files import WorldFile, open_tables
+from minerva_bus.launch.world_files import Access, WorldFile, open_tables
 from minerva_bus.settings.kinds import TEXT, TEXTS
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.world.services import Generator, when_of

@@ -10,7 +10,7 @@
     processes = 2
 
 settings/tables.py declares every key, and docs/worlds.md lists them. Each table is read by its own
-functions, some in `process_specs.py` and `access.py`, then the checks follow that need all of them.
+functions, those of processes in `process_specs.py`, then the checks follow that need all of them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.errors import MisuseError, SceneError, VocabularyError, WorldFileError, nearest
+from minerva_bus.errors import (
+    BusError,
+    MisuseError,
+    SceneError,
+    VocabularyError,
+    WorldFileError,
+    nearest,
+)
 from minerva_bus.frame.collection import ID
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import source_of
@@ -32,14 +39,13 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AGENT_ID, Scene
 from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.access import Access, read_access
-from minerva_bus.launch.compiling import apply_mode
 from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.machine_resources import cores
 from minerva_bus.launch.process_specs import (
     PEOPLE,
     SERVICES,
     ProcessSpec,
+    apply_mode,
     check_hosts,
     check_members,
     names_of,
@@ -50,8 +56,9 @@ from minerva_bus.launch.process_specs import (
 from minerva_bus.launch.specs import called, load
 from minerva_bus.launch.toml_tables import Table, TomlError, read_toml
 from minerva_bus.launch.typed_text import filled, of_nodes, read_options
+from minerva_bus.runtime.endpoints import check_endpoint, check_listening
 from minerva_bus.runtime.waiting import Deadlines, Patience
-from minerva_bus.settings.kinds import ALL, TEXT, TEXTS, TOPICS, number
+from minerva_bus.settings.kinds import ALL, TEXT, TEXTS, TOPICS, number, whole
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.settings.tables import (
     BusSettings,
@@ -63,6 +70,7 @@ from minerva_bus.settings.tables import (
     WorldSettings,
 )
 from minerva_bus.wire.keys import is_name
+from minerva_bus.wire.message_limits import DEFAULT, Limits, configurable_limits
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.evolution import Policy
@@ -98,6 +106,19 @@ class Collecting:
 
     entries: Mapping[str, Expression] = field(default_factory=dict[str, Expression])
     into: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Admission of remote members, and limits for messages of all members.
+
+    `keys` is the folder of certificates (None: remote members cannot join), `routers` are Zenoh
+    routers that the coordinator joins.
+    """
+
+    keys: Path | None = None
+    routers: tuple[str, ...] = ()
+    limits: Limits = DEFAULT
 
 
 @dataclass(frozen=True, slots=True)
@@ -452,6 +473,47 @@ def _rule(table: Table, kind: str, hosts: Any) -> Rule:
     if rule == Rule():
         table.wrong(kind, 'allows nothing; name hosts, or near = "MEMBER"')
     return rule
+
+
+# --- [bus] and [limits] ---
+
+
+def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
+    """The access rules of a world, checked; `folder` has its world file.
+
+    Raises WorldFileError, and BusError for a world that any process could join.
+    """
+    # A path in the world file is relative to this file, one on the command line to the current
+    # folder.
+    keys = Path(bus.keys) if "keys" in top.overrides.values else folder / bus.keys
+    keys = keys if bus.keys else None
+    check_listening(bus.listen, keys=keys is not None, insecure=bus.insecure)
+    # A router gives access to the coordinator like its own endpoint, so the same rules apply.
+    for router in bus.connect:
+        endpoint = check_endpoint(router)
+        if not (endpoint.secured or endpoint.local or bus.insecure):
+            raise BusError(
+                f"{router} is not a secured link: join tls/{endpoint.host}:{endpoint.port} with"
+                " --keys FOLDER, or insist with --insecure"
+            )
+        check_listening(router, keys=keys is not None, insecure=bus.insecure)
+    # Certificates take effect on TLS links only: with keys and without such a link, no member would
+    # be checked, contrary to the owner's intention.
+    secured = any(check_endpoint(endpoint).secured for endpoint in (bus.listen, *bus.connect))
+    if keys is not None and not secured:
+        raise BusError(
+            f"keys are for secured links, and {bus.listen} is not one;"
+            " listen at tls/0.0.0.0:7447 (--listen)"
+        )
+    return Access(keys, bus.connect, _limits(top.table("limits")))
+
+
+def _limits(table: Table) -> Limits:
+    values = {
+        name: table.get(name, whole(least), getattr(DEFAULT, name))
+        for name, least in configurable_limits().items()
+    }
+    return replace(DEFAULT, **values)
 
 
 # --- [norm.NAME] ---

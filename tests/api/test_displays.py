@@ -15,8 +15,8 @@ from frogs import pond
 from minerva_bus import Interrupted, connect, count, record, run
 from minerva_bus.api.pictures import MAX_PICTURES
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch import interrupts
 from minerva_bus.log.record import Record
+from minerva_bus.launch import child_processes
 from minerva_bus.world.agent import ActivityError
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -190,7 +190,7 @@ def test_an_interrupted_run_ends_after_its_frame_with_tables_and_record(tmp_path
 
 
 def test_an_interrupt_also_ends_a_frame_that_does_not_end(monkeypatch):
-    monkeypatch.setattr(interrupts, "FRAME_SECONDS", 0.01)
+    monkeypatch.setattr(child_processes, "FRAME_SECONDS", 0.01)
     monkeypatch.setattr(Bell, "after", staticmethod(lambda: time.sleep(60)))
     with pytest.raises(Interrupted, match="bells was interrupted after 5 frames"):
         run(bells(), frames=0)

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus.errors import BusError, KeysError
-from minerva_bus.launch.access import Access, security
+from minerva_bus.launch.coordinator_process import security
+from minerva_bus.launch.world_files import Access
 from minerva_bus.runtime.session import open_client
 from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import Rights, covers, overlap, rights_of

@@ -8,7 +8,7 @@ import pytest
 from running import MEMBERS, Run, write_world
 
 from minerva_bus.errors import BusError, KeysError, WorldFileError
-from minerva_bus.launch.access import local_endpoint, security
+from minerva_bus.launch.coordinator_process import local_endpoint, security
 from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoint

@@ -9,7 +9,7 @@ import pytest
 
 from minerva_bus import Agent
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.launch.summary import RunSummary
+from minerva_bus.launch.console import RunSummary
 from minerva_bus.wording import counted, frames_up_to, install
 
 

@@ -10,7 +10,7 @@ from typing import NoReturn
 from minerva_bus.cli.output import FAILED, print_json, print_message, print_result, print_table
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
-from minerva_bus.launch.interrupts import end_signals, handled
+from minerva_bus.launch.child_processes import end_signals, handled
 from minerva_conformance import report
 from minerva_conformance.coordinator_suite import (
     is_coordinator,

@@ -4,7 +4,7 @@ import space_worlds as worlds
 from space_worlds import Flock, Meadow, eStep, graze, grow, hunt, meadow
 
 from minerva_bus import Vocabulary, World, each, on, run
-from minerva_bus.launch.compiling import compile_classes
+from minerva_bus.launch.process_specs import compile_classes
 from minerva_fast import Space, interpreted
 from minerva_fast.space.compiling import RuleLoop
 from minerva_fast.space.rules import loops_of

@@ -19,9 +19,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.console import Console
+from minerva_bus.launch.console import Console, RunSummary
 from minerva_bus.launch.in_process import InProcessRun, never
-from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator

@@ -23,6 +23,7 @@ from minerva_bus.launch.child_processes import (
     LineReader,
     Pipes,
     ReportPipe,
+    caught,
     fork,
     how_ended,
     kill,
@@ -30,7 +31,6 @@ from minerva_bus.launch.child_processes import (
     reap,
 )
 from minerva_bus.launch.in_process import never
-from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.machine_resources import cores
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.world_files import WorldFile
