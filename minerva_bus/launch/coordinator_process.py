@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Collection, Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,8 +30,6 @@ from minerva_bus.launch.metrics_server import exported
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.registry import runtime_folder
 from minerva_bus.launch.run_outputs import (
-    CollectSink,
-    RunRecord,
     collect_sink,
     description_of,
     recording,
@@ -85,42 +83,44 @@ def run_coordinator(start: CoordinatorStart, reports: ReportPipe, commands: int)
 
 
 class CoordinatorRun:
-    """A coordinator's part of a run, from the end of its predecessor."""
+    """A coordinator's part of a run, from the end of its predecessor.
+
+    It passes the notices of the coordinator to launcher, record, tables and journal.
+    """
+
+    coordinator: Coordinator
 
     def __init__(self, start: CoordinatorStart, reports: ReportPipe, system: System = REAL) -> None:
         """Raises RecordError and BusError if the coordinator cannot begin."""
         file = start.file
-        local = [process.name for process in file.processes if not process.elsewhere]
-        reporter = self._reporter = _Reporter(reports, local)
+        self._local = [process.name for process in file.processes if not process.elsewhere]
+        self._reports = reports
+        self._began = False
+        self._members = 0
         # The world of a journal begins with its keyframe, so everything below works on that state.
         past = find_past(file, again=start.again)
-        world = file.world if past is None else past.world
-        algorithm = FrameAlgorithm(world)
+        algorithm = FrameAlgorithm(file.world if past is None else past.world)
         # Before any member starts: one that cannot read its fragments would fail at each restart.
         check_sizes(algorithm.composition.fragments, file.processes)
-
-        def note(text: str) -> None:
-            reports.send("note", text=text)
-
         # Record and tables come first: they get the frames that are only in the journal while the
         # algorithm catches up.
-        reporter.record = recording(file, algorithm, reporter.say, again=past is not None)
-        reporter.collected = collect_sink(file.collect, algorithm, note, again=past is not None)
+        self._record = recording(file, algorithm, self._say, again=past is not None)
+        self._collected = collect_sink(file.collect, algorithm, self._note, again=past is not None)
         if past is not None:
-            resume_from(past, algorithm, reporter.write)
+            resume_from(past, algorithm, self._write)
             # The new journal begins at this frame.
-            reporter.save()
+            self._save()
             lost = f"; {past.lost:,} bytes at its end are unreadable" if past.lost else ""
-            note(f"continuing from frame {algorithm.frame} of its journal{lost}")
-        self.coordinator = reporter.coordinator = start.make(
+            self._note(f"continuing from frame {algorithm.frame} of its journal{lost}")
+        self.coordinator = start.make(
             file.world,
-            reporter.watchers(),
+            self._watchers(),
             rate=file.rate,
             where=ListenConfig(
                 file.bus.listen,
                 start.shared,
                 file.access.routers,
-                security(file.access, file.world.name, local),
+                security(file.access, file.world.name, self._local),
             ),
             deadlines=file.deadlines,
             limits=file.access.limits,
@@ -130,43 +130,28 @@ class CoordinatorRun:
             queued=start.queued,
             system=system,
         )
-        reporter.journal = RunJournal(file, self.coordinator, past, reporter.say)
+        self._journal = RunJournal(file, self.coordinator, past, self._say)
 
     def life(self) -> Generator[None, None, int]:
         """Run the world to its end, one turn of the loop per iteration; returns the exit code."""
-        reporter = self._reporter
         try:
             ended = yield from self.coordinator.life()
         except Followed:
-            reporter.followed()
+            # Its files belong to the other coordinator now.
+            self._reports.send("followed")
             raise
         finally:
             # The report about the end starts the launcher's deadline for all processes, this one
             # included, so all files are closed before it. An exception closes them, too.
-            reporter.record.close()
-            reporter.journal.close()
+            self._record.close()
+            self._journal.close()
         # Not after an exception: a successor continues the tables.
-        if reporter.collected is not None:
-            reporter.collected.close()
-        reporter.ended(ended)
+        if self._collected is not None:
+            self._collected.close()
+        self._report(ended)
         return 0
 
-
-class _Reporter:
-    """Passes the notices of a coordinator to the launcher, its record and its journal."""
-
-    coordinator: Coordinator
-    journal: RunJournal
-
-    def __init__(self, reports: ReportPipe, local: Collection[str]) -> None:
-        self._local = local
-        self.record = RunRecord()
-        self.collected: CollectSink | None = None
-        self._reports = reports
-        self._began = False
-        self._members = 0
-
-    def watchers(self) -> Watchers:
+    def _watchers(self) -> Watchers:
         """The callbacks for the coordinator."""
         send = self._reports.send
         return Watchers(
@@ -178,16 +163,16 @@ class _Reporter:
             stalled=lambda member, waited: send("timed_out", member=member, waited=waited),
             came=lambda member: send("joined", member=member),
             frame_done=self._frame_done,
-            # `record` and `journal` are set later than the callbacks.
-            idle=lambda: self.record.idle(),
-            operated=lambda: self.journal.operated(),
+            idle=self._record.idle,
+            # The journal is opened later, because it needs the coordinator.
+            operated=lambda: self._journal.operated(),
             stopping=lambda notice: send("stopping", reason=notice.reason),
             restart=self._restart,
             stack=self._stack,
             opened=self._opened,
-            noted=lambda operation: self.record.noted(operation),
-            files=lambda: (*self.record.files, *self.journal.files),
-            collected=None if self.collected is None else self.collected.history,
+            noted=self._record.noted,
+            files=lambda: (*self._record.files, *self._journal.files),
+            collected=None if self._collected is None else self._collected.history,
         )
 
     def _restart(self, member: str) -> str:
@@ -203,44 +188,47 @@ class _Reporter:
         return ""
 
     def _opened(self, session: Any) -> list[Any]:
-        record, keys = self.record, self.coordinator.keys
+        record, keys = self._record, self.coordinator.keys
         # Sensor topics travel directly between members, so the record needs subscriptions of its
         # own.
         return overhear(session, keys, record.topics, record.heard) if record.topics else []
 
-    def write(self, done: s.FrameDone) -> None:
+    def _write(self, done: s.FrameDone) -> None:
         """Write a frame to the record and the tables."""
-        self.record.frame_done(done)
-        if self.collected is not None:
-            self.collected.frame_done(done)
+        self._record.frame_done(done)
+        if self._collected is not None:
+            self._collected.frame_done(done)
 
     def _frame_done(self, done: s.FrameDone) -> None:
         # The journal first: a successor can restore the record from it, not the reverse.
-        self.journal.frame(done)
-        self.write(done)
+        self._journal.frame(done)
+        self._write(done)
         # Last, because it saves the rows of this frame, too.
-        self.journal.shorten(self.save)
+        self._journal.shorten(self._save)
         if not self._began:
             self._began = True
             self._members = len(self.coordinator.algorithm.members.active())
             at = self.coordinator.schedule.last_frame_at
             self._reports.send("first_frame", frame=done.frame, at=at)
 
-    def say(self, text: str) -> None:
+    def _note(self, text: str) -> None:
+        self._reports.send("note", text=text)
+
+    def _say(self, text: str) -> None:
         """Log a line about the record or the journal."""
         self._reports.send("log", member="record", text=text)
         # A record is opened before there is a coordinator, which keeps the lines for `logs`.
         if (coordinator := getattr(self, "coordinator", None)) is not None:
             coordinator.inbox.put(Printed("record", text, "warning"))
 
-    def save(self) -> None:
+    def _save(self) -> None:
         """Save what another successor could not repeat: record and rows up to the last frame."""
-        self.record.save()
-        if self.collected is not None:
-            self.collected.save()
+        self._record.save()
+        if self._collected is not None:
+            self._collected.save()
 
     def _log(self, member: str, text: str, details: str) -> None:
-        self.record.said(member, f"{text}\n{details}" if details else text)
+        self._record.said(member, f"{text}\n{details}" if details else text)
         self._reports.send("log", member=member, text=text, details=details)
 
     def _status(self, now: Status) -> None:
@@ -249,11 +237,7 @@ class _Reporter:
             paused=now.paused, waiting=now.waiting, waited=now.waited,
         )  # fmt: skip
 
-    def followed(self) -> None:
-        """Report that another coordinator runs the world now: its files belong to that one."""
-        self._reports.send("followed")
-
-    def ended(self, ended: s.Ended) -> None:
+    def _report(self, ended: s.Ended) -> None:
         """Report the end of the world."""
         coordinator, algorithm = self.coordinator, self.coordinator.algorithm
         self._reports.send(
