@@ -15,8 +15,8 @@ from frogs import pond
 from minerva_bus import Interrupted, connect, count, record, run
 from minerva_bus.api.pictures import MAX_PICTURES
 from minerva_bus.errors import MisuseError
-from minerva_bus.log.record import Record
 from minerva_bus.launch import child_processes
+from minerva_bus.log.record import Record
 from minerva_bus.world.agent import ActivityError
 
 SVG = "{http://www.w3.org/2000/svg}"
