@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.files import text_of_path
 from minerva_bus.errors import BusError, Followed, KeysError, RecordError, WorldFileError
+from minerva_bus.files import text_of_path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART, Fragment
