@@ -8,7 +8,6 @@ import pytest
 pytest.importorskip("rosbags", reason="pip install 'minerva-bus[ros]'")
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
-from rover_yard import readings
 
 from minerva_bus import MinervaError, export_dataset
 from minerva_bus.cli.main import app
@@ -16,6 +15,7 @@ from minerva_bus.log.record import RecordFrames
 from minerva_bus.wire.readings_codec import plain_reading
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.rosbag import Bag
+from tests.services.rover_yard import readings
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 pytest.importorskip("PIL")
-from rover_yard import record_yard
+from tests.services.rover_yard import record_yard
 
 
 @pytest.fixture(scope="session")

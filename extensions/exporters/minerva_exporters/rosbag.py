@@ -29,8 +29,8 @@ from minerva_bus.log.foxglove_json import Surveyor
 from minerva_bus.log.record import Record, RecordFrames
 from minerva_bus.log.record_writer import SHOWN
 from minerva_bus.world.readings import Mount, Reading
+from minerva_exporters.ros_readings import frame_of, message_of, mount_of
 from minerva_services.bridges.ros2.messages import TRANSFORMS, messages
-from minerva_services.datasets.ros_readings import frame_of, message_of, mount_of
 from minerva_services.options import require
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.world.readings import Image
-from minerva_services.datasets.lerobot_meta import FeatureLayout, data_path
-from minerva_services.datasets.statistics import Shades, Statistics, vector_statistics
-from minerva_services.datasets.survey import Episode
+from minerva_exporters.lerobot_meta import FeatureLayout, data_path
+from minerva_exporters.statistics import Shades, Statistics, vector_statistics
+from minerva_exporters.survey import Episode
 
 _ROWS: Final = 256
 """Rows that are held before they are written."""

@@ -3,10 +3,18 @@
 from contextlib import suppress
 
 import pytest
-from rover_yard import Rover, yard
+from rover_yard import Rover, record_yard, yard
 
 from minerva_bus import MinervaError, World, run, service
 from minerva_services.input.recorded import RecordedEvents
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """The run of the yard, and its record."""
+    pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
+    path = tmp_path_factory.mktemp("yard") / "yard.mcap"
+    return record_yard(path), path
 
 
 def played(record, events="eSteer", string="ARover#r1 · ARover#r2<x=5>", **options):

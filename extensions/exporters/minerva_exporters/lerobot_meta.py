@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from minerva_services.datasets.statistics import Statistics, merged
-from minerva_services.datasets.survey import Survey
+from minerva_exporters.statistics import Statistics, merged
+from minerva_exporters.survey import Survey
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from minerva_services.datasets.episode_file import EpisodeFile
+    from minerva_exporters.episode_file import EpisodeFile
 
 VERSION: Final = "v3.0"
 CHUNK: Final = 1000

@@ -9,11 +9,11 @@ import pytest
 pytest.importorskip("pyarrow", reason="pip install 'minerva-bus[lerobot]'")
 import pyarrow.parquet as pq
 from PIL import Image as Pillow
-from rover_yard import readings, record_yard
 
 from minerva_bus import MinervaError, export_dataset
 from minerva_bus.cli.main import app
 from minerva_bus.log.record import Record, RecordFrames
+from tests.services.rover_yard import readings, record_yard
 
 STATE = ["x", "y", "angle", "gear=low", "gear=high", "moves"]
 

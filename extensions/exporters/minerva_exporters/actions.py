@@ -16,7 +16,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_services.datasets.vectors import RowVectors, is_numeric, numbers_in
+from minerva_exporters.vectors import RowVectors, is_numeric, numbers_in
 
 
 @dataclass(slots=True)

@@ -17,8 +17,8 @@ from minerva_bus.log.record import FrameContents, Record, RecordFrames
 from minerva_bus.log.record_summary import kinds_in
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.world.readings import Image, Reading
-from minerva_services.datasets.actions import Actions
-from minerva_services.datasets.vectors import RowVectors, is_numeric, reading_names
+from minerva_exporters.actions import Actions
+from minerva_exporters.vectors import RowVectors, is_numeric, reading_names
 
 MAX_EPISODES: Final = 500
 """Agents of one record whose lives are episodes; each has an open file."""

@@ -26,10 +26,10 @@ from minerva_bus.collect.tables import needed, texts
 from minerva_bus.log.exporters import ExportChoice, ExportProgress, new_folder
 from minerva_bus.log.record import FrameContents, Record, RecordFrames
 from minerva_bus.world.readings import Image
-from minerva_services.datasets.episode_file import EpisodeFile
-from minerva_services.datasets.lerobot_meta import FeatureLayout, write_meta
-from minerva_services.datasets.survey import Episode, Survey, survey
-from minerva_services.datasets.vectors import reading_vector
+from minerva_exporters.episode_file import EpisodeFile
+from minerva_exporters.lerobot_meta import FeatureLayout, write_meta
+from minerva_exporters.survey import Episode, Survey, survey
+from minerva_exporters.vectors import reading_vector
 from minerva_services.options import require
 
 FORM: Final = "lerobot"
