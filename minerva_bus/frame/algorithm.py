@@ -12,16 +12,18 @@ from typing import Any, Final
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import EVENTS, FrameInbox, visual_events
+from minerva_bus.frame.collection import EVENTS, CollectionStep, FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.in_flight import TRANSITIONS, Awaited, FrameInFlight, Phase
+from minerva_bus.frame.evolution import EvolutionStep
+from minerva_bus.frame.in_flight import Awaited, FrameInFlight, Phase, Progress
 from minerva_bus.frame.inputs import Checkpoint, FrameInputs, is_people, is_set_aside
-from minerva_bus.frame.members import MemberChange, MemberLifecycle, Members
-from minerva_bus.frame.messages import Figures
+from minerva_bus.frame.member_lifecycle import MemberLifecycle, Shutdown
+from minerva_bus.frame.members import MemberChange, Members
 from minerva_bus.frame.norms import Norms
-from minerva_bus.frame.placement import Offers, Placement
-from minerva_bus.frame.sources import FrameSource, LiveSource
+from minerva_bus.frame.orders import OrderRules
+from minerva_bus.frame.placement import Placement
+from minerva_bus.frame.sources import Answers, Inputs, Outcome
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.views import Views, due_views
 from minerva_bus.frame.work import EventWork
@@ -31,61 +33,6 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.wording import counted
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.priority import collect
-
-
-class Shutdown:
-    """The reason for the end of the world, and the reports of its members.
-
-    `failed`: it ends prematurely because of an error. `pending`: members that have
-    not reported yet.
-    """
-
-    def __init__(self) -> None:
-        self.reason = ""
-        self.failed = False
-        self.pending: set[str] = set()
-        self._figures: dict[str, Figures] = {}
-        self._departed: dict[str, bool] = {}
-
-    def begin(self, members: Iterable[str]) -> None:
-        """Wait for the reports of these members."""
-        self.pending = set(members)
-
-    def report(self, member: str, figures: Figures) -> None:
-        """Note a member's report; empty figures mean that it can no longer report."""
-        if member in self.pending:  # A member that was dropped does not count.
-            self.pending.discard(member)
-            self._figures[member] = figures
-
-    def depart(self, member: str) -> None:
-        """Note that a member is gone; its report may still arrive."""
-        self._departed.setdefault(member, False)
-
-    def drop_departed(self) -> None:
-        """Stop waiting for members that were already gone at the last call of this method.
-
-        A token's departure may overtake the last message, so they get one more interval.
-        """
-        for member, missed in sorted(self._departed.items()):
-            self._departed[member] = True
-            if missed:
-                self.report(member, {})
-
-    def add_figures(self, source: str, figures: Figures) -> None:
-        """Add figures that no member reported."""
-        self._figures[source] = figures
-
-    def total(self) -> Figures:
-        """The figures of all members; numbers of the same name are added."""
-        total: dict[str, bool | int | float | str] = {}
-        # Sorted, because floating-point sums and the texts that remain depend on the order.
-        for _, figures in sorted(self._figures.items()):
-            for name, value in figures.items():
-                old = total.get(name)
-                both = isinstance(old, int | float) and isinstance(value, int | float)
-                total[name] = old + value if both and old is not None else value  # pyright: ignore
-        return total
-
 
 GIVEN_UP: Final = "~given up"
 """Key in `Checkpoint.saved` for the agents that have given up; no member can have this name."""
@@ -183,18 +130,14 @@ MAX_PROBLEM_LINES: Final = 10
 class FrameAlgorithm:
     """Runs one world. `receive` takes a stimulus and returns the instructions that follow.
 
-    `source` creates the object that executes the steps which depend on members; by default
-    members are live.
+    `now` is the phase, and the frame in flight. Each part receives what it needs of the others;
+    replies that violate the protocol come back as reasons.
     """
 
-    def __init__(
-        self, world: WorldSpec, source: Callable[[FrameAlgorithm], FrameSource] | None = None
-    ) -> None:
+    def __init__(self, world: WorldSpec) -> None:
         past, rules = world.past, world.policy.rules
         self.world = world
-        self.phase = Phase.WAITING
-        self.frame: int = past.frame
-        self.in_flight = FrameInFlight()
+        self.now = Progress(past.frame)
         self.members = Members(world.expected)
         # The norms and the goal keep entries of their own in `saved`, so
         # it is filled before they read it.
@@ -207,11 +150,36 @@ class FrameAlgorithm:
         self.inbox = FrameInbox(past, world.scene, work)
         counts = past.saved.get(SOURCE, {})
         self.norms = Norms(world.norms, self.composition, world.vocabulary, counts)
+        self.orders = OrderRules(world, self.now, self.members, self.composition)
         self.goal = WorldGoal(world, self.composition, self.members.saved)
         self.shutdown = Shutdown()
         self.out = Instructions(self.members.declines_columns)
-        self.joining = MemberLifecycle(self)
-        self.source: FrameSource = (source or LiveSource)(self)
+        self.inputs, self.outcome, self.answers = self._parts()
+        self.lifecycle = MemberLifecycle(
+            world, self.now, self.members, self.placement, self.views, self.shutdown, self.out,
+            self.answers, self, self.orders.refusal_of_guest,
+        )  # fmt: skip
+
+    def _parts(self) -> tuple[Inputs, Outcome, Answers]:
+        """What takes the events and results of frames from the members."""
+        collection = CollectionStep(
+            self.world, self.now, self.members, self.composition, self.inbox, self.norms,
+            self.orders, self.out,
+        )  # fmt: skip
+        evolution = EvolutionStep(
+            self.world, self.now, self.members, self.composition, self.placement, self.views,
+            self.inbox, self.norms, self.out,
+        )  # fmt: skip
+        answers = Answers(
+            collection.tick_reply,
+            evolution.reply,
+            collection.emitted,
+            collection.order,
+            collection.ask,
+            evolution.ask_again,
+            evolution.lighten,
+        )
+        return collection, evolution, answers
 
     def receive(self, stimulus: s.Stimulus) -> list[s.Instruction]:
         """Process one stimulus and return the resulting instructions, in order."""
@@ -243,41 +211,68 @@ class FrameAlgorithm:
         A phase ends when no answer is outstanding; the next call continues from there. Step 1,
         w = w₀ and t = 0, is the constructor; step 2 begins with the requests of `on_begin`.
         """
-        source, in_flight = self.source, self.in_flight
+        now, in_flight = self.now, self.now.in_flight
         # These are consecutive ifs because one call may end several phases: a frame that no
         # generator and no host has to answer runs through all of its steps here.
-        if self.phase is Phase.TICK and not in_flight.pending:
-            source.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
+        if now.phase is Phase.TICK and not in_flight.pending:
+            self.inputs.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
             self._report_unknown_receivers()
-            self._enter(Awaited.EVENTS)
-            source.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
+            now.enter(Awaited.EVENTS)
+            self.outcome.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
         # `settle` is the last condition because it has effects: it applies the norms, and may
         # repeat requests to hosts.
-        if self.phase is Phase.EVOLVE and in_flight.requests.complete and source.settle():
+        if now.phase is Phase.EVOLVE and in_flight.requests.complete and self.outcome.settle():
             # Views are sent with the results and not before: a coupled device acts on a view, and a
             # frame that its coordinator never commits must not move anything. They are sent
             # before the commit, because they show the string with which the frame began.
             self.show()  # 7: g = φ(v)
-            source.commit()  # 8: w = w_next; t = t + 1
+            self._commit()  # 8: w = w_next; t = t + 1
             self.continue_or_close()  # 9: if w = ε, go to 11; 10: go to 2
-        # `close` has replaced the frame in flight by now, so the local variable is out of date.
-        if self.phase is Phase.CLOSING and self.in_flight.requests.complete:
+        # Not the local variable: `close` has replaced the frame in flight by now.
+        if now.phase is Phase.CLOSING and now.in_flight.requests.complete:
             self.show()  # the last w, which no further frame shows
             self._stop(Awaited.RESULTS)
-        if self.phase is Phase.STOPPING and not self.shutdown.pending:
+        if now.phase is Phase.STOPPING and not self.shutdown.pending:
             self._finish(Awaited.REPORTS)  # 11: end
 
     def continue_or_close(self) -> None:
         """Steps 9 and 10: announce the next frame, or show the last string once more."""
-        reason = self.source.why_over()
+        reason = self.why_over()
         if self.phase is Phase.STOPPING:  # The frame has failed.
             return
         if reason:
             self.close(reason)
             return
         if self.phase is Phase.EVOLVE:
-            self._enter(Awaited.RESULTS)
-        self.source.announce()
+            self.now.enter(Awaited.RESULTS)
+        self.announce()
+
+    def _commit(self) -> None:
+        # Before the string changes, because the sender of such an event may be gone then.
+        self.goal.note(self.now.in_flight.result.sent, self.out)
+        self.outcome.commit()
+
+    def has_next(self) -> bool:
+        """Whether a frame can begin."""
+        return True
+
+    def why_over(self) -> str:
+        """Step 9: reason why no frame follows, or an empty string."""
+        if self.composition.empty:
+            return "the string is empty"
+        if finished := self.goal.finished:
+            return finished
+        # Last, because an empty string or a reached goal is the more specific reason.
+        if self.world.frames and self.frame >= self.world.frames:
+            return "the frames are over"
+        return ""
+
+    def announce(self) -> None:
+        """Step 10: announce that the next frame may begin."""
+        self.out.add(s.Ready(self.frame))
+
+    def members_changed(self, hello: m.Hello | None) -> None:
+        """Note that a member has joined with this hello, or, for None, has left."""
 
     def start_if_complete(self) -> None:
         """Announce the first frame once all expected members are present."""
@@ -286,12 +281,12 @@ class FrameAlgorithm:
         # Step 9 follows a frame, so a world cannot end before frame 0. A resumed
         # world or a successor begins after a frame, and its predecessor may have
         # died before it could end the world.
-        reason = self.source.why_over() if self.frame else ""
+        reason = self.why_over() if self.frame else ""
         if reason:
             self.close(reason)
         else:
-            self._enter(Awaited.MEMBERS)
-            self.source.announce()
+            self.now.enter(Awaited.MEMBERS)
+            self.announce()
 
     def show(self) -> None:
         """Step 7: send every device its view of w, the string that this frame began with."""
@@ -304,12 +299,13 @@ class FrameAlgorithm:
         """End a world after its last frame: devices show its last string before it stops."""
         self.shutdown.reason = reason
         due = due_views(self.members.index, self.frame, (), closing=True)
-        self.in_flight = FrameInFlight()
-        self.in_flight.events.visual = visual_events(self, due)
+        self.now.in_flight = FrameInFlight()
+        types = self.world.vocabulary.events
+        self.now.in_flight.events.visual = visual_events(types, due)
         # The phase changes before the request: in EVOLVE a policy may evolve agents without events,
         # and here hosts only make views.
-        self._enter(Awaited.OVER)
-        self.source.evolve()
+        self.now.enter(Awaited.OVER)
+        self.outcome.evolve()
 
     def fail(self, reason: str) -> None:
         """End the world prematurely, because of an error."""
@@ -319,7 +315,7 @@ class FrameAlgorithm:
 
     def _stop(self, awaited: Awaited) -> None:
         """Request the reports of all members."""
-        self._enter(awaited)
+        self.now.enter(awaited)
         # The interrupted frame is never committed, so its replies are no longer needed.
         self.in_flight.pending = set()
         self.in_flight.requests.cancel()
@@ -329,7 +325,7 @@ class FrameAlgorithm:
 
     def _finish(self, awaited: Awaited) -> None:
         """Step 11: the world is over."""
-        self._enter(awaited)
+        self.now.enter(awaited)
         if self.norms.broken:
             counts = sorted(self.norms.broken.items())
             self.shutdown.add_figures(SOURCE, {f"norm_{name}": count for name, count in counts})
@@ -341,9 +337,6 @@ class FrameAlgorithm:
             events = self.in_flight.events.ordered
             for problem in self.inbox.unknown.problems(events, self.composition):
                 self.out.log(EVENTS, problem)
-
-    def _enter(self, awaited: Awaited) -> None:
-        self.phase = TRANSITIONS[self.phase, awaited]
 
     # --- handlers ---
 
@@ -358,13 +351,13 @@ class FrameAlgorithm:
         if self.phase is Phase.WAITING:
             self.start_if_complete()
             return
-        if self.phase is not Phase.READY or not self.source.has_next():
+        if self.phase is not Phase.READY or not self.has_next():
             return
         # Before the new frame is made, so that newcomers answer its tick and host its agents.
-        self.joining.admit_joining()
-        self.in_flight = FrameInFlight(begin.due, begin.inputs)
-        self._enter(Awaited.BEGIN)
-        self.source.begin()
+        self.lifecycle.admit_joining()
+        self.now.in_flight = FrameInFlight(begin.due, begin.inputs)
+        self.now.enter(Awaited.BEGIN)
+        self.inputs.begin()
 
     def _repeat(self, inputs: FrameInputs) -> None:
         """Run a frame from its complete inputs, which succession does before any member appears.
@@ -374,16 +367,16 @@ class FrameAlgorithm:
         """
         if inputs.frame != self.frame:
             raise ProtocolError(f"expected inputs of frame {self.frame}, got frame {inputs.frame}")
-        source, self.in_flight = self.source, FrameInFlight(logged=inputs)
+        self.now.in_flight = FrameInFlight(logged=inputs)
         try:
-            source.begin()
-            source.collect()
-            source.evolve()
-            source.settle()
+            self.inputs.begin()
+            self.inputs.collect()
+            self.outcome.evolve()
+            self.outcome.settle()
             # No device is present yet, but logged views are deltas of earlier ones, and devices
             # that join receive the latest view.
             self.show()
-            source.commit()
+            self._commit()
         except Unfit as unfit:
             raise ProtocolError(f"inputs of frame {inputs.frame}: {unfit}") from None
 
@@ -429,6 +422,25 @@ class FrameAlgorithm:
             self.shutdown.reason = end.reason
             self._stop(Awaited.END)
 
+    def on_tick_reply(self, reply: m.TickReply) -> None:
+        """Accept the events of a member in step."""
+        self._note_violation(reply.member, self.answers.tick_reply(reply))
+
+    def on_evolve_reply(self, reply: m.EvolveReply) -> None:
+        """Accept a host's results for its fragments."""
+        self._note_violation(reply.member, self.answers.evolve_reply(reply))
+
+    def on_emitted(self, emitted: m.Emitted) -> None:
+        """Accept events of a free-running generator."""
+        self._note_violation(emitted.member, self.answers.emitted(emitted))
+
+    def _note_violation(self, member: str, reason: str) -> None:
+        if reason:
+            self.lifecycle.violation(s.Violation(member, reason))
+
+    def on_seek(self, seek: s.Seek) -> None:
+        """Continue with another frame, if the world is a replay."""
+
     # --- outstanding answers ---
 
     def waiting_for(self) -> list[str]:
@@ -448,21 +460,31 @@ class FrameAlgorithm:
     def awaits(self, member: str) -> bool:
         """Whether this frame waits for an answer of a member."""
         if self.phase in (Phase.TICK, Phase.STOPPING):
-            return self.awaits_answer(member)
+            return self._awaits_answer(member)
         requests = self.in_flight.requests
         if self.phase in (Phase.WAITING, Phase.READY) or requests.unassigned:
             return member in self.waiting_for()
         return bool(requests.of(member))
 
-    def awaits_answer(self, member: str) -> bool:
-        """Whether a tick reply or a report of a member is outstanding."""
-        return member in self.in_flight.pending or member in self.shutdown.pending
-
-    def awaits_tick(self, member: str) -> bool:
-        """Whether steps 1 to 4 of this frame wait for the one answer of a member."""
-        return self.phase is Phase.TICK and member in self.in_flight.pending
+    def _awaits_answer(self, member: str) -> bool:
+        return member in self.now.in_flight.pending or member in self.shutdown.pending
 
     # --- state ---
+
+    @property
+    def frame(self) -> int:
+        """The number of the frame in flight, or of the next one."""
+        return self.now.frame
+
+    @property
+    def phase(self) -> Phase:
+        """The phase of the world."""
+        return self.now.phase
+
+    @property
+    def in_flight(self) -> FrameInFlight:
+        """The frame in flight, or the latest one."""
+        return self.now.in_flight
 
     @property
     def in_frame(self) -> bool:
@@ -508,16 +530,12 @@ class FrameAlgorithm:
     @property
     def over(self) -> bool:
         """Whether no frame follows."""
-        return bool(self.source.why_over())
+        return bool(self.why_over())
 
     @property
     def scene(self) -> Scene:
         """The string w of the frame in flight, or of the next one."""
         return self.composition.scene
-
-    def offers(self) -> Offers:
-        """The kinds that each host may evolve, as far as the world's placement rules allow."""
-        return self.world.placement.allowed(self.members.offers(), self.members.machines())
 
     @property
     def closing_events(self) -> tuple[AnyEvent, ...]:
@@ -574,18 +592,18 @@ class FrameAlgorithm:
 
 _HANDLERS: Final[Mapping[type, Callable[[FrameAlgorithm, Any], None]]] = {
     s.Begin: FrameAlgorithm.on_begin,
-    m.TickReply: lambda algorithm, reply: algorithm.source.tick_reply(reply),
-    m.EvolveReply: lambda algorithm, reply: algorithm.source.evolve_reply(reply),
-    m.Emitted: lambda algorithm, emitted: algorithm.source.emitted(emitted),
-    s.Publish: lambda algorithm, order: algorithm.source.order(order),
-    s.Seek: lambda algorithm, seek: algorithm.source.seek(seek.frame),
-    s.Appeared: lambda algorithm, appeared: algorithm.joining.appeared(appeared),
-    m.Hello: lambda algorithm, hello: algorithm.joining.hello(hello),
-    s.Vanished: lambda algorithm, vanished: algorithm.joining.vanished(vanished),
-    s.Abandoned: lambda algorithm, gave_up: algorithm.joining.gave_up(gave_up),
-    m.Leaving: lambda algorithm, leaving: algorithm.joining.leaving(leaving),
-    s.Violation: lambda algorithm, violation: algorithm.joining.violation(violation),
-    s.Skip: lambda algorithm, skip: algorithm.joining.skip(skip),
+    m.TickReply: FrameAlgorithm.on_tick_reply,
+    m.EvolveReply: FrameAlgorithm.on_evolve_reply,
+    m.Emitted: FrameAlgorithm.on_emitted,
+    s.Publish: lambda algorithm, order: algorithm.answers.order(order),
+    s.Seek: lambda algorithm, seek: algorithm.on_seek(seek),
+    s.Appeared: lambda algorithm, appeared: algorithm.lifecycle.appeared(appeared),
+    m.Hello: lambda algorithm, hello: algorithm.lifecycle.hello(hello),
+    s.Vanished: lambda algorithm, vanished: algorithm.lifecycle.vanished(vanished),
+    s.Abandoned: lambda algorithm, gave_up: algorithm.lifecycle.gave_up(gave_up),
+    m.Leaving: lambda algorithm, leaving: algorithm.lifecycle.leaving(leaving),
+    s.Violation: lambda algorithm, violation: algorithm.lifecycle.violation(violation),
+    s.Skip: lambda algorithm, skip: algorithm.lifecycle.skip(skip),
     s.Drain: FrameAlgorithm.on_drain,
     s.Silent: FrameAlgorithm.on_silent,
     m.Failed: FrameAlgorithm.on_failed,

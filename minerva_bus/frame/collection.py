@@ -7,11 +7,11 @@ generator may send events.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from operator import attrgetter
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from minerva_bus.errors import nearest
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.in_flight import Progress
 from minerva_bus.frame.inputs import (
     AGENTS,
     DEVICES,
@@ -36,20 +38,19 @@ from minerva_bus.frame.inputs import (
     person_of,
     source_of,
 )
-from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
-from minerva_bus.frame.orders import refusal_of_guest
+from minerva_bus.frame.members import MemberEntry, Members
+from minerva_bus.frame.norms import Norms
+from minerva_bus.frame.orders import OrderRules
 from minerva_bus.frame.service_calls import NOTHING
+from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.views import due_views
 from minerva_bus.frame.work import FEW, EventWork, are_light
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.priority import collect
-
-if TYPE_CHECKING:
-    from minerva_bus.frame.algorithm import FrameAlgorithm
-
 
 MAX_WAITING: Final = 100_000
 """Maximum events of one free-running generator in the queue, which grows while a world pauses."""
@@ -130,6 +131,12 @@ class FrameInbox:
         source = source_of(person)
         self.events.setdefault(source, []).append(event)
         self._counts[source] = self.ordered_by(person) + self.work.weight(event)
+
+    def too_much_work(self, event: AnyEvent, person: str) -> str:
+        """Reason for rejecting an order that gives hosts too much work, or an empty string."""
+        weight = self.ordered_by(person) + self.work.weight(event)
+        most = self.work.most_of_generator
+        return self.work.over(weight, most, "single_events", (event,)) if weight > most else ""
 
     def ordered_by(self, person: str) -> int:
         """The count of the orders of a person since the last frame."""
@@ -325,67 +332,83 @@ _TYPE: Final = attrgetter("type")
 class CollectionStep:
     """Collects the events of frames from generators, agents, people and norms."""
 
-    def __init__(self, algorithm: FrameAlgorithm) -> None:
-        self._algorithm = algorithm
-        self._speaking = SenderRights(algorithm.world.speaks_for, algorithm.composition)
+    def __init__(
+        self,
+        world: WorldSpec,
+        now: Progress,
+        members: Members,
+        composition: Composition,
+        inbox: FrameInbox,
+        norms: Norms,
+        orders: OrderRules,
+        out: Instructions,
+    ) -> None:
+        self._world = world
+        self._now = now
+        self._members = members
+        self._inbox = inbox
+        self._norms = norms
+        self._orders = orders
+        self._out = out
+        self._speaking = SenderRights(world.speaks_for, composition)
 
     # --- requests ---
 
     def begin(self) -> None:
         """Request the events of a frame's generators, and send them people's orders."""
-        algorithm, index = self._algorithm, self._algorithm.members.index
-        in_flight = algorithm.in_flight
+        index = self._members.index
+        in_flight = self._now.in_flight
         # Orders precede the tick, because a generator derives events of this frame from them.
         if in_flight.logged is None:
-            self._hand_over(algorithm.inbox.take_orders(self._has_taker))
+            self._hand_over(self._inbox.take_orders(self._has_taker))
         else:
             self._load(in_flight.logged)
         # `tickers` includes members that are away and awaited: the frame waits for their return.
         resting = self._resting()
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
-            algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
+            self._out.send(s.TICKED, m.TickRequest(self._now.frame))
         for entry in (*index.on_orders, *[entry for entry, _ in index.at_intervals]):
             if entry.active and entry.name in in_flight.pending:
-                algorithm.out.send(entry.name, m.TickRequest(algorithm.frame))
+                self._out.send(entry.name, m.TickRequest(self._now.frame))
 
     def _resting(self) -> frozenset[str]:
         """The generators without events in this frame: they get no orders, or are not due."""
-        algorithm, members = self._algorithm, self._algorithm.members
+        members = self._members
         resting = members.resting
-        if resting and algorithm.in_flight.events.permitted:
+        if resting and self._now.in_flight.events.permitted:
             entries = map(members.get, resting)
             resting = frozenset(entry.name for entry in entries if not self._orders_for(entry))
         at_intervals = members.index.at_intervals
         if not at_intervals:
             return resting
-        frame = algorithm.frame
+        frame = self._now.frame
         return resting.union(m.name for m, every in at_intervals if m.active and frame % every)
 
     def ask(self, member: MemberEntry) -> None:
         """Repeat the request to a generator that has returned while the frame waits for it."""
         self._give_orders(member)
-        self._algorithm.out.send(member.name, m.TickRequest(self._algorithm.frame))
+        self._out.send(member.name, m.TickRequest(self._now.frame))
 
     def _hand_over(self, orders: OrdersBySource) -> None:
         """Apply norms to the orders that generators take, and send the permitted ones.
 
         Orders are people's events; the events that a generator derives from them are its own.
         """
-        algorithm, events = self._algorithm, self._algorithm.in_flight.events
+        events = self._now.in_flight.events
         events.orders = orders
         if orders:
             events.permitted = self._permitted_orders(orders)
-            for member in algorithm.members.active():
+            for member in self._members.active():
                 self._give_orders(member)
 
     def _load(self, inputs: FrameInputs) -> None:
         """Queue the logged events of a frame, and send the logged orders."""
-        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
-        algorithm.inbox.replace(inputs.taken)
+        in_flight = self._now.in_flight
+        self._inbox.replace(inputs.taken)
         in_flight.ticked |= inputs.ticked
         in_flight.events.people = inputs.people
-        inbox = algorithm.inbox.events
+        inbox = self._inbox.events
         handed = [source for source in sorted(inbox) if is_handed_over(source)]
         self._hand_over({people_of(source): inbox.pop(source) for source in handed})
         dropped = [source.removeprefix(DROPPED) for source in sorted(inbox) if is_dropped(source)]
@@ -394,65 +417,69 @@ class CollectionStep:
         inbox |= {source: inbox.pop(DROPPED + source) for source in dropped}
 
     def _has_taker(self, event_type: str) -> bool:
-        return bool(self._algorithm.members.takers(event_type))
+        return bool(self._members.takers(event_type))
 
     def _give_orders(self, member: MemberEntry) -> None:
-        algorithm = self._algorithm
         orders = self._orders_for(member)
         if orders:
-            algorithm.out.send(member.name, m.Orders(algorithm.frame, orders))
+            self._out.send(member.name, m.Orders(self._now.frame, orders))
 
     def _orders_for(self, member: MemberEntry) -> tuple[AnyEvent, ...]:
         """The orders of this frame that a member takes."""
         taken = member.hello.orders if member.hello is not None else ()
-        permitted = self._algorithm.in_flight.events.permitted
+        permitted = self._now.in_flight.events.permitted
         return tuple([event for event in permitted if event.type in taken])
 
     # --- replies ---
 
-    def tick_reply(self, reply: m.TickReply) -> None:
-        """Accept C^d(t) of a member in step."""
-        algorithm = self._algorithm
-        member = algorithm.members.get(reply.member)
-        in_time = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
+    def tick_reply(self, reply: m.TickReply) -> str:
+        """Accept C^d(t) of a member in step; returns the reason if it violates the protocol."""
+        member = self._members.get(reply.member)
+        in_time = self._now.awaits_tick(reply.member) and reply.frame == self._now.frame
         # A reply of a skipped or replaced process, or a second one, must not count. It is no
         # violation: the reply may have been sent before the member was skipped.
         if not (member.active and in_time):
             member.late += 1
-            return
+            return ""
         # Most replies have no events and need no check.
-        if reply.events and not self._may_generate(member, reply.events):
-            return
-        note_answer(algorithm, member)
+        objection = self._objection(member, reply.events) if reply.events else ""
+        if objection:
+            return objection
+        self._members.answered(member, self._now.frame)
         # One that had answered this frame to a previous coordinator takes further orders for it in
         # the next one.
         member.rests = member.rests or not self._orders_for(member)
-        algorithm.in_flight.pending.discard(reply.member)
-        algorithm.in_flight.ticked[reply.member] = reply
+        self._now.in_flight.pending.discard(reply.member)
+        self._now.in_flight.ticked[reply.member] = reply
+        return ""
 
-    def emitted(self, emitted: m.Emitted) -> None:
-        """Accept events of a free-running generator for the next frame."""
-        algorithm = self._algorithm
-        member = algorithm.members.get(emitted.member)
-        if not member.active or not self._may_generate(member, emitted.events):
-            return
-        member.last_reply = algorithm.frame
-        if algorithm.inbox.add(emitted.member, emitted.events):
-            return
+    def emitted(self, emitted: m.Emitted) -> str:
+        """Accept events of a free-running generator; returns the reason for a violation."""
+        member = self._members.get(emitted.member)
+        if not member.active:
+            return ""
+        objection = self._objection(member, emitted.events)
+        if objection:
+            return objection
+        member.last_reply = self._now.frame
+        if self._inbox.add(emitted.member, emitted.events):
+            return ""
         # Logged once, because a sensor that is faster than the frames would fill the log.
         if not member.dropped:
-            algorithm.out.log(
+            self._out.log(
                 member.name,
                 "event queue full: "
-                f"{algorithm.inbox.max_waiting} events wait for a frame; dropping further events",
+                f"{self._inbox.max_waiting} events wait for a frame; dropping further events",
             )
         member.dropped += sum(map(len, emitted.events))
+        return ""
 
     def order(self, order: s.Publish) -> None:
         """Accept an event from a person for the next frame."""
-        self._algorithm.inbox.add_order(order.event, order.person)
+        self._inbox.add_order(order.event, order.person)
 
-    def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
+    def _objection(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> str:
+        """Reason why a member may not send these events, or an empty string."""
         declared = member.hello.generates if member.hello is not None else ()
         reason, light = "", len(events) <= FEW
         for event in events:
@@ -464,37 +491,34 @@ class CollectionStep:
                 break
         reason = reason or self._speaking.objection(member.name, events)
         # A frame that is computed again has been within the limits of its own run.
-        if not (reason or light) and self._algorithm.in_flight.logged is None:
-            work = self._algorithm.inbox.work
+        if not (reason or light) and self._now.in_flight.logged is None:
+            work = self._inbox.work
             reason = work.objection(events, work.most_of_generator, "single_events")
         if not reason and member.hello is not None:
             # The process that makes these events may have joined after the guest.
-            reason = refusal_of_guest(self._algorithm, member.hello, map(_TYPE, events))
-        if reason:
-            self._algorithm.joining.violation(s.Violation(member.name, reason))
-        return not reason
+            reason = self._orders.refusal_of_guest(member.hello, map(_TYPE, events))
+        return reason
 
     # --- steps 2 to 4 ---
 
     def collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
-        algorithm = self._algorithm
-        in_flight = algorithm.in_flight
-        due = due_views(algorithm.members.index, algorithm.frame, in_flight.clock_views)
+        in_flight = self._now.in_flight
+        due = due_views(self._members.index, self._now.frame, in_flight.clock_views)
         later: Mapping[str, Sequence[AnyEvent]]
         if in_flight.logged is None:
-            later = algorithm.inbox.hold_back()
+            later = self._inbox.hold_back()
         else:  # Logged events were few enough for one frame.
             later = in_flight.logged.waiting
             # The devices that requested these views may be absent now.
             due = tuple(sorted({*due, *in_flight.logged.due}))
         self._gather(due)
         if later:
-            algorithm.inbox.put_back(later)
+            self._inbox.put_back(later)
 
     def _gather(self, due: tuple[str, ...]) -> None:
-        algorithm, events = self._algorithm, self._algorithm.in_flight.events
-        taken, emitted = algorithm.inbox.take(self._has_taker), algorithm.inbox.emitted
+        events = self._now.in_flight.events
+        taken, emitted = self._inbox.take(self._has_taker), self._inbox.emitted
         events.taken = {**taken}
         # The log needs the orders too: a recomputed frame hands them over again.
         for source, orders in events.orders.items():
@@ -505,26 +529,28 @@ class CollectionStep:
         if emitted:
             sources[AGENTS] = emitted
         self._add_ticked(sources)
-        if algorithm.world.speaks_for:
+        if self._world.speaks_for:
             # The rights were checked on arrival, but the string may have changed since then.
             self._leave_out_foreign(sources)
         if due:
-            sources[DEVICES] = visual_events(algorithm, due)
-        if algorithm.world.norms:
-            logged = algorithm.in_flight.logged
-            events.people = algorithm.members.standing_for_people(sources, logged)
+            sources[DEVICES] = visual_events(self._world.vocabulary.events, due)
+        if self._world.norms:
+            logged = self._now.in_flight.logged
+            events.people = self._members.standing_for_people(sources, logged)
         allowed = self._permitted(sources)
         if allowed:
             events.allowed = allowed
-            ordered = collect(algorithm.world.order, allowed)
-            events.split(ordered, algorithm.world.vocabulary.events)
+            ordered = collect(self._world.order, allowed)
+            events.split(ordered, self._world.vocabulary.events)
         if events.dropped:
-            leave_out(algorithm, events.dropped)
+            self._now.in_flight.leave_out(
+                events.dropped, self._world.order, self._world.vocabulary.events
+            )
 
     def _add_ticked(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
         """Add the events of members in step, and keep their saved data."""
-        saved = self._algorithm.members.saved
-        for member, reply in self._algorithm.in_flight.ticked.items():
+        saved = self._members.saved
+        for member, reply in self._now.in_flight.ticked.items():
             if reply.events:
                 sources[member] = [*reply.events, *sources.get(member, ())]
             if reply.saved is not None or member in saved:
@@ -534,52 +560,44 @@ class CollectionStep:
 
     def _leave_out_foreign(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
         """Drop events whose sender is not, or no longer, an agent that the source may represent."""
-        algorithm = self._algorithm
-        for name in sorted(sources.keys() & algorithm.world.speaks_for.keys()):
+        for name in sorted(sources.keys() & self._world.speaks_for.keys()):
             kept = self._speaking.kept(name, sources[name])
             dropped = sum(map(len, sources[name])) - sum(map(len, kept))
             sources[name] = kept
             if dropped:
-                member = algorithm.members.get(name)
+                member = self._members.get(name)
                 if not member.dropped:
                     gone = "from agents that are not in the string"
-                    algorithm.out.log(
-                        name, f"sent {dropped} events {gone}; such events are left out"
-                    )
+                    self._out.log(name, f"sent {dropped} events {gone}; such events are left out")
                 member.dropped += dropped
 
     # --- norms on events ---
 
     def _permitted(self, sources: dict[str, Sequence[AnyEvent]]) -> dict[str, Sequence[AnyEvent]]:
         """The events that norms permit, and the sanctions that follow from the last frame."""
-        algorithm = self._algorithm
         # Taken out first, because the sanctions that `publish` adds below belong to the next frame.
         # They are not judged themselves: no norm can prevent the sanction of another.
-        sanctions = algorithm.inbox.take_sanctions()
-        if algorithm.world.norms:
-            people = algorithm.in_flight.events.people
-            sources = dict(algorithm.norms.events(algorithm.frame, sources, people))
-            algorithm.inbox.sanctions += algorithm.norms.publish(
-                algorithm.out, algorithm.members.saved
-            )
+        sanctions = self._inbox.take_sanctions()
+        if self._world.norms:
+            people = self._now.in_flight.events.people
+            sources = dict(self._norms.events(self._now.frame, sources, people))
+            self._inbox.sanctions += self._norms.publish(self._out, self._members.saved)
         self._report_orders(sources)
         return {**sources, SOURCE: sanctions} if sanctions else sources
 
     def _permitted_orders(self, orders: OrdersBySource) -> tuple[AnyEvent, ...]:
         """People's orders that norms permit, before a generator takes them."""
-        algorithm, permitted = self._algorithm, orders
-        if algorithm.world.norms:
-            permitted = algorithm.norms.events(algorithm.frame, orders)
-            algorithm.inbox.sanctions += algorithm.norms.publish(
-                algorithm.out, algorithm.members.saved
-            )
+        permitted = orders
+        if self._world.norms:
+            permitted = self._norms.events(self._now.frame, orders)
+            self._inbox.sanctions += self._norms.publish(self._out, self._members.saved)
         self._report_orders(permitted)
         return tuple([event for source in sorted(permitted) for event in permitted[source]])
 
     def _report_orders(self, permitted: OrdersBySource) -> None:
         """Report the orders that norms reject, which norms log, and those that count."""
-        frame, out = self._algorithm.frame, self._algorithm.out
-        for source, event, norm in self._algorithm.norms.take_rejected_orders():
+        frame, out = self._now.frame, self._out
+        for source, event, norm in self._norms.take_rejected_orders():
             out.add(s.OrderJudged(event, name_of(source), frame, norm))
         for source in sorted(filter(is_people, permitted)):
             for event in permitted[source]:
@@ -588,29 +606,6 @@ class CollectionStep:
                     out.add(s.OrderJudged(event, name_of(source), frame))
 
 
-def visual_events(algorithm: FrameAlgorithm, due: Sequence[str]) -> tuple[Event, ...]:
+def visual_events(types: Mapping[str, EventType], due: Sequence[str]) -> tuple[Event, ...]:
     """The visual events that devices generate, without data or receivers."""
-    types = algorithm.world.vocabulary.events
     return tuple([types[event_type]() for event_type in due])
-
-
-def leave_out(algorithm: FrameAlgorithm, sources: Sequence[str]) -> None:
-    """Leave all events of some sources out of the frame in flight; its inputs keep them apart."""
-    world, in_flight = algorithm.world, algorithm.in_flight
-    events = in_flight.events
-    for source in sources:
-        reply, sent = in_flight.ticked.get(source), events.taken.pop(source, ())
-        if reply is not None:
-            sent = [*reply.events, *sent]
-            in_flight.ticked[source] = replace(reply, events=(), received=b"")
-        events.taken[DROPPED + source] = sent
-    events.dropped = tuple(sources)
-    events.allowed = {name: sent for name, sent in events.allowed.items() if name not in sources}
-    events.split(collect(world.order, events.allowed), world.vocabulary.events)
-
-
-def note_answer(algorithm: FrameAlgorithm, member: MemberEntry) -> None:
-    """Note that a member has answered, so that it is no longer late."""
-    member.last_reply = algorithm.frame
-    if member.state is MemberState.LATE:
-        algorithm.members.change(member, MemberChange.ANSWERED)

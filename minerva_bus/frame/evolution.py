@@ -7,16 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping
 from operator import attrgetter, itemgetter
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import leave_out, note_answer
+from minerva_bus.frame.collection import FrameInbox
 from minerva_bus.frame.composition import Composition, first_in, ids_of
-from minerva_bus.frame.in_flight import FrameResult, Phase
+from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.in_flight import FrameResult, Phase, Progress
 from minerva_bus.frame.inputs import AGENTS, HALTED, FrameInputs, is_people, person_of
+from minerva_bus.frame.members import Members
+from minerva_bus.frame.norms import Norms
+from minerva_bus.frame.placement import Offers, Placement
+from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.views import Views, patch_all
 from minerva_bus.frame.work import are_light
 from minerva_bus.grammar.columns import Columns, packed
@@ -25,11 +30,6 @@ from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.world.population import copy_id
-
-if TYPE_CHECKING:
-    from minerva_bus.frame.algorithm import FrameAlgorithm
-    from minerva_bus.frame.in_flight import FrameResult
-
 
 _AGENT: Final[Callable[[tuple[str, str]], str]] = itemgetter(0)
 
@@ -162,62 +162,84 @@ BALANCE_INTERVAL: Final = 32
 class EvolutionStep:
     """Lets hosts evolve and visualize their fragments, and builds the next string."""
 
-    def __init__(self, algorithm: FrameAlgorithm) -> None:
-        self._algorithm = algorithm
+    def __init__(
+        self,
+        world: WorldSpec,
+        now: Progress,
+        members: Members,
+        composition: Composition,
+        placement: Placement,
+        views: Views,
+        inbox: FrameInbox,
+        norms: Norms,
+        out: Instructions,
+    ) -> None:
+        self._world = world
+        self._now = now
+        self._members = members
+        self._composition = composition
+        self._placement = placement
+        self._views = views
+        self._inbox = inbox
+        self._norms = norms
+        self._out = out
+
+    def _offers(self) -> Offers:
+        return self._members.allowed_offers(self._world.placement)
 
     # --- requests ---
 
-    def request(self) -> None:
+    def evolve(self) -> None:
         """Steps 5 and 6: request w_next = η(w, e^u) and v = π(w, e^v) from all hosts concerned."""
-        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        in_flight = self._now.in_flight
         requests = in_flight.requests
         if in_flight.logged is not None and in_flight.logged.complete:
             # Logged replies name fragments of the layout that their coordinator had chosen.
-            algorithm.composition.lay_out(in_flight.logged.layout)
+            self._composition.lay_out(in_flight.logged.layout)
             requests.layout = in_flight.logged.layout
             requests.left_out.update(in_flight.logged.left_out)
             return
         self._arrange_if_needed()
-        requests.layout = algorithm.composition.layout
+        requests.layout = self._composition.layout
         hosts, events = self._hosts_to_ask(), in_flight.events
         for host in hosts:
-            requests.outstanding[host, 0] = algorithm.placement.fragments_of(host)
+            requests.outstanding[host, 0] = self._placement.fragments_of(host)
             # Fragments are sent before the request that needs them;
             # messages keep their order on the bus.
             self._give(host)
         # Those that decline columns get a message of their own.
-        plain = tuple(filter(algorithm.members.declines_columns, hosts))
+        plain = tuple(filter(self._members.declines_columns, hosts))
         # One publication for all hosts with counted replies was the fastest pattern measured.
         others = tuple([host for host in hosts if host not in plain]) if plain else hosts
         if others:
-            request = m.EvolveRequest(algorithm.frame, others, events.evolving, events.visual)
-            algorithm.out.send(s.HOSTS, request)
+            request = m.EvolveRequest(self._now.frame, others, events.evolving, events.visual)
+            self._out.send(s.HOSTS, request)
         for host in plain:
             only = requests.outstanding[host, 0]
             request = m.EvolveRequest(
-                algorithm.frame, (host,), events.evolving, events.visual, only=only
+                self._now.frame, (host,), events.evolving, events.visual, only=only
             )
-            algorithm.out.send(host, request)
+            self._out.send(host, request)
 
     def _arrange_if_needed(self) -> None:
-        algorithm, placement = self._algorithm, self._algorithm.placement
-        due = algorithm.frame % BALANCE_INTERVAL == 0
+        placement = self._placement
+        due = self._now.frame % BALANCE_INTERVAL == 0
         if not (placement.outdated or (due and placement.imbalanced)):
             return
         placement.outdated = False
-        placement.arrange(algorithm.offers())
-        rules = bool(algorithm.world.placement.rules)
+        placement.arrange(self._offers())
+        rules = bool(self._world.placement.rules)
         # Agents without a host do not evolve. This is not an error, so the log must mention them.
-        placement.log.count(placement.unassigned_agents, rules=rules, out=algorithm.out)
-        offers = algorithm.members.offers().values()
-        placement.log.kinds(offers, placement.unassigned.values(), algorithm.out)
+        placement.log.count(placement.unassigned_agents, rules=rules, out=self._out)
+        offers = self._members.offers().values()
+        placement.log.kinds(offers, placement.unassigned.values(), self._out)
 
     def _hosts_to_ask(self) -> tuple[str, ...]:
         """The hosts that this frame concerns; fragments without a host wait or keep their state."""
-        algorithm, placement = self._algorithm, self._algorithm.placement
-        events = algorithm.in_flight.events
-        evolves = algorithm.phase is Phase.EVOLVE
-        everyone = algorithm.world.policy.rules.without_events and evolves
+        placement = self._placement
+        events = self._now.in_flight.events
+        evolves = self._now.phase is Phase.EVOLVE
+        everyone = self._world.policy.rules.without_events and evolves
         if not (everyone or events.evolving or events.visual):
             return ()
         if placement.unassigned:
@@ -228,14 +250,14 @@ class EvolutionStep:
 
     def _give(self, host: str) -> None:
         """Send a host the fragments that it lacks."""
-        lacking = self._algorithm.placement.lacking(host)
+        lacking = self._placement.lacking(host)
         if lacking is not None:
-            self._algorithm.out.send(host, lacking)
+            self._out.send(host, lacking)
 
     def _wait_or_leave_out(self, unassigned: Mapping[str, frozenset[str]]) -> None:
         """Wait for a host of these fragments if one is awaited; otherwise leave them out."""
-        requests = self._algorithm.in_flight.requests
-        awaited = self._algorithm.members.awaited_kinds()
+        requests = self._now.in_flight.requests
+        awaited = self._members.awaited_kinds()
         for fragment, kinds in unassigned.items():
             if kinds <= awaited:
                 requests.unassigned.add(fragment)
@@ -244,20 +266,20 @@ class EvolutionStep:
 
     def ask_again(self, fragments: list[str]) -> None:
         """Request fragments once more in this frame, from their current hosts."""
-        algorithm, placement = self._algorithm, self._algorithm.placement
+        placement = self._placement
         # The arrangement within a frame ignores this limit, so the next frame has to restore it.
-        placement.outdated = algorithm.world.placement.agents_per_host > 0
-        placement.arrange(algorithm.offers(), mid_frame=True)
-        algorithm.in_flight.requests.unassigned = set()
+        placement.outdated = self._world.placement.agents_per_host > 0
+        placement.arrange(self._offers(), mid_frame=True)
+        self._now.in_flight.requests.unassigned = set()
         unassigned = placement.unassigned
         self._wait_or_leave_out({n: unassigned[n] for n in fragments if n in unassigned})
         self._repeat_request(fragments)
 
     def _repeat_request(self, fragments: Iterable[str]) -> None:
-        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        in_flight = self._now.in_flight
         by_host: dict[str, list[str]] = {}
         for fragment in fragments:
-            host = algorithm.placement.host_of(fragment)
+            host = self._placement.host_of(fragment)
             if host is not None:
                 by_host.setdefault(host, []).append(fragment)
         requests, events = in_flight.requests, in_flight.events
@@ -268,82 +290,82 @@ class EvolutionStep:
             requests.outstanding[host, requests.repeats] = tuple(only)
             self._give(host)
             request = m.EvolveRequest(
-                algorithm.frame, (host,), evolving, visual, requests.repeats, tuple(only)
+                self._now.frame, (host,), evolving, visual, requests.repeats, tuple(only)
             )
-            algorithm.out.send(host, request)
+            self._out.send(host, request)
 
     def lighten(self, host: str) -> bool:
         """Repeat a frame that has ended a host twice, without the events of guests and people.
 
         Returns False if there are none, or if norms have judged the first results: nothing happens.
         """
-        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
-        requests, allowed, work = in_flight.requests, in_flight.events.allowed, algorithm.inbox.work
+        in_flight = self._now.in_flight
+        requests, allowed, work = in_flight.requests, in_flight.events.allowed, self._inbox.work
         if not allowed:
             return False
         worst = max(allowed, key=lambda name: max(map(work.steps, allowed[name]), default=0))
         again = in_flight.trial is None and in_flight.logged is None
-        guests = sorted(filter(algorithm.members.is_guest, allowed)) if again else []
+        guests = sorted(filter(self._members.is_guest, allowed)) if again else []
         names = ", ".join(map(_who, guests))
         then = f"; the frame is repeated without the events of {names}" if guests else ""
-        algorithm.out.log(
+        self._out.log(
             host,
-            f"has ended twice in frame {algorithm.frame}; of its events"
+            f"has ended twice in frame {self._now.frame}; of its events"
             f" {work.heaviest(allowed[worst])}, from {_who(worst)}{then}",
         )
         if not guests:
             return False
         for name in guests:
             if not is_people(name):
-                algorithm.members.get(name).dropped += sum(map(len, allowed[name]))
-        leave_out(algorithm, guests)
+                self._members.get(name).dropped += sum(map(len, allowed[name]))
+        in_flight.leave_out(guests, self._world.order, self._world.vocabulary.events)
         requests.cancel()
         requests.left_out.clear()
         in_flight.result = FrameResult()
         # Some hosts have evolved them by the events that no longer count.
-        for fragment in algorithm.composition.fragments:
-            algorithm.placement.resend(fragment)
-        algorithm.placement.arrange(algorithm.offers(), mid_frame=True)
+        for fragment in self._composition.fragments:
+            self._placement.resend(fragment)
+        self._placement.arrange(self._offers(), mid_frame=True)
         hosts = self._hosts_to_ask()
         self._repeat_request(
-            [name for host in hosts for name in algorithm.placement.fragments_of(host)]
+            [name for host in hosts for name in self._placement.fragments_of(host)]
         )
         return True
 
     # --- replies ---
 
-    def reply(self, reply: m.EvolveReply) -> None:
-        """Accept a host's results for its fragments, unless the host may not report them."""
-        algorithm, requests = self._algorithm, self._algorithm.in_flight.requests
-        member = algorithm.members.get(reply.member)
+    def reply(self, reply: m.EvolveReply) -> str:
+        """Accept a host's results for its fragments; returns the reason for a violation."""
+        requests = self._now.in_flight.requests
+        member = self._members.get(reply.member)
         key = (reply.member, reply.part)
-        if reply.frame != algorithm.frame or key not in requests.outstanding or not member.active:
+        if reply.frame != self._now.frame or key not in requests.outstanding or not member.active:
             member.late += 1
-            return
+            return ""
         # The whole reply is checked before any part of it counts, so a
         # violation leaves the frame as it was.
         wrong, changed = self._objection(reply, frozenset(requests.outstanding[key])), {}
         try:
             if not wrong:
-                result = algorithm.in_flight.result
-                changed = checked(reply, algorithm.composition, algorithm.views, result)
+                result = self._now.in_flight.result
+                changed = checked(reply, self._composition, self._views, result)
         except Unfit as unfit:
             wrong = str(unfit)
         if wrong:
-            algorithm.joining.violation(s.Violation(reply.member, wrong))
-            return
+            return wrong
         del requests.outstanding[key]
-        note_answer(algorithm, member)
+        self._members.answered(member, self._now.frame)
         # A repeated request concerns a few fragments only; its
         # duration is not the speed of the host.
         if reply.elapsed and not reply.part:
-            algorithm.placement.note_elapsed(reply.member, reply.elapsed)
-        algorithm.in_flight.result.merge(reply, changed)
-        algorithm.in_flight.result.changed_by.update(dict.fromkeys(changed, reply.member))
+            self._placement.note_elapsed(reply.member, reply.elapsed)
+        self._now.in_flight.result.merge(reply, changed)
+        self._now.in_flight.result.changed_by.update(dict.fromkeys(changed, reply.member))
+        return ""
 
     def _objection(self, reply: m.EvolveReply, asked: frozenset[str]) -> str:
         """Reason for rejecting a reply, or an empty string."""
-        composition, in_flight = self._algorithm.composition, self._algorithm.in_flight
+        composition, in_flight = self._composition, self._now.in_flight
         reason = foreign_fragment(reply, asked)
         for name, events in sorted(reply.emitted.items()):
             reason = reason or foreign_sender(
@@ -353,7 +375,7 @@ class EvolutionStep:
         if reply.emitted and not reason and in_flight.logged is None:
             sent = [event for events in reply.emitted.values() for event in events]
             if not are_light(sent):
-                reason = self._algorithm.inbox.work.objection_to_host(sent)
+                reason = self._inbox.work.objection_to_host(sent)
         if not reason and reply.views:
             # Only the first request is about views: a second one of an agent would not fit.
             reduced, visual = in_flight.requests.reduced, in_flight.events.visual
@@ -363,27 +385,26 @@ class EvolutionStep:
 
     def _sender_names(self, agent: str) -> frozenset[str]:
         """The ids under which an agent sends; under some policies its copies' too."""
-        algorithm = self._algorithm
-        if not algorithm.world.policy.rules.makes_copies:
+        if not self._world.policy.rules.makes_copies:
             return frozenset((agent,))
-        events = algorithm.in_flight.events.evolving
+        events = self._now.in_flight.events.evolving
         copies = range(2, 1 + sum(map(len, events)))
-        return frozenset((agent, *(copy_id(agent, algorithm.frame, copy) for copy in copies)))
+        return frozenset((agent, *(copy_id(agent, self._now.frame, copy) for copy in copies)))
 
     def _merge_logged(self, inputs: FrameInputs) -> None:
         """Merge the logged replies to the latest request. Raises Unfit."""
-        algorithm, result = self._algorithm, self._algorithm.in_flight.result
+        result = self._now.in_flight.result
         begin, requests = len(result.replies), len(result.answers)
         end = begin + sum(inputs.answers[requests : requests + 1])
         for reply in inputs.replies[begin:end]:
-            changed = checked(reply, algorithm.composition, algorithm.views, result)
+            changed = checked(reply, self._composition, self._views, result)
             result.merge(reply, changed)
 
     # --- norms ---
 
     def settle(self) -> bool:
         """Whether the results are final; if norms reject some, repeat with fewer events."""
-        in_flight = self._algorithm.in_flight
+        in_flight = self._now.in_flight
         # A stage may have no outstanding replies: the fragments no longer have a host, or their
         # logged replies are present already. Then the next stage follows at once.
         while True:
@@ -398,20 +419,20 @@ class EvolutionStep:
             in_flight.requests.reduced = stage, ()
             rejected = in_flight.trial.open
             for fragment in rejected:
-                self._algorithm.placement.resend(fragment)
+                self._placement.resend(fragment)
             self._repeat_request(rejected)
             if in_flight.requests.outstanding:
                 return False
 
     def _judge(self) -> None:
         """Apply norms to results, those of the first request or those by fewer events."""
-        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
-        result, norms = in_flight.result, algorithm.norms
+        in_flight = self._now.in_flight
+        result, norms = in_flight.result, self._norms
         result.count_answers()
         if in_flight.requests.reduced is None:
-            if algorithm.world.norms:
-                in_flight.trial = norms.agents(algorithm.frame, result.changed, result.sent)
-                algorithm.inbox.sanctions += norms.publish(algorithm.out, algorithm.members.saved)
+            if self._world.norms:
+                in_flight.trial = norms.agents(self._now.frame, result.changed, result.sent)
+                self._inbox.sanctions += norms.publish(self._out, self._members.saved)
             if in_flight.trial is not None:
                 # A generator, because further stages are needed only while agents are rejected.
                 in_flight.stages = norms.stages(in_flight.trial, in_flight.events.evolving)
@@ -424,13 +445,13 @@ class EvolutionStep:
 
     def _enforce(self) -> None:
         """Replace the results by the permitted ones; rejected agents are halted."""
-        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        in_flight = self._now.in_flight
         result = in_flight.result
         # The view shows an action of these agents that λ has not counted, because they did not
         # evolve. A device that executes it would move a body that does not move in the string.
         halted = set(self._agents_left_out() if in_flight.events.visual else ())
         if in_flight.trial is not None:
-            verdict = algorithm.norms.verdict(in_flight.trial)
+            verdict = self._norms.verdict(in_flight.trial)
             result.changed, result.sent = verdict.changed, verdict.sent
             result.rejected = verdict.rejected
             halted.update(verdict.halted)
@@ -438,13 +459,13 @@ class EvolutionStep:
         # and which nothing could compute for an agent whose host is away.
         result.halted = tuple(sorted(halted))
         if halted:  # A resumed world needs this, because its devices act on the last view.
-            halted_state = {"frame": algorithm.frame, "agents": list(result.halted)}
-            algorithm.members.saved[HALTED] = halted_state
+            halted_state = {"frame": self._now.frame, "agents": list(result.halted)}
+            self._members.saved[HALTED] = halted_state
 
     def _agents_left_out(self) -> Iterator[str]:
         """The agents that no host has evolved in this frame although events were for them."""
-        fragments = self._algorithm.composition.fragments
-        for name in self._algorithm.in_flight.requests.left_out & fragments.keys():
+        fragments = self._composition.fragments
+        for name in self._now.in_flight.requests.left_out & fragments.keys():
             fragment = fragments[name]
             if fragment.ids is not None:
                 yield from fragment.ids.texts()
@@ -455,24 +476,23 @@ class EvolutionStep:
 
     def commit(self) -> None:
         """Step 8: make the results the next string."""
-        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
-        result, inbox = in_flight.result, algorithm.inbox
-        algorithm.goal.note(result.sent, algorithm.out)
+        in_flight = self._now.in_flight
+        result, inbox = in_flight.result, self._inbox
         # Before the replacement, because an agent that died in this frame has no place after it.
         sent = self.sent_in_order()
-        algorithm.placement.outdated |= algorithm.composition.replace(result.changed)
+        self._placement.outdated |= self._composition.replace(result.changed)
         self._note_holders()
-        inputs = in_flight.inputs(algorithm.frame, inbox.events)
-        record = frame_record(algorithm)
-        algorithm.out.add(s.FrameDone(algorithm.frame, record, in_flight.events.ordered, inputs))
-        algorithm.frame += 1
+        inputs = in_flight.inputs(self._now.frame, inbox.events)
+        record = frame_record(self._now, self._composition)
+        self._out.add(s.FrameDone(self._now.frame, record, in_flight.events.ordered, inputs))
+        self._now.frame += 1
         inbox.end_frame(sent)
         if result.changed:
-            algorithm.views.last_change = algorithm.frame
+            self._views.last_change = self._now.frame
 
     def _note_holders(self) -> None:
         """Note which hosts hold the current state of changed fragments; others get them again."""
-        result, placement = self._algorithm.in_flight.result, self._algorithm.placement
+        result, placement = self._now.in_flight.result, self._placement
         for fragment, scene in result.changed.items():
             if fragment in result.rejected:
                 continue
@@ -486,10 +506,10 @@ class EvolutionStep:
 
     def sent_in_order(self) -> list[AnyEvent]:
         """The events that agents sent, in the order of the agents in the string."""
-        sent = self._algorithm.in_flight.result.sent
+        sent = self._now.in_flight.result.sent
         if not sent:
             return []
-        places = self._algorithm.composition.places(sent)
+        places = self._composition.places(sent)
         return [event for name in sorted(sent, key=places) for event in sent[name]]
 
 
@@ -498,10 +518,9 @@ def _who(source: str) -> str:
     return person_of(source) if is_people(source) else "agents" if source == AGENTS else source
 
 
-def frame_record(algorithm: FrameAlgorithm) -> Callable[[], m.FrameRecord]:
+def frame_record(now: Progress, composition: Composition) -> Callable[[], m.FrameRecord]:
     """A function that makes the record of the frame in flight; it computes the digest."""
     # Read now, because `commit` increments the frame, and the next frame replaces `in_flight`.
-    frame, composition = algorithm.frame, algorithm.composition
-    events = algorithm.in_flight.events.ordered
-    changed = algorithm.in_flight.result.changed
+    frame, events = now.frame, now.in_flight.events.ordered
+    changed = now.in_flight.result.changed
     return lambda: m.FrameRecord(frame, events, changed, composition.scene.digest)

@@ -6,19 +6,20 @@ Each frame starts with a new `FrameInFlight`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Final, cast
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
-from minerva_bus.frame.inputs import FrameInputs, OrdersBySource
+from minerva_bus.frame.inputs import DROPPED, FrameInputs, OrdersBySource
 from minerva_bus.frame.norms import Trial
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
+from minerva_bus.world.order import Order, collect
 
 
 class Phase(Enum):
@@ -211,6 +212,22 @@ class FrameInFlight:
     trial: Trial | None = None
     stages: Iterator[Events] = _NO_STAGES
 
+    def leave_out(
+        self, sources: Sequence[str], order: Order, types: Mapping[str, EventType]
+    ) -> None:
+        """Leave all events of some sources out of the frame; its inputs keep them apart."""
+        events = self.events
+        for source in sources:
+            reply, sent = self.ticked.get(source), events.taken.pop(source, ())
+            if reply is not None:
+                sent = [*reply.events, *sent]
+                self.ticked[source] = replace(reply, events=(), received=b"")
+            events.taken[DROPPED + source] = sent
+        events.dropped = tuple(sources)
+        left = {name: sent for name, sent in events.allowed.items() if name not in sources}
+        events.allowed = left
+        events.split(collect(order, left), types)
+
     def inputs(self, number: int, waiting: Mapping[str, Sequence[AnyEvent]]) -> FrameInputs:
         """The inputs that determine the frame, for the log; `waiting` are for the next frame."""
         return FrameInputs(
@@ -225,3 +242,25 @@ class FrameInFlight:
             tuple(self.result.answers),
             tuple(sorted(self.requests.left_out)),
         )
+
+
+class Progress:
+    """Where a world is: its phase, and the frame in flight, or the next one.
+
+    `frame` is its number. `FrameAlgorithm` changes it; its parts read it.
+    """
+
+    __slots__ = ("frame", "in_flight", "phase")
+
+    def __init__(self, frame: int) -> None:
+        self.phase = Phase.WAITING
+        self.frame = frame
+        self.in_flight = FrameInFlight()
+
+    def enter(self, awaited: Awaited) -> None:
+        """Continue with the phase that follows this condition."""
+        self.phase = TRANSITIONS[self.phase, awaited]
+
+    def awaits_tick(self, member: str) -> bool:
+        """Whether steps 1 to 4 of this frame wait for the one answer of a member."""
+        return self.phase is Phase.TICK and member in self.in_flight.pending

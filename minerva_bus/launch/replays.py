@@ -37,7 +37,7 @@ from minerva_bus.frame.in_flight import Phase
 from minerva_bus.frame.inputs import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import incompatibility
-from minerva_bus.frame.sources import RecordedSource
+from minerva_bus.frame.replay import ReplayAlgorithm
 from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.launch.past import (
     CODE,
@@ -115,8 +115,7 @@ def replay_coordinator(
 
     cursor = Cursor(Record(path))
     cursor.seek(world.past.frame)
-    source = partial(RecordedSource, cursor=cursor, kinds=kinds, stay=stay)
-    options["algorithm"] = FrameAlgorithm(world, source)
+    options["algorithm"] = ReplayAlgorithm(world, cursor, kinds, stay=stay)
     # Recorded frames are fixed, so commands that would change them are rejected.
     commands = {**COMMANDS, **dict.fromkeys(("pub", "order", "restart"), _reject), "seek": seek}
     commands["status"] = status

@@ -101,6 +101,6 @@ def test_a_missing_frame_ends_a_rerun(tmp_path):
         rerun = Rerun(record, algorithm)
         runner = InProcessRunner(algorithm, [process.make_member() for process in file.processes])
         runner.start()
-        algorithm.frame = 3
+        algorithm.now.frame = 3
         with pytest.raises(Exception, match="frame 3 is not in the record, so the run cannot"):
             rerun.step(runner)

@@ -1,6 +1,6 @@
 """Replays show the views of the run, from any start and after any seek."""
 
-from functools import cache, partial
+from functools import cache
 
 import pytest
 
@@ -8,10 +8,9 @@ from minerva_bus import Device
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.sources import OVER, RecordedSource
+from minerva_bus.frame.replay import OVER, ReplayAlgorithm
 from minerva_bus.launch.past import kinds_in
 from minerva_bus.launch.replays import recompute
 from minerva_bus.log.record import Cursor
@@ -56,8 +55,7 @@ class Projector:
             recorded.name, scene, recorded.vocabulary, recorded.seed, recorded.dt, recorded.order, recorded.policy,
             expected=frozenset(["seen"] if seen else []), past=Checkpoint(begin),
         )  # fmt: skip
-        source = partial(RecordedSource, cursor=self.cursor, kinds=kinds_in(file), stay=stay)
-        self.algorithm = FrameAlgorithm(world, source)
+        self.algorithm = ReplayAlgorithm(world, self.cursor, kinds_in(file), stay=stay)
         self.told, self.seen = [], Seen(name)
         members = [Member("seen", self.seen)] if seen else []
         self.runner = InProcessRunner(self.algorithm, members, self.told.append)

@@ -82,7 +82,7 @@ def test_the_first_violation_is_logged_under_the_name_of_norms():
     algorithm = FrameAlgorithm(street("ARunner#a", (quiet,)))
     for _ in range(2):
         algorithm.norms.events(0, {"crier": [eShout(1.0, sender="a")]})
-    algorithm.norms.publish(algorithm.out, algorithm.inbox, {})
+    algorithm.inbox.sanctions += algorithm.norms.publish(algorithm.out, {})
     (line,) = [each for each in algorithm.out.pending if isinstance(each, Notify)]
     assert line.member == "norms"
     assert line.text.endswith(": allowed; from now on this is only counted")

@@ -11,7 +11,6 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.orders import refusal_of_order, unknown_value
 from minerva_bus.world.norms import Norm
 
 
@@ -22,7 +21,7 @@ class Keys(Add):
 
 
 def refusal(bus, event_type):
-    return refusal_of_order(bus.algorithm, event_type)
+    return bus.algorithm.orders.refusal_of_order(event_type)
 
 
 def test_types_of_generators_are_not_for_people():
@@ -167,8 +166,8 @@ def signs(string):
 
 def test_an_order_may_only_name_what_the_world_has():
     algorithm, eGo = signs('PSign<name="kitchen"> · PSign<name="store">')
-    assert unknown_value(algorithm, eGo("store")) == ""
-    assert unknown_value(algorithm, eGo("stor")) == (
+    assert algorithm.orders.unknown_value(eGo("store")) == ""
+    assert algorithm.orders.unknown_value(eGo("stor")) == (
         "eGo: to is 'stor', but no PSign of the world has this name; expected kitchen, store"
         "; did you mean 'store'?"
     )
@@ -176,4 +175,4 @@ def test_an_order_may_only_name_what_the_world_has():
 
 def test_a_world_without_references_logs_nothing():
     algorithm, eGo = signs("")
-    assert unknown_value(algorithm, eGo("anywhere")) == ""
+    assert algorithm.orders.unknown_value(eGo("anywhere")) == ""

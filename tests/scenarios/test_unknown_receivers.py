@@ -7,7 +7,6 @@ from pond import VOCABULARY, Add, counters, eAdd, eDone, eStep, service
 
 from minerva_bus.frame.collection import UnknownReceivers
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.orders import without_effect
 from minerva_bus.grammar.events import as_batch
 from minerva_bus.grammar.ids import Ids
 
@@ -79,4 +78,4 @@ def test_a_batch_is_compared_too():
 def test_an_order_that_changes_nothing_has_a_note(event, reason):
     bus = counters(members={})
     bus.start()
-    assert without_effect(bus.algorithm, event) == reason
+    assert bus.algorithm.orders.without_effect(event) == reason

@@ -23,7 +23,6 @@ from minerva_bus import EMPTY, Event, Generator, on
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.orders import too_much_work
 from minerva_bus.frame.work import EventWork
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
@@ -97,10 +96,10 @@ def test_the_events_of_a_host_and_the_orders_of_a_person_are_weighed_too():
     bus = crowd()
     algorithm, order = bus.algorithm, eAdd(1, condition=LONG)
     for _ in range(5):
-        assert not too_much_work(algorithm, order, "ann")
+        assert not algorithm.inbox.too_much_work(order, "ann")
         bus.handle(s.Publish(order, "ann"))
-    assert "over 2000: the heaviest is eAdd" in too_much_work(algorithm, order, "ann")
-    assert not too_much_work(algorithm, order, "bob")
+    assert "over 2000: the heaviest is eAdd" in algorithm.inbox.too_much_work(order, "ann")
+    assert not algorithm.inbox.too_much_work(order, "bob")
     bus.hold(("down", "host"))
     bus.frame()
     sent = tuple(eAdd(1, condition=LONG, sender="c1") for _ in range(24))

@@ -59,7 +59,7 @@ def take_stale_answers(patch):
         receive = getattr(step, name)
 
         def answer(self, reply, receive=receive):
-            receive(self, replace(reply, frame=self._algorithm.frame))
+            return receive(self, replace(reply, frame=self._now.frame))
 
         patch.setattr(step, name, answer)
 

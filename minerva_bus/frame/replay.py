@@ -1,0 +1,283 @@
+"""Frames of a recorded run: strings are read, views are computed.
+
+λ does not run, because the log has the string of each frame. θ runs in the coordinator, so devices
+can join that did not take part in the original run. Other members can join, but receive no
+requests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from operator import is_
+from typing import Protocol
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.collection import FrameInbox, visual_events
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.evolution import frame_record
+from minerva_bus.frame.host_side import Host
+from minerva_bus.frame.in_flight import FrameInFlight, Phase, Progress
+from minerva_bus.frame.inputs import DEVICES, RecordedFrame
+from minerva_bus.frame.members import Members
+from minerva_bus.frame.sources import Answers, Inputs, Outcome
+from minerva_bus.frame.stimuli import Instructions
+from minerva_bus.frame.views import due_views
+from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
+from minerva_bus.world.context import Frame
+from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.order import collect
+from minerva_bus.world.policy import Policy
+
+OVER = "the record is over"
+RECORD = "~record"
+"""Source of the events of a record."""
+_HERE = "~replay"
+
+
+class FrameCursor(Protocol):
+    """A position in a recorded run: before one of its frames, or after the last one."""
+
+    @property
+    def end(self) -> int:
+        """Number of the last frame plus one."""
+        ...
+
+    @property
+    def ahead(self) -> RecordedFrame | None:
+        """The next frame, or None at the end."""
+        ...
+
+    def advance(self) -> Scene:
+        """Move past the next frame and return the string after it."""
+        ...
+
+    def seek(self, number: int) -> Scene:
+        """Move before a frame and return its initial string. Raises MinervaError."""
+        ...
+
+    def closing_events(self) -> tuple[AnyEvent, ...]:
+        """What agents and norms sent in the last frame of the run."""
+        ...
+
+
+class RecordedSource:
+    """Inputs and outcome of recorded frames: strings are read, views computed in this process."""
+
+    def __init__(
+        self,
+        cursor: FrameCursor,
+        kinds: Kinds,
+        world: WorldSpec,
+        now: Progress,
+        members: Members,
+        composition: Composition,
+        inbox: FrameInbox,
+        out: Instructions,
+    ) -> None:
+        self._cursor = cursor
+        self._world = world
+        self._now = now
+        self._members = members
+        self._composition = composition
+        self._inbox = inbox
+        self._out = out
+        self._host = Host(_HERE, kinds)
+        self._slots = _Slots(composition, world.scene)
+
+    def has_next(self) -> bool:
+        """Whether a frame follows."""
+        return self._cursor.ahead is not None
+
+    def begin(self) -> None:
+        """Continue with the frame after the cursor's position."""
+        # Frames may be missing in the record, so the number is read and not counted.
+        if self._cursor.ahead is not None:
+            self._now.frame = self._cursor.ahead.number
+
+    def collect(self) -> None:
+        """Steps 2 to 4: the recorded events, and the visual events of the devices here."""
+        recorded = self._cursor.ahead.events if self._cursor.ahead is not None else ()
+        self._now.in_flight.events.split(recorded, self._world.vocabulary.events)
+        self._now.in_flight.events.visual = self.visual(closing=False)
+
+    def visual(self, *, closing: bool) -> tuple[AnyEvent, ...]:
+        """Recorded visual events, and those requested by the devices of this replay."""
+        types = self._world.vocabulary.events
+        events = self._cursor.ahead.events if self._cursor.ahead is not None else ()
+        recorded = [event for event in events if types[event.type].visual]
+        clock = self._now.in_flight.clock_views
+        due = due_views(self._members.index, self._now.frame, clock, closing=closing)
+        sources = {RECORD: recorded, DEVICES: visual_events(types, due)}
+        return collect(self._world.order, sources)
+
+    def evolve(self) -> None:
+        """Step 6 in this process, without hosts; the next string is recorded."""
+        in_flight = self._now.in_flight
+        if not in_flight.events.visual:
+            return
+        host, fragments = self._host, self._composition.fragments
+        # `take` drops vanished fragments with their views. The others are assigned directly, so
+        # that views of unchanged fragments are not computed again.
+        host.take(m.Fragments({}, tuple(host.fragments.keys() - fragments.keys())))
+        host.fragments = dict(fragments)
+        world = self._world
+        request = m.EvolveRequest(self._now.frame, (_HERE,), visual=in_flight.events.visual)
+        context = Frame(self._now.frame, world.dt, world.seed)
+        reply = host.answer(request, context, Policy.SEQUENTIAL, world.vocabulary)  # π alone
+        in_flight.result.merge(reply, {})
+
+    def settle(self) -> bool:
+        """The recorded results are final."""
+        return True
+
+    def commit(self) -> None:
+        """Step 8: continue with the recorded string."""
+        self._now.in_flight.result.changed = self._slots.become(self._cursor.advance())
+        events = self._now.in_flight.events.ordered
+        self._out.add(
+            s.FrameDone(self._now.frame, frame_record(self._now, self._composition), events)
+        )
+        self._now.frame += 1
+        if not self.has_next():
+            self._inbox.sent = {RECORD: self._cursor.closing_events()}
+
+    def seek(self, frame: int) -> None:
+        """Continue with the string of another frame."""
+        self._slots.become(self._cursor.seek(frame))
+
+
+class ReplayAlgorithm(FrameAlgorithm):
+    """Runs the frames of a record.
+
+    The world ends with the recorded run. With `stay` it remains open at the end while a member is
+    present, because that member may seek backwards.
+    """
+
+    def __init__(
+        self, world: WorldSpec, cursor: FrameCursor, kinds: Kinds, *, stay: bool = False
+    ) -> None:
+        self._cursor = cursor
+        self._kinds = kinds
+        self._stay = stay
+        super().__init__(world)
+
+    def _parts(self) -> tuple[Inputs, Outcome, Answers]:
+        self._source = source = RecordedSource(
+            self._cursor, self._kinds, self.world, self.now, self.members, self.composition,
+            self.inbox, self.out,
+        )  # fmt: skip
+        ignored = Answers(
+            self._ignored,
+            self._ignored,
+            lambda _: "",
+            lambda _: None,
+            lambda _: None,
+            lambda _: None,
+            lambda _: False,
+        )
+        return source, source, ignored
+
+    def _ignored(self, reply: m.TickReply | m.EvolveReply) -> str:
+        self.members.get(reply.member).late += 1
+        return ""
+
+    def has_next(self) -> bool:
+        """Whether a frame follows."""
+        return self._source.has_next()
+
+    def why_over(self) -> str:
+        """Step 9: reason for the end if the recorded run is over and no member is present."""
+        stays = self._stay and self.members.active()
+        return "" if self.has_next() or stays else OVER
+
+    def announce(self) -> None:
+        """Step 10: announce the next frame, or log that the record is over."""
+        if self.has_next():
+            super().announce()
+        else:
+            self.out.log("replay", f"{OVER}; minerva seek FRAME goes back")
+
+    def on_seek(self, seek: s.Seek) -> None:
+        """Move to another frame and show its string immediately."""
+        if self.phase is not Phase.READY:
+            return
+        self._source.seek(seek.frame)
+        self.now.frame = seek.frame
+        self._look()
+        # A seek to the end may close the replay; one away from it begins frames again.
+        self.continue_or_close()
+
+    def _look(self) -> None:
+        """Show the current string to all devices."""
+        self.now.in_flight = FrameInFlight()
+        # As at the end of a world, all devices get a view, regardless of their rate.
+        self.now.in_flight.events.visual = self._source.visual(closing=True)
+        self._source.evolve()
+        self.show()
+
+    def members_changed(self, hello: m.Hello | None) -> None:
+        """Show a newcomer the current string; end the replay when the last viewer leaves."""
+        if self.phase is not Phase.READY:
+            return
+        if hello is not None:
+            if not set(self.views.event_types) >= set(hello.draws):
+                self._look()
+        elif not self.has_next() and not self.members.active():
+            self.close(OVER)
+
+
+class _Slots:
+    """Maps pieces of recorded strings to fragments, so that a frame costs only its changes."""
+
+    def __init__(self, composition: Composition, scene: Scene) -> None:
+        self._composition = composition
+        self._note(scene)
+
+    def become(self, scene: Scene) -> dict[str, Scene]:
+        """Replace the string of the composition; returns the changed fragments."""
+        before = dict(self._composition.fragments)
+        changed = self._changed(scene.pieces)
+        if changed is None:
+            self._composition.become(scene)
+            after = self._composition.fragments
+            changed = dict.fromkeys(before.keys() - after.keys(), EMPTY)
+            changed |= {n: Scene((new,)) for n, new in after.items() if before.get(n) is not new}
+            self._note(scene)
+        else:
+            self._composition.replace(changed)
+        self._pieces = scene.pieces
+        return changed
+
+    def _note(self, scene: Scene) -> None:
+        self._pieces = scene.pieces
+        names = {id(part): name for name, part in self._composition.parts.items()}
+        self._names: list[str] = []
+        # The composition holds the packed string. If packing makes other pieces, they do not
+        # correspond to fragments one to one, and each frame replaces the whole string.
+        if all(map(is_, self._composition.scene.pieces, scene.pieces)):
+            self._names = [_name(piece, names) for piece in scene.pieces]
+
+    def _changed(self, pieces: Iterable[Piece]) -> dict[str, Scene] | None:
+        """Fragments whose piece changed, or None if the string changed in other places too."""
+        after = tuple(pieces)
+        if len(after) != len(self._names):
+            return None
+        changed: dict[str, Scene] = {}
+        for name, old, new in zip(self._names, self._pieces, after, strict=True):
+            if old is new:
+                continue
+            if not name or type(old) is not type(new) or _name(new, {id(new): name}) != name:
+                return None
+            changed[name] = Scene((new,))
+        return changed
+
+
+def _name(piece: Piece, names: dict[int, str]) -> str:
+    """Name of the fragment that a piece is, or an empty string."""
+    if piece.ids is not None:
+        return names.get(id(piece), "")
+    return piece.id if isinstance(piece, AgentNode) else ""
