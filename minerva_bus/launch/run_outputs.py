@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.errors import RecordError
 from minerva_bus.files import text_of_path
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
+from minerva_bus.frame.world_state import StateToRecord
 from minerva_bus.launch.past import Resumed, differing
 from minerva_bus.launch.typed_text import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
@@ -43,7 +43,7 @@ class RunRecord(Sink):
     _failed: FileStatus | None = None
 
     def open(
-        self, file: WorldFile, algorithm: FrameAlgorithm, log: Callable[[str], None], again: bool
+        self, file: WorldFile, algorithm: StateToRecord, log: Callable[[str], None], again: bool
     ) -> None:
         """Record in a file; `again`: continue the record of a coordinator that was killed.
 
@@ -207,7 +207,7 @@ def _continued(description: Description, file: WorldFile) -> Description:
 
 
 def recording(
-    file: WorldFile, algorithm: FrameAlgorithm, log: Callable[[str], None], *, again: bool = False
+    file: WorldFile, algorithm: StateToRecord, log: Callable[[str], None], *, again: bool = False
 ) -> RunRecord:
     """The record that the settings request.
 
@@ -247,7 +247,7 @@ class CollectSink(Sink):
     def __init__(
         self,
         collecting: Collecting,
-        algorithm: FrameAlgorithm,
+        algorithm: StateToRecord,
         say: Callable[[str], None],
         *,
         again: bool = False,
@@ -336,7 +336,7 @@ def complete_tables(into: str, say: Callable[[str], None]) -> None:
 
 def collect_sink(
     collecting: Collecting,
-    algorithm: FrameAlgorithm,
+    algorithm: StateToRecord,
     say: Callable[[str], None],
     *,
     again: bool = False,

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.orders import OrderFates
+from minerva_bus.frame.world_state import RunningWorld
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.system import System
@@ -91,7 +91,7 @@ class WorldLog(Sink):
 
     def __init__(
         self,
-        algorithm: FrameAlgorithm,
+        algorithm: RunningWorld,
         show: Callable[[str, str, str], None],
         system: System,
         metrics: Metrics,
