@@ -4,7 +4,7 @@ all steps in their order     frame/algorithm.py
 steps 2 to 4, events         frame/collection.py
 steps 5, 6, 8, evolution     frame/evolution.py
 step 7, views                frame/views.py
-members come and go          frame/members.py
+members come and go          frame/member_lifecycle.py
 the side of a member         frame/member.py
 all messages                 frame/messages.py
 """
