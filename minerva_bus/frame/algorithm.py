@@ -23,7 +23,7 @@ from minerva_bus.frame.members import MemberChange, Members
 from minerva_bus.frame.norms import Norms
 from minerva_bus.frame.orders import OrderRules
 from minerva_bus.frame.placement import Placement
-from minerva_bus.frame.sources import Answers, Inputs, Outcome
+from minerva_bus.frame.sources import InputSteps, MemberAnswers, OutcomeSteps
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.views import Views, due_views
 from minerva_bus.frame.work import EventWork
@@ -152,15 +152,14 @@ class FrameAlgorithm:
         self.norms = Norms(world.norms, self.composition, world.vocabulary, counts)
         self.orders = OrderRules(world, self.now, self.members, self.composition)
         self.goal = WorldGoal(world, self.composition, self.members.saved)
-        self.shutdown = Shutdown()
         self.out = Instructions(self.members.declines_columns)
         self.inputs, self.outcome, self.answers = self._parts()
         self.lifecycle = MemberLifecycle(
-            world, self.now, self.members, self.placement, self.views, self.shutdown, self.out,
-            self.answers, self, self.orders.refusal_of_guest,
+            world, self.now, self.members, self.placement, self.views, self.out, self.answers, self,
+            self.orders.refusal_of_guest,
         )  # fmt: skip
 
-    def _parts(self) -> tuple[Inputs, Outcome, Answers]:
+    def _parts(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
         """What takes the events and results of frames from the members."""
         collection = CollectionStep(
             self.world, self.now, self.members, self.composition, self.inbox, self.norms,
@@ -170,7 +169,7 @@ class FrameAlgorithm:
             self.world, self.now, self.members, self.composition, self.placement, self.views,
             self.inbox, self.norms, self.out,
         )  # fmt: skip
-        answers = Answers(
+        answers = MemberAnswers(
             collection.tick_reply,
             evolution.reply,
             collection.emitted,
@@ -480,6 +479,11 @@ class FrameAlgorithm:
     def phase(self) -> Phase:
         """The phase of the world."""
         return self.now.phase
+
+    @property
+    def shutdown(self) -> Shutdown:
+        """The end of the world, for which members report."""
+        return self.lifecycle.shutdown
 
     @property
     def in_flight(self) -> FrameInFlight:

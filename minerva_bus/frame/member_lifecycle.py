@@ -18,7 +18,7 @@ from minerva_bus.frame.members import (
 )
 from minerva_bus.frame.messages import Figures
 from minerva_bus.frame.placement import Offers, Placement
-from minerva_bus.frame.sources import Answers
+from minerva_bus.frame.sources import MemberAnswers
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.views import Views
 
@@ -110,9 +110,8 @@ class MemberLifecycle:
         members: Members,
         placement: Placement,
         views: Views,
-        shutdown: Shutdown,
         out: Instructions,
-        answers: Answers,
+        answers: MemberAnswers,
         course: Course,
         refusal_of_guest: Callable[[m.Hello, Iterable[str]], str],
     ) -> None:
@@ -122,7 +121,7 @@ class MemberLifecycle:
         self._members = members
         self._placement = placement
         self._views = views
-        self._shutdown = shutdown
+        self.shutdown = Shutdown()
         self._out = out
         self._answers = answers
         self._course = course
@@ -143,7 +142,7 @@ class MemberLifecycle:
         member.blamed = False
         self._members.change(member, MemberChange.APPEARED)
         if self._now.phase in (Phase.STOPPING, Phase.ENDED):
-            self._out.send(member.name, m.Stop(self._shutdown.reason))
+            self._out.send(member.name, m.Stop(self.shutdown.reason))
         else:
             self._out.send(member.name, m.Greet())
 
@@ -164,7 +163,7 @@ class MemberLifecycle:
         # A host that joins while the generators answer can evolve agents in this frame already.
         in_time = self._now.phase is Phase.TICK and hello.kinds
         in_flight = self._now.in_flight
-        answers = member.name in in_flight.pending or member.name in self._shutdown.pending
+        answers = member.name in in_flight.pending or member.name in self.shutdown.pending
         awaited = answers or in_flight.requests.unassigned
         if between or in_time or awaited:
             self._admit(member, hello)
@@ -263,7 +262,7 @@ class MemberLifecycle:
             return
         if self._now.phase is Phase.STOPPING:
             # Its report is still awaited: the disappearance of the token may overtake it.
-            self._shutdown.depart(member.name)
+            self.shutdown.depart(member.name)
         elif self._now.phase is not Phase.ENDED:
             # The change precedes the log line, so that the offers are without this host. `_lose`
             # follows it, because the line is about the placement from before.
@@ -298,7 +297,7 @@ class MemberLifecycle:
             self._members.change(member, MemberChange.WENT)
             self._out.log(member.name, "has left")
             self._continue_without(member)
-            self._shutdown.report(member.name, {})  # It sends no report.
+            self.shutdown.report(member.name, {})  # It sends no report.
         self._course.start_if_complete()
 
     def gave_up(self, gave_up: s.Abandoned) -> None:

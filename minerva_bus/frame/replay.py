@@ -22,7 +22,7 @@ from minerva_bus.frame.host_side import Host
 from minerva_bus.frame.in_flight import FrameInFlight, Phase, Progress
 from minerva_bus.frame.inputs import DEVICES, RecordedFrame
 from minerva_bus.frame.members import Members
-from minerva_bus.frame.sources import Answers, Inputs, Outcome
+from minerva_bus.frame.sources import InputSteps, MemberAnswers, OutcomeSteps
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.events import AnyEvent
@@ -65,7 +65,7 @@ class FrameCursor(Protocol):
 
 
 class RecordedSource:
-    """Inputs and outcome of recorded frames: strings are read, views computed in this process."""
+    """Recorded frames: strings are read, and views are computed in this process."""
 
     def __init__(
         self,
@@ -165,12 +165,12 @@ class ReplayAlgorithm(FrameAlgorithm):
         self._stay = stay
         super().__init__(world)
 
-    def _parts(self) -> tuple[Inputs, Outcome, Answers]:
+    def _parts(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
         self._source = source = RecordedSource(
             self._cursor, self._kinds, self.world, self.now, self.members, self.composition,
             self.inbox, self.out,
         )  # fmt: skip
-        ignored = Answers(
+        ignored = MemberAnswers(
             self._ignored,
             self._ignored,
             lambda _: "",

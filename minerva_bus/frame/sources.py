@@ -14,7 +14,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.members import MemberEntry
 
 
-class Inputs(Protocol):
+class InputSteps(Protocol):
     """Steps 2 to 4 of Table 2."""
 
     def begin(self) -> None:
@@ -26,7 +26,7 @@ class Inputs(Protocol):
         ...
 
 
-class Outcome(Protocol):
+class OutcomeSteps(Protocol):
     """Steps 5, 6 and 8 of Table 2."""
 
     def evolve(self) -> None:
@@ -43,7 +43,7 @@ class Outcome(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Answers:
+class MemberAnswers:
     """What accepts the answers of members and the orders of people, and repeats requests.
 
     `tick_reply`, `evolve_reply` and `emitted` return the reason if a message violates the protocol,

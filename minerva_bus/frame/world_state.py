@@ -14,7 +14,7 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 
 
-class RunningWorld(Protocol):
+class WorldProgress(Protocol):
     """What pacing, metrics and displays read: how far a world is, and with whom."""
 
     @property

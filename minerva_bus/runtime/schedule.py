@@ -12,7 +12,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.in_flight import Phase
 from minerva_bus.frame.pace import Overruns, Pace, ViewClock, real_period
-from minerva_bus.frame.world_state import RunningWorld
+from minerva_bus.frame.world_state import WorldProgress
 from minerva_bus.runtime.runner import Sink
 
 _BEGIN: Final = s.Begin()
@@ -36,7 +36,7 @@ class FrameSchedule(Sink):
 
     def __init__(
         self,
-        algorithm: RunningWorld,
+        algorithm: WorldProgress,
         rate: float,
         clock: Callable[[], float],
         notify: Callable[[str], None],

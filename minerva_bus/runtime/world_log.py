@@ -15,7 +15,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.orders import OrderFates
-from minerva_bus.frame.world_state import RunningWorld
+from minerva_bus.frame.world_state import WorldProgress
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.system import System
@@ -91,7 +91,7 @@ class WorldLog(Sink):
 
     def __init__(
         self,
-        algorithm: RunningWorld,
+        algorithm: WorldProgress,
         show: Callable[[str, str, str], None],
         system: System,
         metrics: Metrics,
