@@ -19,7 +19,7 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
-from minerva_bus.world.order import Order, collect
+from minerva_bus.world.priority import Priority, collect
 
 
 class Phase(Enum):
@@ -213,7 +213,7 @@ class FrameInFlight:
     stages: Iterator[Events] = _NO_STAGES
 
     def leave_out(
-        self, sources: Sequence[str], order: Order, types: Mapping[str, EventType]
+        self, sources: Sequence[str], order: Priority, types: Mapping[str, EventType]
     ) -> None:
         """Leave all events of some sources out of the frame; its inputs keep them apart."""
         events = self.events

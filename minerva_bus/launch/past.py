@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, MisuseError, RecordError, WorldFileError
 from minerva_bus.files import path_of_text
-from minerva_bus.frame.algorithm import GIVEN_UP, FrameAlgorithm
+from minerva_bus.frame.algorithm import GIVEN_UP, WorldGoal
+from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import HALTED, Checkpoint
 from minerva_bus.frame.messages import ViewShown
@@ -242,11 +243,12 @@ def _used(vocabulary: Vocabulary) -> dict[str, Any]:
 
 def check_unfinished(world: WorldSpec, path: Path) -> None:
     """Raises MinervaError if the run is over."""
-    algorithm = FrameAlgorithm(world)
-    if algorithm.composition.empty:
+    composition = Composition(world.scene)
+    finished = WorldGoal(world, composition, dict(world.past.saved)).finished
+    if composition.empty:
         raise MinervaError(f"{path}: this run is over: its string is empty")
-    if algorithm.finished:
-        raise MinervaError(f"{path}: this run is over: {algorithm.finished}; --until '' continues")
+    if finished:
+        raise MinervaError(f"{path}: this run is over: {finished}; --until '' continues")
     if world.frames and world.past.frame >= world.frames:
         raise MinervaError(
             f"{path}: this run is over after {world.past.frame} frames; --frames N continues to"

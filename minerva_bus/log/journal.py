@@ -27,9 +27,9 @@ from typing import Any, Final
 
 from minerva_bus.errors import BusError, Followed
 from minerva_bus.files import replacing
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.frame.world_state import StateToRecord
 from minerva_bus.log.entries import (
     FORMAT,
     EventsBySource,
@@ -65,7 +65,7 @@ class Journal:
     """
 
     def __init__(
-        self, path: Path, epoch: int, algorithm: FrameAlgorithm, description: bytes = b""
+        self, path: Path, epoch: int, algorithm: StateToRecord, description: bytes = b""
     ) -> None:
         self.path = path
         self._epoch = epoch

@@ -15,7 +15,6 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.world_state import StateToRecord
 from minerva_bus.log.entries import (
     FORMAT,
     EntryDecoder,
@@ -204,14 +203,6 @@ def _take(entry: bytes, journaled: Journaled, decoder: EntryDecoder) -> None:
 
 
 # --- continuing ---
-
-
-def repeat_frames(
-    journaled: Journaled, watch: Callable[[s.FrameDone, StateToRecord], None]
-) -> None:
-    """Repeat the frames since the keyframe; `watch` receives each of them. Raises ProtocolError."""
-    algorithm = FrameAlgorithm(journaled.world)
-    resume_from(journaled, algorithm, lambda done: watch(done, algorithm))
 
 
 def resume_from(

@@ -19,7 +19,8 @@ from typing import Any, Final, ParamSpec, TypeVar
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
+from minerva_bus.frame.in_flight import Phase
+from minerva_bus.frame.world_state import WorldProgress
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number
@@ -197,7 +198,7 @@ class Metrics(Sink):
     """
 
     def __init__(
-        self, algorithm: FrameAlgorithm, clock: Callable[[], float], keep: bool = False
+        self, algorithm: WorldProgress, clock: Callable[[], float], keep: bool = False
     ) -> None:
         self.on = self.follows = self._keep = keep
         self.wanted = False

@@ -41,10 +41,6 @@ from minerva_bus.frame.members import MemberEntry
 from minerva_bus.frame.orders import (
     OrderFates,
     listed,
-    refusal_of_order,
-    too_much_work,
-    unknown_value,
-    without_effect,
 )
 from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.work import MAX_SINGLE_EVENTS
@@ -230,13 +226,13 @@ def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]
         for event in batch:
             _send(running, event, person, known)
     else:
-        refusal = refusal_of_order(algorithm, batch.type)
+        refusal = algorithm.orders.refusal_of_order(batch.type)
         if refusal:
             raise ProtocolError(refusal)
         missing = algorithm.composition.first_missing(batch.receivers)
         if missing is not None:
             raise ProtocolError(_no_agent(running, missing))
-        refusal = too_much_work(algorithm, batch, person)
+        refusal = algorithm.inbox.too_much_work(batch, person)
         if refusal:
             raise ProtocolError(refusal)
         running.runner.handle(s.Publish(batch, person))
@@ -261,13 +257,13 @@ def _send(
     for receiver in event.receivers:
         if receiver not in homes:
             raise ProtocolError(_no_agent(running, receiver))
-    refusal = refusal_of_order(algorithm, event.type)
-    refusal = refusal or unknown_value(algorithm, event, known)
-    refusal = refusal or too_much_work(algorithm, event, person)
+    refusal = algorithm.orders.refusal_of_order(event.type)
+    refusal = refusal or algorithm.orders.unknown_value(event, known)
+    refusal = refusal or algorithm.inbox.too_much_work(event, person)
     if refusal:
         raise ProtocolError(refusal)
     takers = algorithm.members.takers(event.type)
-    note = without_effect(algorithm, event)
+    note = algorithm.orders.without_effect(event)
     number = running.orders.arrive(event, person, algorithm.frame)
     running.runner.handle(s.Publish(event, person))
     return {
@@ -449,7 +445,8 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
 
 
 def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    member, offers = as_text(asked.get("member"), "the member"), running.algorithm.offers()
+    member, algorithm = as_text(asked.get("member"), "the member"), running.algorithm
+    offers = algorithm.members.allowed_offers(algorithm.world.placement)
     if member not in offers:
         hosts = ", ".join(offers) or "none"
         raise ProtocolError(f"{member[:64]!r} hosts no agents now; hosts are {hosts}")

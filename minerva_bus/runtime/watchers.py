@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import zenoh
 
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.pace import Pace
+from minerva_bus.frame.world_state import WorldProgress
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.world.operator import FileStatus, PersonOperation
 
@@ -39,7 +39,7 @@ class Status:
 class StatusMeter(Sink):
     """Frame rate and number of members. `waited` is the waiting time of the current step."""
 
-    def __init__(self, algorithm: FrameAlgorithm, pace: Pace, now: float) -> None:
+    def __init__(self, algorithm: WorldProgress, pace: Pace, now: float) -> None:
         self.hz = 0.0
         self.waited = 0.0
         self.most_members = 0
