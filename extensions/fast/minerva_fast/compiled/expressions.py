@@ -50,22 +50,75 @@ from minerva_fast.compiled.origin import CHOICES, EXPRESSIONS, MISSING, REAL_EVE
 
 INT_BITS: Final = 2**63
 """Ints of machine code are below this."""
+_EXACT: Final = 2**53
+_WITH_FAULTS: Final[dict[type[ast.operator], tuple[str, ValueKind]]] = {
+    ast.Add: ("add", ValueKind.INT),
+    ast.Sub: ("subtract", ValueKind.INT),
+    ast.Mult: ("multiply", ValueKind.INT),
+    ast.Div: ("divide_ints", ValueKind.REAL),
+    ast.FloorDiv: ("floor_divide", ValueKind.INT),
+    ast.Mod: ("modulo", ValueKind.INT),
+    ast.Pow: ("power_of_ints", ValueKind.INT),
+    ast.LShift: ("shift_left", ValueKind.INT),
+    ast.RShift: ("shift_right", ValueKind.INT),
+}
+"""Operators of two ints: a function of `library`, and the kind of its result."""
+_BITS: Final[dict[type[ast.operator], str]] = {ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^"}
+_PLAIN: Final[dict[type[ast.operator], str]] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
+_OF_REALS: Final[dict[type[ast.operator], str]] = {
+    ast.Div: "divide",
+    ast.FloorDiv: "floor_divide_reals",
+    ast.Mod: "modulo_reals",
+    ast.Pow: "power",
+}
+_OF_MIXED: Final[dict[type[ast.operator], str]] = {
+    ast.Add: "add_mixed",
+    ast.Sub: "subtract_mixed",
+    ast.Mult: "multiply_mixed",
+    ast.FloorDiv: "floor_divide_mixed",
+    ast.Mod: "modulo_mixed",
+    ast.Pow: "power_mixed",
+}
+"""Operators of two numbers of which both may be ints and one may be a real."""
+_TABLE: Final = 10_000
+Nested: TypeAlias = "Constant | tuple[Nested, ...]"
+"""A constant, or a tuple of constants, or of such tuples."""
+Column: TypeAlias = tuple[ast.expr, str, ValueKind, int]
+"""A name that takes the items of a sequence in turn: the sequence, its kind and its length."""
+_COMPARISONS: Final[dict[type[ast.cmpop], str]] = {
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+}
 
 
-class References:
-    """Resolves the names of one function."""
+class Expressions:
+    """Checks the expressions of one function."""
 
     def __init__(self, method: Method, scope: LocalNames) -> None:
         self.method = method
         self.scope = scope
+        self._checks: dict[type[ast.AST], Callable[[Any], Expression]] = {
+            ast.Constant: self._constant,
+            ast.Name: self._name,
+            ast.Attribute: self._attribute,
+            ast.BinOp: self._operation,
+            ast.UnaryOp: self._unary,
+            ast.BoolOp: self._logic,
+            ast.Compare: self._comparison,
+            ast.IfExp: self._choice,
+            ast.Call: self._call,
+            ast.Subscript: self._item,
+        }
+
+    # --- names ---
 
     def problem(self, node: ast.AST, what: str, instead: str = "") -> NotCompilable:
         """The error of a part of the function."""
         return self.scope.origin.problem(node, what, instead)
-
-    def value(self, node: ast.expr) -> Expression:
-        """The checked form of an expression."""
-        raise NotImplementedError
 
     def text(self, text: str) -> Constant:
         """A constant text as its code."""
@@ -292,44 +345,7 @@ class References:
         self.method.data[name] = kind
         return Item(kind, f"d_{name}", 0, event.place)
 
-
-_EXACT: Final = 2**53
-
-_WITH_FAULTS: Final[dict[type[ast.operator], tuple[str, ValueKind]]] = {
-    ast.Add: ("add", ValueKind.INT),
-    ast.Sub: ("subtract", ValueKind.INT),
-    ast.Mult: ("multiply", ValueKind.INT),
-    ast.Div: ("divide_ints", ValueKind.REAL),
-    ast.FloorDiv: ("floor_divide", ValueKind.INT),
-    ast.Mod: ("modulo", ValueKind.INT),
-    ast.Pow: ("power_of_ints", ValueKind.INT),
-    ast.LShift: ("shift_left", ValueKind.INT),
-    ast.RShift: ("shift_right", ValueKind.INT),
-}
-"""Operators of two ints: a function of `library`, and the kind of its result."""
-
-_BITS: Final[dict[type[ast.operator], str]] = {ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^"}
-_PLAIN: Final[dict[type[ast.operator], str]] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
-_OF_REALS: Final[dict[type[ast.operator], str]] = {
-    ast.Div: "divide",
-    ast.FloorDiv: "floor_divide_reals",
-    ast.Mod: "modulo_reals",
-    ast.Pow: "power",
-}
-
-_OF_MIXED: Final[dict[type[ast.operator], str]] = {
-    ast.Add: "add_mixed",
-    ast.Sub: "subtract_mixed",
-    ast.Mult: "multiply_mixed",
-    ast.FloorDiv: "floor_divide_mixed",
-    ast.Mod: "modulo_mixed",
-    ast.Pow: "power_mixed",
-}
-"""Operators of two numbers of which both may be ints and one may be a real."""
-
-
-class Arithmetic(References):
-    """Checks operators and conversions of numbers."""
+    # --- arithmetic ---
 
     def truth(self, node: ast.expr) -> Expression:
         """An expression as a condition."""
@@ -492,18 +508,7 @@ class Arithmetic(References):
             return self.fault(ValueKind.INT, "subtract", Constant(ValueKind.INT, 0), operand)
         return UnaryOperation(ValueKind.REAL, "-", operand)
 
-
-_TABLE: Final = 10_000
-
-Nested: TypeAlias = "Constant | tuple[Nested, ...]"
-"""A constant, or a tuple of constants, or of such tuples."""
-
-Column: TypeAlias = tuple[ast.expr, str, ValueKind, int]
-"""A name that takes the items of a sequence in turn: the sequence, its kind and its length."""
-
-
-class Sequences(Arithmetic):
-    """Checks items of sequences, and values that are looked for in them."""
+    # --- sequences ---
 
     def _item(self, node: ast.Subscript) -> Expression:
         sequence = self.sequence(node.value)
@@ -629,34 +634,7 @@ class Sequences(Arithmetic):
             node, "`in` of something else than a tuple", 'write the values: x in ("a", "b")'
         )
 
-
-_COMPARISONS: Final[dict[type[ast.cmpop], str]] = {
-    ast.Eq: "==",
-    ast.NotEq: "!=",
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
-}
-
-
-class Expressions(Sequences):
-    """Checks the expressions of one function."""
-
-    def __init__(self, method: Method, scope: LocalNames) -> None:
-        super().__init__(method, scope)
-        self._checks: dict[type[ast.AST], Callable[[Any], Expression]] = {
-            ast.Constant: self._constant,
-            ast.Name: self._name,
-            ast.Attribute: self._attribute,
-            ast.BinOp: self._operation,
-            ast.UnaryOp: self._unary,
-            ast.BoolOp: self._logic,
-            ast.Compare: self._comparison,
-            ast.IfExp: self._choice,
-            ast.Call: self._call,
-            ast.Subscript: self._item,
-        }
+    # --- values ---
 
     def value(self, node: ast.expr) -> Expression:
         """The checked form of an expression. Raises NotCompilable."""

@@ -59,9 +59,25 @@ from minerva_fast.compiled.names import (
 )
 from minerva_fast.compiled.origin import EXPRESSIONS, STATEMENTS, Origin
 
+MAX_ITEMS: Final = 1_000
+"""Maximum length of a local list."""
+_VARIABLE: Final = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
+_ZERO = Constant(ValueKind.INT, 0)
+Taken: TypeAlias = tuple[ast.expr, Expression]
+"""A name of a loop, and the value that it takes in each turn."""
 
-class DeclaredValues(Expressions):
-    """Checks the values that a method gives for declared fields."""
+
+class Statements(Expressions):
+    """Checks the statements of one function."""
+
+    def __init__(self, method: Method, scope: LocalNames) -> None:
+        super().__init__(method, scope)
+        self._repeated: set[int] = set()
+        """Outputs of newborns in loops."""
+        self._breaks: list[set[str] | None] = []
+        """Of each loop around a statement, the variables that have a value at its breaks."""
+
+    # --- values of declared types ---
 
     def _held(self, value: Expression) -> tuple[Variable, Statement]:
         """A value in a variable of the generated function."""
@@ -162,15 +178,6 @@ class DeclaredValues(Expressions):
             real = self.fault(ValueKind.MIXED, "exact", value)
             return Call(ValueKind.BOOL, "within", (real, *ends))
         return None
-
-
-class Outputs(DeclaredValues):
-    """Checks what a method returns and emits."""
-
-    def __init__(self, method: Method, scope: LocalNames) -> None:
-        super().__init__(method, scope)
-        self._repeated: set[int] = set()
-        """Outputs of newborns in loops."""
 
     # --- calls as statements ---
 
@@ -399,20 +406,7 @@ class Outputs(DeclaredValues):
             raise self.problem(given[0], "this kind of child", "name an agent class")
         return cls
 
-
-def _summands(node: ast.expr) -> list[ast.expr]:
-    """The parts of a sum, from left to right."""
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
-        return [*_summands(node.left), *_summands(node.right)]
-    return [node]
-
-
-MAX_ITEMS: Final = 1_000
-"""Maximum length of a local list."""
-
-
-class Assignments(Outputs):
-    """Checks the assignments of one function."""
+    # --- assignments ---
 
     def _assign(self, node: ast.Assign) -> list[Statement]:
         if len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
@@ -604,25 +598,7 @@ class Assignments(Outputs):
             made.append(SetItem(f"l_{name}", length, Constant(ValueKind.INT, index), value))
         return made
 
-
-def _loaded(target: ast.expr) -> ast.expr:
-    """The expression that reads what an assignment writes."""
-    text = ast.unparse(target)
-    read = ast.parse(text, mode="eval").body
-    for node in ast.walk(read):
-        ast.copy_location(node, target)
-    return read
-
-
-_VARIABLE: Final = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
-
-
-class HelperCalls(Assignments):
-    """Checks the calls of user code in one function."""
-
-    def checked(self, method: Method, scope: LocalNames) -> list[Statement]:
-        """The checked statements of a function that is called."""
-        raise NotImplementedError
+    # --- calls of user code ---
 
     def helper(
         self, node: ast.Call, function: FunctionType, bound: tuple[Reference, ...]
@@ -689,7 +665,7 @@ class HelperCalls(Assignments):
         kinds = {n: v.kind for n, v in given.items() if not isinstance(v, Reference)}
         origin = Origin.of(function)
         scope = LocalNames(origin, references, dict(kinds), assigned=set(kinds), helper=True)
-        body = self.checked(method, scope)
+        body = Statements(method, scope).function()
         method.calling.remove(function)
         slots = [Slot(f"v_{name}", scope.kinds[name]) for name in kinds]
         slots += [Slot(name, each.kind) for name, each in sorted(scope.reads.items())]
@@ -698,24 +674,7 @@ class HelperCalls(Assignments):
         method.helpers[key] = made
         return made
 
-
-_ZERO = Constant(ValueKind.INT, 0)
-
-Taken: TypeAlias = tuple[ast.expr, Expression]
-"""A name of a loop, and the value that it takes in each turn."""
-
-
-class Loops(HelperCalls):
-    """Checks the loops of one function."""
-
-    def __init__(self, method: Method, scope: LocalNames) -> None:
-        super().__init__(method, scope)
-        self._breaks: list[set[str] | None] = []
-        """Of each loop around a statement, the variables that have a value at its breaks."""
-
-    def block(self, nodes: Sequence[ast.stmt]) -> list[Statement]:
-        """The checked form of statements."""
-        raise NotImplementedError
+    # --- loops ---
 
     def _jump(self, node: ast.AST, jump: Jump) -> list[Statement]:
         if jump is Jump.BREAK:
@@ -871,16 +830,7 @@ class Loops(HelperCalls):
         start, stop = (Variable(ValueKind.INT, name) for name in ("e_begin", "e_end"))
         return [Count(counter, start, stop, 1, body, self._else(node, before, left))]
 
-
-def both(first: set[str] | None, second: set[str] | None) -> set[str] | None:
-    """Variables that have a value on both paths; None is a path that is not taken."""
-    if first is None or second is None:
-        return second if first is None else first
-    return first & second
-
-
-class Statements(Loops):
-    """Checks the statements of one function."""
+    # --- blocks and branches ---
 
     def _checks_of_statements(self) -> Mapping[type[ast.AST], Callable[[Any], list[Statement]]]:
         return {
@@ -899,10 +849,6 @@ class Statements(Loops):
             ast.Raise: lambda node: self._fault(),
             ast.Assert: self._assert,
         }
-
-    def checked(self, method: Method, scope: LocalNames) -> list[Statement]:
-        """The checked statements of a function that is called."""
-        return Statements(method, scope).function()
 
     def function(self) -> list[Statement]:
         """The statements of the function, once the kinds of its variables are known."""
@@ -964,3 +910,26 @@ class Statements(Loops):
         otherwise = self.block(node.orelse)
         self.scope.assigned = both(after_then, self.scope.assigned)
         return [If(test, then, otherwise)]
+
+
+def _summands(node: ast.expr) -> list[ast.expr]:
+    """The parts of a sum, from left to right."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return [*_summands(node.left), *_summands(node.right)]
+    return [node]
+
+
+def _loaded(target: ast.expr) -> ast.expr:
+    """The expression that reads what an assignment writes."""
+    text = ast.unparse(target)
+    read = ast.parse(text, mode="eval").body
+    for node in ast.walk(read):
+        ast.copy_location(node, target)
+    return read
+
+
+def both(first: set[str] | None, second: set[str] | None) -> set[str] | None:
+    """Variables that have a value on both paths; None is a path that is not taken."""
+    if first is None or second is None:
+        return second if first is None else first
+    return first & second
