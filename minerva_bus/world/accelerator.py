@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError
 from minerva_bus.user_code import handler_name
-from minerva_bus.world.class_declaration import COMPILED, POPULATION, marked
+from minerva_bus.world.class_declaration import COMPILED, marked
 
 if TYPE_CHECKING:
     import numpy as np
@@ -84,7 +84,7 @@ def accelerated(cls: Any, default: Mode = False) -> tuple[Accelerator | None, li
 
     `default` is the mode of methods and views that are not marked. Raises NotCompilable.
     """
-    methods, views = _modes(cls, default), _modes_of_views(cls, default)
+    methods, views = _modes(cls, default)
     if not methods and not views:
         return None, []
     installed = entries(ACCELERATORS)
@@ -107,28 +107,27 @@ def compile_all(cls: Any, mode: Mode) -> list[str]:
     Returns why methods are not compiled, for `mode` "if possible". Raises NotCompilable for True.
     """
     own, reasons = cls.accelerator, list[str]()
-    compiled = (set[str](), set[str]()) if own is None else ({*own.methods}, {*own.views})
-    if ({*_modes(cls, mode)}, {*_modes_of_views(cls, mode)}) != compiled:
+    compiled = [set[str](), set[str]()] if own is None else [{*own.methods}, {*own.views}]
+    if [{*modes} for modes in _modes(cls, mode)] != compiled:
         cls.accelerator, reasons = accelerated(cls, mode)
     return reasons
 
 
-def _modes(cls: Any, default: Mode) -> dict[str, Mode]:
-    """How the methods for one agent that are to be compiled are, by event type."""
-    modes: dict[str, Mode] = {}
-    for event_type, function in sorted(cls.activities.items()):
-        # Methods for populations are activities of one agent by a wrapper.
-        if not getattr(getattr(function, "__wrapped__", None), POPULATION, False):
-            mark: Mode = getattr(marked(cls, event_type, function), COMPILED, False)
-            modes[event_type] = mark or default
-    return {event_type: mode for event_type, mode in modes.items() if mode}
-
-
-def _modes_of_views(cls: Any, default: Mode) -> dict[str, Mode]:
-    """How the views for one agent that are to be compiled are, by event type."""
-    modes: dict[str, Mode] = {
+def _modes(cls: Any, default: Mode) -> tuple[dict[str, Mode], dict[str, Mode]]:
+    """The modes of the methods and of the views for one agent, without False, by event type."""
+    # Methods for populations are activities of one agent by a wrapper.
+    methods = {
+        event_type: getattr(marked(cls, event_type, function), COMPILED, False) or default
+        for event_type, function in sorted(cls.activities.items())
+        if event_type not in cls.population
+    }
+    views = {
         event_type: getattr(function, COMPILED, False) or default
         for event_type, function in sorted(cls.views.items())
         if event_type not in cls.population_views
     }
+    return _wanted(methods), _wanted(views)
+
+
+def _wanted(modes: dict[str, Mode]) -> dict[str, Mode]:
     return {event_type: mode for event_type, mode in modes.items() if mode}

@@ -245,7 +245,3 @@ class BatchContext(InFrame):
 
         """
         self._population._emit(event, where)  # pyright: ignore[reportPrivateUsage]
-
-
-Moment = Context
-"""Former name."""

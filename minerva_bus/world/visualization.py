@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from typing import cast
 
 import numpy as np
@@ -86,11 +86,7 @@ def _view(cls: type[Agent], node: AgentNode, event: Event, frame: int) -> Scene:
     shown = identities(node.scope)  # skipped: already of L(E), and possibly very deep
     show = cls.views[event.type]
     try:
-        result = returned(show(cls.thaw(node), event))
-        left = next(agents(result, shown), None)
-        if left is not None:
-            raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")
-        return result
+        return returned(show(cls.thaw(node), event), shown)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
@@ -140,8 +136,11 @@ def _willing(part: Columns, event: Event) -> Rows | None:
     return None if willing.all() else np.flatnonzero(willing)
 
 
-def returned(shown: object) -> Scene:
-    """The result of a view method, if it is a string. Raises TypeError."""
+def returned(shown: object, skipped: Container[int] = ()) -> Scene:
+    """The result of a view method, if it is a string of L(E), except for the skipped nodes.
+
+    Raises TypeError for another object, and MisuseError for a string with an agent.
+    """
     if shown is None:
         raise TypeError("a view returns a string, not None; to show nothing, return EMPTY")
     if not isinstance(shown, Scene):
@@ -149,15 +148,15 @@ def returned(shown: object) -> Scene:
             f"a view returns a string, not {shown!r:.200}; call a primitive once and a"
             " transformation twice to get a string"
         )
+    left = next(agents(shown, skipped), None)
+    if left is not None:
+        raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")
     return shown
 
 
 def one_each(result: object, count: int) -> Scene:
     """A string with a node for each of `count` agents, or with equal nodes for all."""
     shown = returned(result)
-    left = next(agents(shown), None)
-    if left is not None:
-        raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")
     pieces = shown.pieces
     if not pieces:
         return EMPTY
