@@ -37,7 +37,7 @@ from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.log.journaled import read_journal, resume_from
+from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.log.record import Record
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from minerva_bus.errors import RecordError
-from minerva_bus.log.journaled import keyframes_in
+from minerva_bus.log.journal import keyframes_in
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import open_for_record
 from tests.log.recorded_runs import bytes_of, record_of, strings_of

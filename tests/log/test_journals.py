@@ -9,8 +9,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.launch.coordinator_process import next_epoch
 from minerva_bus.log import journal
-from minerva_bus.log.journal import Journal
-from minerva_bus.log.journaled import read_journal
+from minerva_bus.log.journal import Journal, read_journal
 from minerva_bus.wire.codec import stamp, stamped
 
 INPUTS = FrameInputs(0, (), {}, {}, (), (), {})

@@ -12,8 +12,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import FrameDone, Publish
 from minerva_bus.log import journal
 from minerva_bus.log.entries import Kept, encode_checkpoint
-from minerva_bus.log.journal import Journal
-from minerva_bus.log.journaled import read_journal, resume_from
+from minerva_bus.log.journal import Journal, read_journal, resume_from
 from minerva_bus.log.record_header import Description, encode_description
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
