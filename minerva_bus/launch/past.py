@@ -35,7 +35,7 @@ from minerva_bus.world.visualization import visualize
 if TYPE_CHECKING:
     from minerva_bus.log.entries import Keyframe
     from minerva_bus.log.record import Record
-    from minerva_bus.log.record_header import Description
+    from minerva_bus.log.record_header import RecordHeader
 
 
 WorldSource: TypeAlias = str | Callable[[Overrides], WorldFile]
@@ -122,7 +122,7 @@ def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
 # --- the world file of a record ---
 
 
-def find_file(world: str, description: Description, wanted: str) -> Path:
+def find_file(world: str, description: RecordHeader, wanted: str) -> Path:
     """The world file that the command line names, or that of the record's run.
 
     `wanted` is the command that names a file that has moved. Raises WorldFileError.
@@ -137,7 +137,7 @@ def find_file(world: str, description: Description, wanted: str) -> Path:
 
 
 def read_source(
-    world: WorldSource, description: Description, wanted: str, given: Overrides
+    world: WorldSource, description: RecordHeader, wanted: str, given: Overrides
 ) -> WorldFile:
     """The world that has the code of a record; see `find_file`. Raises WorldFileError."""
     if not isinstance(world, str):
@@ -146,7 +146,7 @@ def read_source(
 
 
 def world_file_of(
-    path: Path, world: WorldSource, description: Description, given: Overrides
+    path: Path, world: WorldSource, description: RecordHeader, given: Overrides
 ) -> WorldFile:
     """The world file with the code of a record's agents."""
     wanted = f"minerva replay {path} WORLD"
@@ -158,7 +158,7 @@ def world_file_of(
     return file
 
 
-def completed(overrides: Overrides, description: Description) -> Overrides:
+def completed(overrides: Overrides, description: RecordHeader) -> Overrides:
     """The settings of the command line, over those of the record.
 
     A requested view chooses its own rate.
@@ -175,7 +175,7 @@ def completed(overrides: Overrides, description: Description) -> Overrides:
     return overrides.over(recorded)
 
 
-def _options(description: Description) -> dict[str, str]:
+def _options(description: RecordHeader) -> dict[str, str]:
     """The declared options of a run whose values differ from those in its world file."""
     try:
         table = Table(read_toml(description.file), "", description.file, description.path).table(

@@ -71,7 +71,7 @@ from minerva_bus.world.priority import collect
 from minerva_bus.world.services import Generator, Service
 
 if TYPE_CHECKING:
-    from minerva_bus.log.record_header import Description
+    from minerva_bus.log.record_header import RecordHeader
 
 SIDES: Final = ("the record", "this run")
 RECORDED: Final = "~record"
@@ -166,7 +166,7 @@ def read_replay(
     return Replay(shown, partial(replay_coordinator, path, kinds_in(file), stay))
 
 
-def _name(overrides: Overrides, description: Description) -> str:
+def _name(overrides: Overrides, description: RecordHeader) -> str:
     # Another name, because the original world may run on this machine.
     return checked_name(
         overrides.values.get("name") or f"{description.world.name}-replay", "a world"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from minerva_bus.collect.table_parts import TableParts
     from minerva_bus.collect.tables import DataTable, Writer
     from minerva_bus.log.record import Record
-    from minerva_bus.log.record_header import Description
+    from minerva_bus.log.record_header import RecordHeader
     from minerva_bus.log.recorder import Recorder
 
 SAVE_SECONDS: Final = 5.0
@@ -78,7 +78,7 @@ class RunRecord(Sink):
     def _record(
         self,
         file: WorldFile,
-        description: Description,
+        description: RecordHeader,
         past: Record | None = None,
         *,
         keep_old: bool = True,
@@ -163,13 +163,13 @@ class RunRecord(Sink):
         return time.monotonic() - self._began
 
 
-def description_of(file: WorldFile) -> Description:
+def description_of(file: WorldFile) -> RecordHeader:
     """The description of a run that begins now."""
-    from minerva_bus.log.record_header import Description
+    from minerva_bus.log.record_header import RecordHeader
 
     options = {name: option_text(value) for name, value in file.options.items()}
     began, path = _wall_time(), text_of_path(file.path)
-    return Description(file.world, file.text, file.rate, options, began=began, path=path)
+    return RecordHeader(file.world, file.text, file.rate, options, began=began, path=path)
 
 
 def _wall_time() -> int:
@@ -185,7 +185,7 @@ def _origin(file: WorldFile, again: bool) -> Path | None:
     return file.origin if isinstance(file, Resumed) else None
 
 
-def _continued(description: Description, file: WorldFile) -> Description:
+def _continued(description: RecordHeader, file: WorldFile) -> RecordHeader:
     """Description of a continued record; name and end of the world may have changed."""
     now = file.world
     world = replace(

@@ -45,7 +45,7 @@ from minerva_bus.log.entries import (
     plain_by_source,
     unpacked,
 )
-from minerva_bus.log.record_header import Description, decode_description
+from minerva_bus.log.record_header import RecordHeader, decode_header
 from minerva_bus.outputs import is_stream, replacing
 from minerva_bus.wire.plain import as_int, as_map, as_number, as_text, as_texts, pack
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
@@ -289,7 +289,7 @@ def keyframes_in(path: Path) -> list[int]:
         return [entry_number(entry) for entry in _entries(_bytes(path)) if _is_keyframe(entry)]
 
 
-def read_described(path: Path, begin: int = 0) -> tuple[Description, Journaled]:
+def read_described(path: Path, begin: int = 0) -> tuple[RecordHeader, Journaled]:
     """Description and contents of the journal of a world that may be running.
 
     The contents start at the last keyframe that is not after frame `begin`, or at the first.
@@ -300,7 +300,7 @@ def read_described(path: Path, begin: int = 0) -> tuple[Description, Journaled]:
     if len(entries) <= DESCRIPTION_AT:
         raise RecordError(f"{path}: there is no journal, or none that can be read")
     with _explained(path):
-        description, _ = decode_description(entries[DESCRIPTION_AT])
+        description, _ = decode_header(entries[DESCRIPTION_AT])
         later = [n for n in range(DESCRIPTION_AT, len(entries)) if _is_keyframe(entries[n])]
         early = [n for n in later if entry_number(entries[n]) <= begin]
         rest = entries[1:] if not early else entries[early[-1] :]

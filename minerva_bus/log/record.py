@@ -41,7 +41,7 @@ from minerva_bus.log.entries import (
     encode_frame,
     entry_number,
 )
-from minerva_bus.log.record_header import Description, decode_description
+from minerva_bus.log.record_header import RecordHeader, decode_header
 from minerva_bus.wording import frames_up_to
 from minerva_bus.world.operator import PersonOperation
 from minerva_bus.world.priority import collect
@@ -104,11 +104,11 @@ class Record:
         """Close the file."""
         self._chunks.close()
 
-    def _description(self) -> Description:
+    def _description(self) -> RecordHeader:
         """The first intact description; a record has two."""
         for _, message in self._chunks.messages((c.WORLD,)):
             try:
-                description, has_string = decode_description(message.data)
+                description, has_string = decode_header(message.data)
                 return description if has_string else self._with_string(description)
             except (RecordError, ProtocolError) as error:
                 raise RecordError(f"{self.path}: {error}") from None
@@ -116,7 +116,7 @@ class Record:
         why = f" (byte {damage[0].begin:,}: {damage[0].why})" if damage else ""
         raise RecordError(f"{self.path}: the description of its world is missing{why}")
 
-    def _with_string(self, description: Description) -> Description:
+    def _with_string(self, description: RecordHeader) -> RecordHeader:
         """Add the initial string, which the second description leaves to the keyframe after it."""
         decoder = EntryDecoder(description.world.vocabulary)
         for _, message in self._chunks.messages((c.KEYFRAME,)):

@@ -57,7 +57,7 @@ def _installed_version(package: str) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Description:
+class RecordHeader:
     """A world, the text and path of its file, its options, and the versions it ran on.
 
     `rate`: frames per second; 0 means as fast as possible. `began`: nanoseconds since 1970.
@@ -75,7 +75,7 @@ class Description:
     frame: int = 0
 
 
-def encode_description(description: Description, *, string: bool = True) -> bytes:
+def encode_header(description: RecordHeader, *, string: bool = True) -> bytes:
     """`["world", format, {...}]` as msgpack; without `string`, nil instead of the string."""
     world = description.world
     plain = {
@@ -104,7 +104,7 @@ def encode_description(description: Description, *, string: bool = True) -> byte
     return pack(["world", FORMAT, plain])
 
 
-def decode_description(data: bytes) -> tuple[Description, bool]:
+def decode_header(data: bytes) -> tuple[RecordHeader, bool]:
     """A description, and whether it includes the initial string. Raises RecordError."""
     try:
         items = as_list(unpack(data, ON_DISK), "a description")
@@ -125,7 +125,7 @@ def decode_description(data: bytes) -> tuple[Description, bool]:
         raise RecordError(f"its description is wrong: {error}") from None
 
 
-def _description(plain: Mapping[str, Any]) -> Description:
+def _description(plain: Mapping[str, Any]) -> RecordHeader:
     vocabulary = read_vocabulary(plain["vocabulary"])
     reader = Reader(vocabulary, ON_DISK)
     world = WorldSpec(
@@ -146,7 +146,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
             for name, kinds in as_map(plain["speaks_for"], "speaks_for").items()
         },
     )
-    return Description(
+    return RecordHeader(
         world,
         as_text(plain["file"], "the world file"),
         as_number(plain["rate"], "the rate"),

@@ -15,7 +15,6 @@ from typing import IO, TYPE_CHECKING, Any, Final
 
 from minerva_bus import __version__
 from minerva_bus.errors import MisuseError, RecordError
-from minerva_bus.files import check_new, check_output, check_replaceable, replacing
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
@@ -43,7 +42,8 @@ from minerva_bus.log.foxglove_json import (
     shown_readings,
 )
 from minerva_bus.log.record import Record
-from minerva_bus.log.record_header import Description, encode_description
+from minerva_bus.log.record_header import RecordHeader, encode_header
+from minerva_bus.outputs import check_new, check_output, check_replaceable, replacing
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import PersonOperation
 
@@ -65,7 +65,7 @@ class McapFile:
     the number of bytes in the current chunk, which are in memory only.
     """
 
-    def __init__(self, stream: IO[bytes], description: Description) -> None:
+    def __init__(self, stream: IO[bytes], description: RecordHeader) -> None:
         world = description.world
         self.in_chunk: int = 0
         self._stream = stream
@@ -265,7 +265,7 @@ class RecordWriter:
     """
 
     def __init__(
-        self, stream: IO[bytes], description: Description, past: Record | None = None
+        self, stream: IO[bytes], description: RecordHeader, past: Record | None = None
     ) -> None:
         self.frames: int = 0
         self.kept: int = 0
@@ -289,9 +289,9 @@ class RecordWriter:
 
     def _put_description(self) -> None:
         """Write the description, in two chunks: a record cannot be read without it."""
-        self._file.put(c.WORLD, encode_description(self._description), 0, 0.0)
+        self._file.put(c.WORLD, encode_header(self._description), 0, 0.0)
         self._file.end_chunk()
-        self._file.put(c.WORLD, encode_description(self._description, string=False), 0, 0.0)
+        self._file.put(c.WORLD, encode_header(self._description, string=False), 0, 0.0)
 
     def _copy(self, past: Record) -> None:
         """Copy a record up to the state from which its world resumes, and write that state."""

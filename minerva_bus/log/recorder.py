@@ -34,7 +34,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.channels import check_installed
 from minerva_bus.log.entries import Kept
 from minerva_bus.log.record import Record
-from minerva_bus.log.record_header import Description
+from minerva_bus.log.record_header import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter, open_for_record, part_of, take_name
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.world.operator import PersonOperation
@@ -407,7 +407,7 @@ class Recorder:
     def __init__(
         self,
         path: Path,
-        description: Description,
+        description: RecordHeader,
         *,
         flush_seconds: float = 2.0,
         durable: bool = False,
@@ -570,7 +570,7 @@ class Recorder:
 
 
 def _opened(
-    path: Path, description: Description, past: Record | None, *, keep_old: bool
+    path: Path, description: RecordHeader, past: Record | None, *, keep_old: bool
 ) -> tuple[IO[bytes], RecordWriter]:
     """The file of a record and its writer, with the contents of `past`. Raises RecordError."""
     part = None if past is None else part_of(path)

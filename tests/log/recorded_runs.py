@@ -11,7 +11,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.log.entries import Kept
 from minerva_bus.log.record import Record
-from minerva_bus.log.record_header import Description
+from minerva_bus.log.record_header import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
@@ -54,7 +54,7 @@ def run(file, watch):
 
 def description(file):
     text = file.path.read_text(encoding="utf-8")
-    return Description(file.world, text, file.rate, {"start": "1"}, began=1_700_000_000 * 10**9)
+    return RecordHeader(file.world, text, file.rate, {"start": "1"}, began=1_700_000_000 * 10**9)
 
 
 @cache

@@ -11,7 +11,7 @@ from minerva_bus.grammar.events import single
 from minerva_bus.log import channels as c
 from minerva_bus.log import chunks, record_writer
 from minerva_bus.log.entries import encode_frame
-from minerva_bus.log.record_header import encode_description
+from minerva_bus.log.record_header import encode_header
 from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, description, happened, record_of, strings_of
 
@@ -39,7 +39,7 @@ def test_the_description_survives_a_round_trip(name, tmp_path):
     file, _ = happened(name)
     with record_of(bytes_of(name), tmp_path) as record:
         described = record.description
-    assert encode_description(described) == encode_description(description(file))
+    assert encode_header(described) == encode_header(description(file))
     world = described.world
     assert world.scene == file.world.scene
     assert (world.seed, world.dt, world.until) == (file.world.seed, file.world.dt, file.world.until)

@@ -13,7 +13,7 @@ from minerva_bus.frame.stimuli import FrameDone, Publish
 from minerva_bus.log import journal
 from minerva_bus.log.entries import Kept, encode_checkpoint
 from minerva_bus.log.journal import Journal, read_journal, resume_from
-from minerva_bus.log.record_header import Description, encode_description
+from minerva_bus.log.record_header import RecordHeader, encode_header
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
@@ -55,7 +55,7 @@ def test_a_rate_that_people_set_stays_unless_another_one_is_configured(
     tmp_path, configured, expected
 ):
     world = SETTINGS["pond"].world
-    started = encode_description(Description(world, rate=20.0))
+    started = encode_header(RecordHeader(world, rate=20.0))
     journal = Journal(tmp_path / "w.journal", 7, FrameAlgorithm(world), started)
     journal.pace(30.0, None)
     assert read_journal(tmp_path / "w.journal", world).rate_for(configured) == expected

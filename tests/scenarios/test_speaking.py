@@ -18,7 +18,7 @@ from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.log.record_header import Description, decode_description, encode_description
+from minerva_bus.log.record_header import RecordHeader, decode_header, encode_header
 from minerva_bus.world.services import When
 
 MANY = 100
@@ -128,7 +128,7 @@ def test_it_speaks_for_agents_in_columns():
 
 def test_a_record_has_it():
     world = begun(rain=("ACounter",)).world
-    read, _ = decode_description(encode_description(Description(world)))
+    read, _ = decode_header(encode_header(RecordHeader(world)))
     assert read.world.speaks_for == {"rain": ("ACounter",)}
 
 

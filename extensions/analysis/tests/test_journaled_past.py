@@ -14,7 +14,7 @@ from minerva_bus.launch.run_outputs import description_of
 from minerva_bus.log import journal
 from minerva_bus.log.entries import Kept
 from minerva_bus.log.journal import Journal, read_described
-from minerva_bus.log.record_header import encode_description
+from minerva_bus.log.record_header import encode_header
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
 from tests.log.harbour import harbour
@@ -34,7 +34,7 @@ def running(tmp_path_factory):
         patch.setattr(journal, "KEY_RATIO", 0)
         description = description_of(file)
         written = Journal(
-            folder / "w.journal", 1, algorithm, encode_description(description, string=False)
+            folder / "w.journal", 1, algorithm, encode_header(description, string=False)
         )
         record = RecordWriter(stream, description)
 

@@ -14,7 +14,7 @@ from minerva_bus.collect.tables import read_table
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.log.foxglove_json import Surveyor
-from minerva_bus.log.record_header import Description
+from minerva_bus.log.record_header import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, happened, record_of, strings_of
 from tests.unit.test_series_plot import swept
@@ -158,7 +158,7 @@ def test_a_world_without_places_or_frames(tmp_path):
     pytest.importorskip("matplotlib")
     world = WorldSpec("names", WORLD.read("AName#n"), WORLD)
     stream = io.BytesIO()
-    RecordWriter(stream, Description(world)).finish()
+    RecordWriter(stream, RecordHeader(world)).finish()
     path = tmp_path / "run.mcap"
     path.write_bytes(stream.getvalue())
     draw(path, tmp_path / "run.svg")

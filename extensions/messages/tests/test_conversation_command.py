@@ -15,7 +15,7 @@ from minerva_bus import Agent, EventType, Vocabulary
 from minerva_bus.errors import DamagedRecordWarning, MinervaError, RecordError
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import FrameRecord
-from minerva_bus.log.record_header import Description
+from minerva_bus.log.record_header import RecordHeader
 from minerva_messages import MESSAGES, eMessage
 from minerva_messages.conversation_diagram import show_conversation
 from minerva_messages.exchanges import MOST
@@ -60,7 +60,7 @@ def record(tmp_path):
         vocabulary = Vocabulary.of(*MESSAGES, eStep, Rock)
         world = WorldSpec("quarry", scene=vocabulary.read("ARock#boss"), vocabulary=vocabulary)
         stream = io.BytesIO()
-        writer = RecordWriter(stream, Description(world, "", 0.0, {}, began=10**18))
+        writer = RecordWriter(stream, RecordHeader(world, "", 0.0, {}, began=10**18))
         for frame in sorted({frame for frame, _ in events}):
             those = tuple(event for when, event in events if when == frame)
             done = FrameRecord(frame, those, {}, world.scene.digest)

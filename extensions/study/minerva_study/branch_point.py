@@ -26,7 +26,7 @@ from minerva_bus.log.entries import Keyframe
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 
 if TYPE_CHECKING:
-    from minerva_bus.log.record_header import Description
+    from minerva_bus.log.record_header import RecordHeader
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class BranchPoint:
 
     path: Path
     world: WorldSource
-    description: Description
+    description: RecordHeader
     state: Keyframe
     end: int
     _files: dict[str, WorldFile] = field(
