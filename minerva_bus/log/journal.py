@@ -28,11 +28,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import BusError, Followed, MinervaError, RecordError
+from minerva_bus.files import is_stream, read_bytes, replacing
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.input_files import read_bytes
 from minerva_bus.log.entries import (
     FORMAT,
     EntryDecoder,
@@ -46,7 +46,6 @@ from minerva_bus.log.entries import (
     unpacked,
 )
 from minerva_bus.log.record_header import RecordHeader, decode_header
-from minerva_bus.outputs import is_stream, replacing
 from minerva_bus.wire.plain import as_int, as_map, as_number, as_text, as_texts, pack
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 

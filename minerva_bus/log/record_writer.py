@@ -15,6 +15,7 @@ from typing import IO, TYPE_CHECKING, Any, Final
 
 from minerva_bus import __version__
 from minerva_bus.errors import MisuseError, RecordError
+from minerva_bus.files import check_new, check_output, check_replaceable, replacing
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
@@ -43,7 +44,6 @@ from minerva_bus.log.foxglove_json import (
 )
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_header import RecordHeader, encode_header
-from minerva_bus.outputs import check_new, check_output, check_replaceable, replacing
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import PersonOperation
 
