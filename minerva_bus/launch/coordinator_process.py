@@ -35,8 +35,7 @@ from minerva_bus.launch.run_outputs import (
     recording,
 )
 from minerva_bus.launch.world_files import Access, WorldFile
-from minerva_bus.log.journal import Journal
-from minerva_bus.log.journaled import Journaled, read_journal, resume_from
+from minerva_bus.log.journal import Journal, Journaled, read_journal, resume_from
 from minerva_bus.log.record_header import encode_description
 from minerva_bus.runtime.admission import LOCAL_KIND, ListenConfig, Security
 from minerva_bus.runtime.coordinator import Coordinator
