@@ -36,7 +36,7 @@ from minerva_bus.launch.run_outputs import (
 )
 from minerva_bus.launch.world_files import Access, WorldFile
 from minerva_bus.log.journal import Journal, Journaled, read_journal, resume_from
-from minerva_bus.log.record_header import encode_description
+from minerva_bus.log.record_header import encode_header
 from minerva_bus.runtime.admission import LOCAL_KIND, ListenConfig, Security
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.system import REAL, System, run_through
@@ -385,7 +385,7 @@ class RunJournal:
             journal_path(file),
             coordinator.transport.epoch,
             coordinator.algorithm,
-            encode_description(description_of(file), string=False),
+            encode_header(description_of(file), string=False),
         )
         # This journal replaces the earlier one, so it takes over its contents besides the frames.
         if past is not None:
