@@ -16,9 +16,9 @@ from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.tables import SEED, DataTable
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.past import wait_for_frame
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.world_files import Collecting
-from minerva_bus.launch.written_frames import wait_for_frame
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.world.operator import WorldStatus
 from minerva_study.branch_point import BranchPoint, read_branch_point, recorded_digest
