@@ -1,13 +1,20 @@
-"""A live world in this process."""
+"""Worlds that run frame by frame: started, and in this process."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from typing import Any
 
+from minerva_bus.api.live import Live
+from minerva_bus.api.on_bus import start_on_bus
+from minerva_bus.api.requests import request_of
+from minerva_bus.api.world import World
 from minerva_bus.collect.tables import DataTable
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.runtime.operator_client import AskingOperator
 
@@ -57,3 +64,21 @@ class Here:
         if not self.ended:
             self._run.end("closed")
         self._run.close()
+
+
+def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
+    """Start a world, paused; see `World.start`."""
+    own = ("seed", "frames", "until", "collect", "into", "processes", "record", "rate")
+    # By default the caller ends the world, not the settings of the world.
+    given: dict[str, Any] = {"frames": 0, "until": ""}
+    given |= {name: settings.pop(name) for name in own if name in settings}
+    request = request_of(world, settings, **given)
+    if not request.needs_bus(bus, given.get("processes")):
+        here = InProcessRun(request.file, Console(quiet=True), time.monotonic())
+        try:
+            here.open()
+        except BaseException:
+            here.close()
+            raise
+        return Live(Here(here, request.file.world), world.agents, world)
+    return Live(start_on_bus(request), world.agents, world)

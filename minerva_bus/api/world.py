@@ -184,7 +184,7 @@ class World:
             ...     print(live.frame, live.scene)
 
         """
-        from minerva_bus.api.starting import start
+        from minerva_bus.api.here import start
 
         return start(self, bus=bus, **settings)
 

@@ -10,8 +10,13 @@ from typing import TYPE_CHECKING, Final
 
 from minerva_bus.api.datasets import export_dataset
 from minerva_bus.api.exporting import Export, export_plans, read_plans
-from minerva_bus.cli.output import print_answer, print_json, print_message, print_result
-from minerva_bus.cli.progress import progress_bar
+from minerva_bus.cli.output import (
+    print_answer,
+    print_json,
+    print_message,
+    print_result,
+    progress_bar,
+)
 from minerva_bus.collect.plans import TablePlan, parse_entries
 from minerva_bus.collect.tables import CsvWriter, TableFiles
 from minerva_bus.errors import MisuseError
@@ -20,7 +25,7 @@ from minerva_bus.log.record import Record
 from minerva_bus.wording import counted
 
 if TYPE_CHECKING:
-    from minerva_bus.cli.commands.exporting import ExportTargets
+    from minerva_bus.cli.commands.records import ExportTargets
 
 
 @dataclass(frozen=True, slots=True)

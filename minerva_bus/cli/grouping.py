@@ -11,8 +11,8 @@ from typing import Annotated, Any, Final, get_origin, get_type_hints
 import typer
 
 from minerva_bus.cli import completing
+from minerva_bus.cli.argument_order import WORLD
 from minerva_bus.cli.options import Collect, Settings, Views
-from minerva_bus.cli.world_first import WORLD
 from minerva_bus.settings.overrides import OPTIONS, Overrides
 
 Parameter = inspect.Parameter

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 
 import typer
 
+from minerva_bus.cli.argument_order import TAKES_OTHERS, OtherOptionsCommand, WorldFirstCommand
 from minerva_bus.cli.commands import (
-    exporting,
     keys,
     observing,
     operating,
@@ -28,8 +28,8 @@ from minerva_bus.cli.commands import (
     setting_up,
     worlds,
 )
+from minerva_bus.cli.json_guarantee import promised
 from minerva_bus.cli.options import examples_of
-from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
 from minerva_bus.cli.output import (
     INTERRUPTED,
     WRONG,
@@ -37,9 +37,7 @@ from minerva_bus.cli.output import (
     print_result,
     printing_damage,
 )
-from minerva_bus.cli.promised import promised
 from minerva_bus.cli.shells import Group, answer_fast
-from minerva_bus.cli.world_first import WorldFirstCommand
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.files import forget_inputs
 from minerva_bus.process_end import ended_by_system, limit_threads
@@ -138,7 +136,6 @@ _MODULES: Final = (
     observing,
     operating,
     records,
-    exporting,
     setting_up,
 )
 

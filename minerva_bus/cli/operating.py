@@ -9,7 +9,7 @@ import time
 from types import FrameType
 from typing import Any, Final
 
-from minerva_bus.cli.asking import listing
+from minerva_bus.cli.list_and_echo import listing
 from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import (
     Done,

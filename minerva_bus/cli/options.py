@@ -10,7 +10,7 @@ from typing import Annotated, TypeVar
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.world_first import WORLD
+from minerva_bus.cli.argument_order import WORLD
 from minerva_bus.errors import MinervaError, MisuseError
 
 

@@ -15,8 +15,8 @@ from minerva_bus.cli.output import (
     print_answer,
     print_message,
     print_result,
+    progress_bar,
 )
-from minerva_bus.cli.progress import progress_bar
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.replays import Swap, read_replay

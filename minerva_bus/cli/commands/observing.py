@@ -21,7 +21,7 @@ def list_(json: Json = False, *, target: NamedTarget) -> None:
 
     If several worlds run, name one to list its members.
     """
-    from minerva_bus.cli.asking import list_members
+    from minerva_bus.cli.list_and_echo import list_members
 
     list_members(target, json)
 
@@ -45,7 +45,7 @@ def echo(
     target: NamedTarget,
 ) -> None:
     """Print events, agents or views of a running world, by type."""
-    from minerva_bus.cli.asking import echo_type
+    from minerva_bus.cli.list_and_echo import echo_type
 
     echo_type(type, target, count, json)
 

@@ -78,6 +78,6 @@ def doctor(json: Json = False) -> None:
 )
 def version(json: Json = False) -> None:
     """Show the versions of Minerva Bus, protocol and dependencies."""
-    from minerva_bus.cli.asking import show_version
+    from minerva_bus.cli.list_and_echo import show_version
 
     show_version(json)
