@@ -33,6 +33,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.frame.world_state import StateToRecord
 from minerva_bus.log.entries import (
     FORMAT,
     EntryDecoder,
@@ -73,7 +74,7 @@ class Journal:
     """
 
     def __init__(
-        self, path: Path, epoch: int, algorithm: FrameAlgorithm, description: bytes = b""
+        self, path: Path, epoch: int, algorithm: StateToRecord, description: bytes = b""
     ) -> None:
         self.path = path
         self._epoch = epoch

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,9 +43,9 @@ from minerva_bus.log.entries import (
 )
 from minerva_bus.log.record_header import RecordHeader, decode_header
 from minerva_bus.wording import frames_up_to
+from minerva_bus.world import services
 from minerva_bus.world.operator import PersonOperation
 from minerva_bus.world.priority import collect
-from minerva_bus.world.services import Generator, Tick
 
 _END: Final = 1 << 62
 """A number greater than that of any frame."""
@@ -340,7 +340,7 @@ class Record:
                 yield message.log_time / c.NANO, cast("dict[str, Any]", plain)
 
     @contextmanager
-    def _explained(self, what: str) -> Iterator[None]:
+    def _explained(self, what: str) -> Generator[None]:
         try:
             yield
         except RecordError:
@@ -584,7 +584,7 @@ class _Sensed:
 # --- recorded readings as a generator ---
 
 
-class RecordedReadings(Generator):
+class RecordedReadings(services.Generator):
     """Publishes the recorded readings of each frame, by topic and member; makes no events."""
 
     def __init__(self, record: Record) -> None:
@@ -593,7 +593,7 @@ class RecordedReadings(Generator):
         sensed = (message for _, message in record.sensed())
         self.publishes = tuple(sorted({m.topic for m in sensed if isinstance(m, Readings)}))
 
-    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
+    def generate(self, tick: services.Tick) -> Iterable[AnyEvent]:
         """Publish the readings up to this frame."""
         due: list[Readings] = []
         while self._ahead is not None and self._ahead[0] <= tick.number:
