@@ -237,12 +237,12 @@ class FrameAlgorithm:
     def continue_or_close(self) -> None:
         """Steps 9 and 10: announce the next frame, or show the last string once more."""
         reason = self.why_over()
-        if self.phase is Phase.STOPPING:  # The frame has failed.
+        if self.now.phase is Phase.STOPPING:  # The frame has failed.
             return
         if reason:
             self.close(reason)
             return
-        if self.phase is Phase.EVOLVE:
+        if self.now.phase is Phase.EVOLVE:
             self.now.enter(Awaited.RESULTS)
         self.announce()
 
@@ -262,25 +262,25 @@ class FrameAlgorithm:
         if finished := self.goal.finished:
             return finished
         # Last, because an empty string or a reached goal is the more specific reason.
-        if self.world.frames and self.frame >= self.world.frames:
+        if self.world.frames and self.now.frame >= self.world.frames:
             return "the frames are over"
         return ""
 
     def announce(self) -> None:
         """Step 10: announce that the next frame may begin."""
-        self.out.add(s.Ready(self.frame))
+        self.out.add(s.Ready(self.now.frame))
 
     def members_changed(self, hello: m.Hello | None) -> None:
         """Note that a member has joined with this hello, or, for None, has left."""
 
     def start_if_complete(self) -> None:
         """Announce the first frame once all expected members are present."""
-        if self.phase is not Phase.WAITING or self.members.awaited():
+        if self.now.phase is not Phase.WAITING or self.members.awaited():
             return
         # Step 9 follows a frame, so a world cannot end before frame 0. A resumed
         # world or a successor begins after a frame, and its predecessor may have
         # died before it could end the world.
-        reason = self.why_over() if self.frame else ""
+        reason = self.why_over() if self.now.frame else ""
         if reason:
             self.close(reason)
         else:
@@ -289,15 +289,15 @@ class FrameAlgorithm:
 
     def show(self) -> None:
         """Step 7: send every device its view of w, the string that this frame began with."""
-        last = self.phase is Phase.CLOSING
+        last = self.now.phase is Phase.CLOSING
         self.views.show(
-            self.frame, self.in_flight, self.composition, self.members, self.out, last=last
+            self.now.frame, self.now.in_flight, self.composition, self.members, self.out, last=last
         )
 
     def close(self, reason: str) -> None:
         """End a world after its last frame: devices show its last string before it stops."""
         self.shutdown.reason = reason
-        due = due_views(self.members.index, self.frame, (), closing=True)
+        due = due_views(self.members.index, self.now.frame, (), closing=True)
         self.now.in_flight = FrameInFlight()
         types = self.world.vocabulary.events
         self.now.in_flight.events.visual = visual_events(types, due)
@@ -316,10 +316,10 @@ class FrameAlgorithm:
         """Request the reports of all members."""
         self.now.enter(awaited)
         # The interrupted frame is never committed, so its replies are no longer needed.
-        self.in_flight.pending = set()
-        self.in_flight.requests.cancel()
+        self.now.in_flight.pending = set()
+        self.now.in_flight.requests.cancel()
         self.shutdown.begin(member.name for member in self.members.active())
-        self.out.add(s.Stopping(self.shutdown.reason, self.frame, self.closing_events))
+        self.out.add(s.Stopping(self.shutdown.reason, self.now.frame, self.closing_events))
         self.out.send(s.EVERYONE, m.Stop(self.shutdown.reason))
 
     def _finish(self, awaited: Awaited) -> None:
@@ -332,8 +332,8 @@ class FrameAlgorithm:
 
     def _report_unknown_receivers(self) -> None:
         # Repeated frames have reported theirs.
-        if self.in_flight.logged is None:
-            events = self.in_flight.events.ordered
+        if self.now.in_flight.logged is None:
+            events = self.now.in_flight.events.ordered
             for problem in self.inbox.unknown.problems(events, self.composition):
                 self.out.log(EVENTS, problem)
 
@@ -347,10 +347,10 @@ class FrameAlgorithm:
         if begin.inputs is not None and begin.inputs.complete:
             self._repeat(begin.inputs)
             return
-        if self.phase is Phase.WAITING:
+        if self.now.phase is Phase.WAITING:
             self.start_if_complete()
             return
-        if self.phase is not Phase.READY or not self.has_next():
+        if self.now.phase is not Phase.READY or not self.has_next():
             return
         # Before the new frame is made, so that newcomers answer its tick and host its agents.
         self.lifecycle.admit_joining()
@@ -364,8 +364,10 @@ class FrameAlgorithm:
         It awaits nothing, so the phase stays. Raises ProtocolError if the inputs are not those
         of the next frame, or do not fit.
         """
-        if inputs.frame != self.frame:
-            raise ProtocolError(f"expected inputs of frame {self.frame}, got frame {inputs.frame}")
+        if inputs.frame != self.now.frame:
+            raise ProtocolError(
+                f"expected inputs of frame {self.now.frame}, got frame {inputs.frame}"
+            )
         self.now.in_flight = FrameInFlight(logged=inputs)
         try:
             self.inputs.begin()
@@ -388,7 +390,7 @@ class FrameAlgorithm:
 
     def on_silent(self, _: s.Silent) -> None:
         """Mark the members that the world waits for as late."""
-        if self.phase is Phase.STOPPING:
+        if self.now.phase is Phase.STOPPING:
             self.shutdown.drop_departed()
             return
         for name in self.waiting_for():
@@ -412,10 +414,10 @@ class FrameAlgorithm:
     def on_end(self, end: s.End) -> None:
         """End the world now; a second request does not wait for reports."""
         # An interrupt may still arrive after the end.
-        if self.phase is Phase.ENDED:
+        if self.now.phase is Phase.ENDED:
             return
         self.shutdown.failed |= end.failed
-        if self.phase is Phase.STOPPING:
+        if self.now.phase is Phase.STOPPING:
             self._finish(Awaited.END)
         else:
             self.shutdown.reason = end.reason
@@ -423,19 +425,21 @@ class FrameAlgorithm:
 
     def on_tick_reply(self, reply: m.TickReply) -> None:
         """Accept the events of a member in step."""
-        self._note_violation(reply.member, self.answers.tick_reply(reply))
+        reason = self.answers.tick_reply(reply)
+        if reason:
+            self.lifecycle.violation(s.Violation(reply.member, reason))
 
     def on_evolve_reply(self, reply: m.EvolveReply) -> None:
         """Accept a host's results for its fragments."""
-        self._note_violation(reply.member, self.answers.evolve_reply(reply))
+        reason = self.answers.evolve_reply(reply)
+        if reason:
+            self.lifecycle.violation(s.Violation(reply.member, reason))
 
     def on_emitted(self, emitted: m.Emitted) -> None:
         """Accept events of a free-running generator."""
-        self._note_violation(emitted.member, self.answers.emitted(emitted))
-
-    def _note_violation(self, member: str, reason: str) -> None:
+        reason = self.answers.emitted(emitted)
         if reason:
-            self.lifecycle.violation(s.Violation(member, reason))
+            self.lifecycle.violation(s.Violation(emitted.member, reason))
 
     def on_seek(self, seek: s.Seek) -> None:
         """Continue with another frame, if the world is a replay."""
@@ -444,13 +448,13 @@ class FrameAlgorithm:
 
     def waiting_for(self) -> list[str]:
         """The members that the world waits for, sorted."""
-        if self.phase in (Phase.WAITING, Phase.READY):
+        if self.now.phase in (Phase.WAITING, Phase.READY):
             return [member.name for member in self.members.awaited()]
-        if self.phase is Phase.TICK:
-            return sorted(self.in_flight.pending)
-        if self.phase is Phase.STOPPING:
+        if self.now.phase is Phase.TICK:
+            return sorted(self.now.in_flight.pending)
+        if self.now.phase is Phase.STOPPING:
             return sorted(self.shutdown.pending)
-        requests = self.in_flight.requests
+        requests = self.now.in_flight.requests
         names = {host for host, _ in requests.outstanding}
         if requests.unassigned:
             names.update(member.name for member in self.members.awaited())
@@ -458,10 +462,10 @@ class FrameAlgorithm:
 
     def awaits(self, member: str) -> bool:
         """Whether this frame waits for an answer of a member."""
-        if self.phase in (Phase.TICK, Phase.STOPPING):
+        if self.now.phase in (Phase.TICK, Phase.STOPPING):
             return self._awaits_answer(member)
-        requests = self.in_flight.requests
-        if self.phase in (Phase.WAITING, Phase.READY) or requests.unassigned:
+        requests = self.now.in_flight.requests
+        if self.now.phase in (Phase.WAITING, Phase.READY) or requests.unassigned:
             return member in self.waiting_for()
         return bool(requests.of(member))
 
@@ -493,7 +497,7 @@ class FrameAlgorithm:
     @property
     def in_frame(self) -> bool:
         """Whether a frame is in progress."""
-        return self.phase in (Phase.TICK, Phase.EVOLVE)
+        return self.now.phase in (Phase.TICK, Phase.EVOLVE)
 
     @property
     def at_rest(self) -> bool:
@@ -502,11 +506,11 @@ class FrameAlgorithm:
         There is no waiting event, no generator in step that has events without orders, and every
         device has shown the string. A world with a fixed number of frames never rests.
         """
-        if self.world.frames or self.phase is not Phase.READY or self.placement.outdated:
+        if self.world.frames or self.now.phase is not Phase.READY or self.placement.outdated:
             return False
         index = self.members.index
         # A device whose view is made every n frames shows the latest change only in one of these.
-        unseen = self.frame - self.views.last_change < index.every
+        unseen = self.now.frame - self.views.last_change < index.every
         busy = unseen or not index.tickers <= self.members.resting or index.joining or self._fading
         return not (busy or self.inbox)
 
@@ -556,7 +560,7 @@ class FrameAlgorithm:
     def checkpoint(self) -> Checkpoint:
         """State besides the string from which the world can resume; valid between frames."""
         return Checkpoint(
-            self.frame,
+            self.now.frame,
             dict(self.members.saved),
             tuple(self.inbox.emitted),
             self.inbox.waiting(),
@@ -572,11 +576,11 @@ class FrameAlgorithm:
     @property
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
         """Events outside of all complete frames, by source, if people have sent any of them."""
-        events = self.in_flight.events
+        events = self.now.in_flight.events
         # `collect` has moved the events of the frame out of the inbox, but they only count when the
         # frame is complete: until then a successor needs them from here.
         taken: dict[str, Sequence[AnyEvent]] = {}
-        if self.phase is Phase.EVOLVE:
+        if self.now.phase is Phase.EVOLVE:
             taken |= events.taken
         for source, orders in events.orders.items() if self.in_frame else ():
             taken[source] = [*orders, *taken.get(source, ())]
