@@ -18,7 +18,7 @@ from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_services.bridges.mqtt.outbox import MqttMessage
 from minerva_services.bridges.mqtt.rule import checked_qos
 
-_KEYS: Final = ("topic", "payload", "retain", "qos", "gone")
+_PUBLISH_KEYS: Final = ("topic", "payload", "retain", "qos", "gone")
 _NAME = re.compile(r"\{(\w+)\}")
 # Maximum length of a topic (MQTT 3.1.1, 1.5.3).
 _MAX_BYTES = 65535
@@ -71,9 +71,9 @@ def _publication(symbol: str, given: Any, qos: int) -> Publication:
         raise MisuseError(f"{where} must be a topic, or a table with one")
     table = cast("Mapping[str, Any]", raw)
     for key in table:
-        if key not in _KEYS:
-            near = nearest(key, list(_KEYS))
-            raise MisuseError(f"{where} has no {key!r}{near}; it may have {', '.join(_KEYS)}")
+        if key not in _PUBLISH_KEYS:
+            near = nearest(key, list(_PUBLISH_KEYS))
+            raise MisuseError(f"{where} has no {key!r}{near}; it may have {', '.join(_PUBLISH_KEYS)}")
     for key in ("topic", "payload", "gone"):
         if not isinstance(table.get(key, ""), str):
             raise MisuseError(f"{where}: {key} must be a string")
