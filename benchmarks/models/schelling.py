@@ -35,7 +35,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.services import Service
 from minerva_services.physics.neighbours import Neighbours
-from minerva_services.physics.neighbours.lattice import Lattice
+from minerva_services.physics.neighbours.spots import Lattice
 
 NAME = "schelling"
 CYCLE = 4

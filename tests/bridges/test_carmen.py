@@ -16,8 +16,13 @@ from minerva_bus.wire.readings_codec import plain_reading, read_reading
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.sensors.carmen import Carmen, CarmenLog
-from minerva_services.sensors.carmen.lines import LineError, OtherMessage, angles_of, read_line
-from minerva_services.sensors.carmen.log import LogTopics
+from minerva_services.sensors.carmen.log import (
+    LineError,
+    LogTopics,
+    OtherMessage,
+    angles_of,
+    read_line,
+)
 from minerva_services.sensors.playback import MountOverride
 
 

@@ -15,7 +15,7 @@ from minerva_bus.semantics.poses import Pose
 from minerva_bus.wire.readings_codec import plain_reading, read_reading
 from minerva_bus.world.readings import Odometry, Scan, hits
 from minerva_bus.world.recordings import Compensator, MapChoice, Recorded, path_of
-from minerva_services.bridges.ros2.buffers import scanned_from
+from minerva_services.bridges.ros2.mobile_base import scanned_from
 
 FORWARD, TURNING, BOTH = (1.0, 0.0), (0.0, 90.0), (0.5, -60.0)
 

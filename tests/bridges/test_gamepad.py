@@ -10,7 +10,7 @@ from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, Wo
 from minerva_services.bridging import SourceError
 from minerva_services.bridging.testing import RunningBridge
 from minerva_services.input.gamepad import Gamepad
-from minerva_services.input.gamepad.pad import PadState
+from minerva_services.input.gamepad.service import PadState
 from tests.patience import patience
 
 pygame = pytest.importorskip("pygame", reason="the extra `gamepad` is not installed")
@@ -190,7 +190,7 @@ def sdl():
 @pytest.fixture
 def virtual(sdl):
     """A virtual SDL joystick with four axes and eight buttons; a call connects it."""
-    from minerva_services.input.gamepad.pad import _begun
+    from minerva_services.input.gamepad.service import _begun
 
     _begun()
 

@@ -10,7 +10,7 @@ import pytest
 
 from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, WorldInfo
 from minerva_services.input.keyboard import Keyboard
-from minerva_services.input.keyboard.terminal import KeyDecoder
+from minerva_services.input.keyboard.service import KeyDecoder
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MINERVA, World, environment

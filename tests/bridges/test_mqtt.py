@@ -126,7 +126,7 @@ def test_a_flood_is_received_completely(broker):
 
 
 def test_a_flood_above_what_is_allowed_waits_and_drops(broker, monkeypatch):
-    monkeypatch.setattr("minerva_services.bridges.mqtt.traffic.MAX_QUEUED", 100)
+    monkeypatch.setattr("minerva_services.bridges.mqtt.service.MAX_QUEUED", 100)
     service = bridge(broker, most=1)
     with running(service) as heard, broker.client() as client:
         eventually(is_open(service), "open")

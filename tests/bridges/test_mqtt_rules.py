@@ -17,12 +17,9 @@ from minerva_bus import (
     WorldInfo,
 )
 from minerva_services.bridges.mqtt import Mqtt
-from minerva_services.bridges.mqtt.broker import Broker, Login
-from minerva_services.bridges.mqtt.event_rule import EventRule, InvalidPayload
-from minerva_services.bridges.mqtt.outbox import MqttMessage, MqttOutbox
-from minerva_services.bridges.mqtt.pattern import Pattern
-from minerva_services.bridges.mqtt.rule import rules_of
-from minerva_services.bridges.mqtt.traffic import RateLimiter
+from minerva_services.bridges.mqtt.connection import Broker, Login, MqttMessage, MqttOutbox
+from minerva_services.bridges.mqtt.rules import EventRule, InvalidPayload, Pattern, rules_of
+from minerva_services.bridges.mqtt.service import RateLimiter
 
 eAir = EventType("eAir", celsius=float, room=Default(str, "?"))
 eDoor = EventType("eDoor", open=bool)

@@ -15,7 +15,7 @@ from minerva_bus import MinervaError
 from minerva_bus.world.readings import Position
 from minerva_services.bridging.testing import RunningBridge
 from minerva_services.sensors.nmea import Nmea
-from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix
+from minerva_services.sensors.nmea.service import Fix, SkippedSentence, read_fix
 from minerva_services.sensors.serial_line import LineSplitter
 from tests.patience import patience
 

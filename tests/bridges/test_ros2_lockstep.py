@@ -16,8 +16,8 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.log.record import Record
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Sighting, Sightings
-from minerva_services.bridges.ros2.steering import MotorLimits
-from minerva_services.bridges.ros2.stepping import NANOSECONDS, is_rounding, phases
+from minerva_services.bridges.ros2.driver import MotorLimits
+from minerva_services.bridges.ros2.mobile_base import NANOSECONDS, is_rounding, phases
 from minerva_services.physics.body import DriveCommand
 from minerva_services.sensors.camera import Camera
 from tests.bridges.ros2_rig import RosRobot, free_endpoint, hall, house

@@ -14,8 +14,7 @@ from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2, Ros2View
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Ros2Network
-from minerva_services.bridges.ros2.session import Ros2Session
+from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
 from minerva_services.bridges.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router
 from tests.patience import patience

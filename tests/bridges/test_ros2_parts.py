@@ -12,14 +12,24 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
-from minerva_services.bridges.ros2.buffers import SensorBuffers, scanned_from, seen_from
-from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
+from minerva_services.bridges.ros2.driver import (
+    STILL,
+    Driver,
+    DriveTolerances,
+    MotorLimits,
+    OdometryTrack,
+    State,
+    driven,
+)
 from minerva_services.bridges.ros2.messages import ODOMETRY, messages
-from minerva_services.bridges.ros2.mobile_base import FramePacer
+from minerva_services.bridges.ros2.mobile_base import (
+    FramePacer,
+    SensorBuffers,
+    scanned_from,
+    seen_from,
+)
 from minerva_services.bridges.ros2.network import Attachment, Ros2Network
 from minerva_services.bridges.ros2.sensors import Ros2
-from minerva_services.bridges.ros2.steering import MotorLimits, driven
-from minerva_services.bridges.ros2.track import OdometryTrack
 from minerva_services.bridges.ros_messages import Frames, SensorMount
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.bridges.ros_messages.readings import sightings_of

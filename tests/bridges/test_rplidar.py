@@ -15,7 +15,7 @@ pytest.importorskip("serial", reason="the extra `serial` is not installed")
 from minerva_bus import Degrees, EventType, Frame, Metres, MinervaError, Tick, Vocabulary, WorldInfo
 from minerva_services.bridging.testing import RunningBridge
 from minerva_services.sensors.laser import Laser
-from minerva_services.sensors.rplidar import Rplidar, protocol
+from minerva_services.sensors.rplidar import Rplidar, packets
 from minerva_services.sensors.rplidar.packets import (
     MAX_SAMPLES,
     ExpressPackets,
@@ -63,7 +63,7 @@ def test_turns_become_scans(cable, mode, capsys):
             assert {topic for topic, _ in runs.published} == {"front"}
             assert runs.bridge.report()["health"] == "good"
             assert runs.state == "open"
-        lidar.hears(b"\xa5\x25", protocol.motor(0))
+        lidar.hears(b"\xa5\x25", packets.motor(0))
     assert (b"\xa5\x20" in lidar.heard) == (mode == "standard")
     assert "model 24, firmware 1.29, serial number 000102" in capsys.readouterr().out
 
@@ -123,7 +123,7 @@ def test_a_cable_pulled_in_mid_scan_and_plugged_in_again(cable, capsys):
 
 
 def test_a_lidar_that_falls_silent_is_started_again(cable, monkeypatch):
-    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.FIRST_PACKET_SECONDS", 0.2)
+    monkeypatch.setattr("minerva_services.sensors.rplidar.service.FIRST_PACKET_SECONDS", 0.2)
     with Emulator(cable) as lidar, RunningBridge(bridge(cable)) as runs:
         runs.readings(1)
         lidar.mute = True
@@ -149,7 +149,7 @@ def test_a_persistent_lidar_error_is_reported(cable, capsys):
 
 
 def test_a_missing_and_an_unresponsive_endpoint(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWER_SECONDS", 0.1)
+    monkeypatch.setattr("minerva_services.sensors.rplidar.service.ANSWER_SECONDS", 0.1)
     cable = Cable(tmp_path / "lidar")
     with RunningBridge(bridge(cable)) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "it is missed")
@@ -165,7 +165,7 @@ def test_a_missing_and_an_unresponsive_endpoint(tmp_path, capsys, monkeypatch):
 
 
 def test_a_device_that_is_no_lidar_is_reported(cable, monkeypatch):
-    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWER_SECONDS", 0.2)
+    monkeypatch.setattr("minerva_services.sensors.rplidar.service.ANSWER_SECONDS", 0.2)
     with RunningBridge(bridge(cable)) as runs:
 
         def chatters():
@@ -318,9 +318,9 @@ def test_of_noise_hardly_anything_is_taken_for_samples():
 
 
 def test_descriptors_and_requests():
-    assert protocol.read_descriptor(descriptor(84, 1, 0x82)) == protocol.CAPSULES
-    assert protocol.read_descriptor(descriptor(5, 1, 0x81)) == protocol.SAMPLES
-    assert protocol.read_descriptor(b"\xa5\x5b\x05\x00\x00\x40\x81") is None
-    assert bytes.fromhex("A5 82 05 00 00 00 00 00 22") == protocol.EXPRESS
-    assert protocol.request(0x52) == b"\xa5\x52"
-    assert len(standard_sample(0, 1, True)) == protocol.SAMPLES.size
+    assert packets.read_descriptor(descriptor(84, 1, 0x82)) == packets.CAPSULES
+    assert packets.read_descriptor(descriptor(5, 1, 0x81)) == packets.SAMPLES
+    assert packets.read_descriptor(b"\xa5\x5b\x05\x00\x00\x40\x81") is None
+    assert bytes.fromhex("A5 82 05 00 00 00 00 00 22") == packets.EXPRESS
+    assert packets.request(0x52) == b"\xa5\x52"
+    assert len(standard_sample(0, 1, True)) == packets.SAMPLES.size

@@ -29,12 +29,20 @@ from rendered import FX, HEIGHT, SIZE, WIDTH, rendered, texture  # noqa: E402
 from minerva_services.bridging import SourceError  # noqa: E402
 from minerva_services.bridging.testing import RunningBridge  # noqa: E402
 from minerva_services.sensors.vision import Markers, Vision  # noqa: E402
-from minerva_services.sensors.vision.detection import DICTIONARIES, detector, dictionary_of  # noqa: E402
-from minerva_services.sensors.vision.edges import refined  # noqa: E402
-from minerva_services.sensors.vision.images import grey_of  # noqa: E402
-from minerva_services.sensors.vision.lens import Lens, WrongSize, read_lens  # noqa: E402
-from minerva_services.sensors.vision.library import opencv  # noqa: E402
-from minerva_services.sensors.vision.locator import _place, from_centre  # noqa: E402
+from minerva_services.sensors.vision.detection import (  # noqa: E402
+    DICTIONARIES,
+    detector,
+    dictionary_of,
+    refined,
+)
+from minerva_services.sensors.vision.images import grey_of, opencv  # noqa: E402
+from minerva_services.sensors.vision.locator import (  # noqa: E402
+    Lens,
+    WrongSize,
+    _place,
+    from_centre,
+    read_lens,
+)
 
 PHOTOS = Path(__file__).parents[3] / "shared" / "data" / "markers"
 WORLD = WorldInfo("w", Vocabulary.of(), 0, 0.1)

@@ -101,7 +101,7 @@ def test_a_stream_that_stops_and_resumes(capfd):
 
 def test_a_stream_that_falls_silent(monkeypatch):
     with camera() as server:
-        monkeypatch.setattr("minerva_services.sensors.vision.live.IMAGE_SECONDS", 1.0)
+        monkeypatch.setattr("minerva_services.sensors.vision.images.IMAGE_SECONDS", 1.0)
         service = vision(f"http://127.0.0.1:{server.server_port}/")
         with running(service) as published:
             eventually(lambda: published, "it sees")
@@ -123,7 +123,7 @@ def test_a_camera_that_is_not_there(source, capfd):
 
 
 def test_a_stream_of_garbage(monkeypatch):
-    monkeypatch.setattr("minerva_services.sensors.vision.live.IMAGE_SECONDS", 2.0)
+    monkeypatch.setattr("minerva_services.sensors.vision.images.IMAGE_SECONDS", 2.0)
     with camera(image=b"nonsense" * 100) as server:
         service = vision(f"http://127.0.0.1:{server.server_port}/")
         with running(service) as published:

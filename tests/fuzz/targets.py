@@ -43,15 +43,14 @@ from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.status_codec import read_lines, read_status
 from minerva_bus.world.recordings import RecordingError
-from minerva_services.bridges.mqtt.event_rule import InvalidPayload, Payload
-from minerva_services.bridges.mqtt.pattern import Pattern
+from minerva_services.bridges.mqtt.rules import InvalidPayload, Pattern, Payload
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros_messages import GarbageError, images
 from minerva_services.bridges.ros_messages import readings as ros
 from minerva_services.bridges.rosbag.bag import open_bag
 from minerva_services.sensors.carmen.log import open_log
-from minerva_services.sensors.nmea.sentences import SkippedSentence, read_fix
-from minerva_services.sensors.rplidar import protocol as rplidar
+from minerva_services.sensors.nmea.service import SkippedSentence, read_fix
+from minerva_services.sensors.rplidar import packets as rplidar
 from minerva_services.sensors.rplidar.packets import (
     ExpressPackets,
     RevolutionBuffer,

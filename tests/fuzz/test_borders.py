@@ -15,7 +15,7 @@ import pytest
 
 from minerva_agents.robot.grid import MapError
 from minerva_agents.robot.maps import load_map
-from minerva_services.bridges.mqtt.pattern import Pattern
+from minerva_services.bridges.mqtt.rules import Pattern
 from minerva_services.sensors.laser import Laser
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))

@@ -29,10 +29,16 @@ from hypothesis import strategies as st
 from minerva_bus import EMPTY, EventType, Frame, MinervaError, Scene, Tick, View
 from minerva_bus.semantics.volumes import Volumes, volumes
 from minerva_services.physics.collisions import Collisions
-from minerva_services.physics.collisions.contacts import contacts, owners_of
-from minerva_services.physics.collisions.grid import Boxes, pairs_among, pairs_between
+from minerva_services.physics.collisions.contacts import (
+    TOLERANCE,
+    Boxes,
+    contacts,
+    owners_of,
+    pairs_among,
+    pairs_between,
+    touches,
+)
 from minerva_services.physics.collisions.service import ContactMemory, ContactPair
-from minerva_services.physics.collisions.touching import TOLERANCE, touches
 
 BOX = np.ones((1, 1), np.int16)
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from minerva_bus.world.readings import Sighting
-from minerva_services.physics.error_models import BeamModel, DriveStep, MotionModel, SightingModel
 from minerva_services.physics.errors import PhysicsError
-from minerva_services.physics.noise import Noise
+from minerva_services.physics.noise import BeamModel, DriveStep, MotionModel, Noise, SightingModel
 
 MANY = 20_000
 

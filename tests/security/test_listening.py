@@ -15,7 +15,7 @@ from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoi
 from minerva_bus.security.authority import KeyFolder
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.message_limits import DEFAULT
-from minerva_services.views.page_address import page_url
+from minerva_services.views.page_access import page_url
 from tests.runtime.yard import Screen
 from tests.security.secured import Joined, World, goes_on, keyed_world, present, secured_endpoint
 

@@ -21,7 +21,7 @@ from driving_world import (
 from minerva_bus import EventType, MinervaError, Scene, Tick, View
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.rng import stream
-from minerva_services.physics import arena_state
+from minerva_services.physics import arena as arena_state
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.kept import kept_bodies
 from minerva_services.physics.service import Physics

@@ -129,7 +129,7 @@ def test_services_and_agents_do_not_know_each_other():
             assert other not in {name.split(".")[0] for name in imports(path)}, path
 
 
-@pytest.mark.parametrize("folder", ["agents"])
+@pytest.mark.parametrize("folder", ["services", "agents"])
 def test_modules_import_each_other_in_no_circle(folder):
     of = {path: path.relative_to(ROOT / folder).with_suffix("") for path in files(folder)}
     graph = {".".join(name.parts): imports(path) for path, name in of.items()}

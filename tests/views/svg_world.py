@@ -26,9 +26,7 @@ from minerva_bus import (
     Vocabulary,
     WorldInfo,
 )
-from minerva_services.views.svg.document import svg_document
-from minerva_services.views.svg.page import Page, frame_of
-from minerva_services.views.svg.tracing import Tracer
+from minerva_services.views.svg.document import Page, Tracer, frame_of, svg_document
 
 WALL, FREE, UNKNOWN = "#2f3640", "#fbfaf6", "#d9d4c7"
 

@@ -35,9 +35,7 @@ from minerva_services.views.names import MAX_NAMES, agent_names
 from minerva_services.views.opengl.painter import GLPainter
 from minerva_services.views.reports import LatestReport
 from minerva_services.views.sprites.painter import SpritePainter
-from minerva_services.views.svg.document import svg_document
-from minerva_services.views.svg.page import Page, frame_of
-from minerva_services.views.svg.tracing import Tracer
+from minerva_services.views.svg.document import Page, Tracer, frame_of, svg_document
 from minerva_services.views.window.painter import Sight
 from minerva_services.views.window.picking import Hit, pick
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from minerva_bus.semantics.poses import Pose
-from minerva_services.views.blocks import enclosed, sides
 from minerva_services.views.opengl.camera import OrbitCamera
 from minerva_services.views.opengl.solids import drum, pin, tops, upright
+from minerva_services.views.solids import enclosed, sides
 
 SIZE = 900, 600
 PLACES = st.floats(-50, 50)

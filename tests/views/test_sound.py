@@ -28,8 +28,7 @@ from minerva_bus import (
     WorldInfo,
 )
 from minerva_services.views.sound import Sound
-from minerva_services.views.sound.synthesis import Synthesis
-from minerva_services.views.sound.tuning import Tone
+from minerva_services.views.sound.sonification import Synthesis, Tone
 
 PCar = Primitive("PCar", Disc(0.2, heading=True), name=str)
 PBird = Primitive("PBird", Disc(0.1, heading=True))
@@ -321,7 +320,7 @@ except MinervaError as error:
 def test_a_file_of_four_gigabytes_gets_no_longer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr("minerva_services.views.sound.wavfile._MAX_BYTES", 4 * 2205 * 3)
+    monkeypatch.setattr("minerva_services.views.sound.sonification._MAX_BYTES", 4 * 2205 * 3)
     assert len(heard(tmp_path / "w.wav", held(car(0.0)))) == 3 * 2205
     said = capsys.readouterr().err
     assert said.count("\n") == 1
@@ -329,7 +328,7 @@ def test_a_file_of_four_gigabytes_gets_no_longer(
 
 
 def test_what_is_left_out_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("minerva_services.views.sound.wavfile._MAX_BYTES", 4 * 2205 * 3)
+    monkeypatch.setattr("minerva_services.views.sound.sonification._MAX_BYTES", 4 * 2205 * 3)
     many = sum((car(float(place), name=f"{place}") for place in range(34)), EMPTY)
     device = play(tmp_path / "w.wav", held(many), voice="PCar, PCar#z")
     figures = device.report()

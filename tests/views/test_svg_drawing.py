@@ -27,9 +27,16 @@ from svg_world import (
 from minerva_bus import EMPTY, MinervaError, Scene
 from minerva_bus.semantics.plane import Bounds
 from minerva_bus.semantics.poses import Pose
-from minerva_services.views.svg.markup import exact, line_of_text, paint, short
-from minerva_services.views.svg.page import Page, frame_of
-from minerva_services.views.svg.tracing import Tracer, trace
+from minerva_services.views.svg.document import (
+    Page,
+    Tracer,
+    exact,
+    frame_of,
+    line_of_text,
+    paint,
+    short,
+    trace,
+)
 
 FLOOR = PMap(np.zeros((20, 10), np.int16), 1.0, -5.0, -5.0)
 

@@ -8,8 +8,8 @@ from web_world import PCart, PStone, taken_port, yard
 
 from minerva_bus import View
 from minerva_bus.semantics.picture import Discs
-from minerva_services.views import page_address
-from minerva_services.views.page_address import listen
+from minerva_services.views import page_access as page_address
+from minerva_services.views.page_access import listen
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,16 @@ pytest.importorskip("viser")
 from minerva_bus import Line
 from minerva_bus.semantics.picture import Discs, Polyline, Texts
 from minerva_bus.semantics.plane import Bounds
-from minerva_services.views.disc_table import disc_table
-from minerva_services.views.line_segments import segments
-from minerva_services.views.solids import arrow, cylinder, flat, pin, ring, walls
+from minerva_services.views.solids import (
+    arrow,
+    cylinder,
+    disc_table,
+    flat,
+    pin,
+    ring,
+    segments,
+    walls,
+)
 from minerva_services.views.web.camera_control import FIELD, CameraControl, bounds_of, camera_pose
 from minerva_services.views.web.picking import Clicked, clicked
 

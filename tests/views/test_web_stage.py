@@ -24,8 +24,7 @@ pytest.importorskip("viser")
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.semantics.picture import Lists
-from minerva_services.views.web.labels import Eye
-from minerva_services.views.web.page_scene import PageScene
+from minerva_services.views.web.page_scene import Eye, PageScene
 
 WALK = slot("ACart", "c")
 
@@ -118,7 +117,7 @@ def test_a_floor_without_coloured_cells_may_get_some(stage):
 
 
 def test_a_matrix_is_a_picture_with_rows_along_x():
-    from minerva_services.views.floor_parts import image
+    from minerva_services.views.solids import image
 
     cells = np.zeros((2, 3), np.int16)
     cells[1, 0] = 1

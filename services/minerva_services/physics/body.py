@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
-from minerva_services.physics.encounters import Contact, MovingDisc
+from minerva_services.physics.encounters import Contact, MovingDisc, Point
 from minerva_services.physics.errors import finite, positive
-from minerva_services.physics.sweep import Point
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,8 @@ from minerva_bus import portable
 from minerva_bus.semantics.geometry import Geometry
 from minerva_bus.semantics.poses import Pose
 from minerva_services.physics.body import DriveCommand
+from minerva_services.physics.encounters import Point
 from minerva_services.physics.errors import PhysicsError
-from minerva_services.physics.sweep import Point
 
 
 @dataclass(frozen=True, slots=True, eq=False)

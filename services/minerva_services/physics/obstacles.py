@@ -13,7 +13,7 @@ from typing import Final
 import pymunk
 
 from minerva_bus import portable
-from minerva_services.physics.sweep import Point, Segment, meeting, offset
+from minerva_services.physics.encounters import Point, Segment, meeting, offset
 
 Ray = Callable[[Point, Point], float]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Sighting
+from minerva_services.physics.encounters import Point
 from minerva_services.physics.obstacles import Ray
-from minerva_services.physics.sweep import Point
 
 Distances: TypeAlias = NDArray[np.float64]
 

@@ -16,14 +16,13 @@ from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.physics.agent_lines import AGENTS, agent_lines
-from minerva_services.physics.arena_state import ArenaState
+from minerva_services.physics.arena import ArenaState
 from minerva_services.physics.body import DriveCommand, DriveOutcome
 from minerva_services.physics.collision_events import Collision, CollisionEvents
-from minerva_services.physics.error_models import BeamModel, ErrorModels, MotionModel, SightingModel
 from minerva_services.physics.errors import PhysicsError, positive
 from minerva_services.physics.geometry import PhysicalGeometry
 from minerva_services.physics.kept import KeptBody, kept_bodies
-from minerva_services.physics.noise import Noise
+from minerva_services.physics.noise import BeamModel, ErrorModels, MotionModel, Noise, SightingModel
 
 
 class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("eCollision",)):

@@ -1,21 +1,190 @@
-"""A connection to a broker, from the handshake to its loss; used by one thread."""
+"""A broker, a connection to it, and the messages that wait for it.
 
-# paho's type hints are incomplete.
-# pyright: reportUnknownMemberType=false
+Of each topic only the newest outgoing message waits, until the broker has accepted it. A connection
+lasts from the handshake to its loss; one thread uses it.
+"""
+
 from __future__ import annotations
 
 import ssl
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
+from urllib.parse import SplitResult, urlsplit
 
 from minerva_bus.errors import MisuseError
-from minerva_services.bridges.mqtt.broker import Broker, Login
 from minerva_services.bridging import SourceError
+from minerva_services.options import read_password
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
+
+
+_PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
+
+
+@dataclass(frozen=True, slots=True)
+class Login:
+    """Client id, user, and where the password and certificates are stored.
+
+    Args:
+        client: the client id; assigned by the broker by default.
+        user: user name; its password is in an environment variable or a file.
+        password_env: the environment variable.
+        password_file: the file.
+        ca: a PEM file of trusted authorities; the system's by default.
+        cert: a PEM file with a client certificate, for brokers that require one.
+        key: its key, if that is in another file.
+
+    Raises MisuseError for options that exclude or require each other.
+
+    """
+
+    client: str = ""
+    user: str = ""
+    password_env: str = ""
+    password_file: str = ""
+    ca: str = ""
+    cert: str = ""
+    key: str = ""
+
+    def __post_init__(self) -> None:
+        if self.password_env and self.password_file:
+            raise MisuseError("mqtt: set password_env or password_file, not both")
+        if (self.password_env or self.password_file) and not self.user:
+            raise MisuseError("mqtt: a password requires the option user")
+        if self.key and not self.cert:
+            raise MisuseError("mqtt: a key requires the option cert")
+
+    def password(self) -> str | None:
+        """The password, read from its storage. Raises MisuseError."""
+        if not self.password_env and not self.password_file:
+            return None
+        return read_password("mqtt", self.password_env, self.password_file)
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """Address of a broker."""
+
+    host: str
+    port: int
+    tls: bool
+
+    @staticmethod
+    def at(address: str) -> Broker:
+        """Parse `mqtt://HOST[:PORT]`, or `mqtts://` for TLS. Raises MisuseError."""
+        url = address if "://" in address else f"mqtt://{address}"
+        try:
+            parts = urlsplit(url)
+            # Raises ValueError for a number above 65535.
+            port = parts.port
+        except ValueError:
+            raise _bad_address(address) from None
+        if parts.scheme not in _PORTS or not parts.hostname or _has_extra_parts(parts):
+            raise _bad_address(address)
+        if parts.username is not None or parts.password is not None:
+            raise MisuseError(
+                "mqtt: user and password do not belong in the address; use the options user and"
+                " password_env or password_file"
+            )
+        return Broker(parts.hostname, port or _PORTS[parts.scheme], parts.scheme == "mqtts")
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+def _has_extra_parts(parts: SplitResult) -> bool:
+    return bool(parts.path.strip("/") or parts.query or parts.fragment)
+
+
+def _bad_address(address: str) -> MisuseError:
+    shown = address.rpartition("@")[2]  # the part before may contain a password
+    return MisuseError(
+        f"mqtt: broker is {shown!r}; expected mqtt://HOST, mqtt://HOST:PORT or mqtts://HOST for TLS"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class MqttMessage:
+    """What a topic should contain, and what it should contain once its source is gone."""
+
+    payload: bytes
+    qos: int = 0
+    retain: bool = False
+    gone: bytes | None = None
+
+
+class Sends(Protocol):
+    """Something that sends messages."""
+
+    def publish(self, topic: str, payload: bytes, qos: int = 0, *, retain: bool = False) -> bool:
+        """Send a message; False while earlier ones are still being sent."""
+        ...
+
+
+class MqttOutbox:
+    """Desired content of topics; a message is sent when its payload changes.
+
+    At most one message per topic waits, so the size is bounded by the number of topics. After a
+    reconnect all content is sent again, because the broker may have lost it.
+    """
+
+    def __init__(self, count: Callable[[str], None]) -> None:
+        # Until the first content, `Traffic` has nothing to send and may poll slowly.
+        self.used = False
+        self._count = count
+        self._wanted: dict[str, MqttMessage] = {}
+        self._waiting: dict[str, MqttMessage] = {}
+        self._lock = threading.Lock()
+
+    def put(self, wanted: Mapping[str, MqttMessage]) -> None:
+        """Set the desired content; topics missing from it receive their `gone` message."""
+        with self._lock:
+            self.used = True
+            for topic, before in self._wanted.items():
+                if topic not in wanted and before.gone is not None:
+                    self._wait(topic, MqttMessage(before.gone, before.qos, before.retain))
+            for topic, message in wanted.items():
+                before = self._wanted.get(topic)
+                if before is None or before.payload != message.payload:
+                    self._wait(topic, message)
+            self._wanted = dict(wanted)
+
+    def reconnected(self) -> None:
+        """Queue all content again after a reconnect."""
+        with self._lock:
+            self._waiting = self._waiting | self._wanted
+
+    def send(self, connection: Sends) -> None:
+        """Send queued messages until the broker accepts no more; keep the rest."""
+        with self._lock:
+            # Taken out of the lock: sending may block while the world puts new content.
+            waiting, self._waiting = self._waiting, {}
+        while waiting:
+            topic = next(iter(waiting))
+            message = waiting[topic]
+            if not connection.publish(topic, message.payload, message.qos, retain=message.retain):
+                break
+            self._count("published")
+            del waiting[topic]
+        with self._lock:
+            # Content that was put meanwhile replaces what could not be sent.
+            self._waiting = waiting | self._waiting
+
+    def _wait(self, topic: str, message: MqttMessage) -> None:
+        # Removed and added at the end, so that a topic that changes often cannot delay the others.
+        if self._waiting.pop(topic, None) is not None:
+            self._count("replaced")  # the previous message was never sent
+        self._waiting[topic] = message
+
+
+# paho's type hints are incomplete.
+# pyright: reportUnknownMemberType=false
+
 
 CONNECT_SECONDS: Final = 5.0
 # In seconds: after one and a half times this, a broker publishes the last will (MQTT 3.1.1,

@@ -7,22 +7,218 @@ from __future__ import annotations
 
 import math
 import threading
-from dataclasses import dataclass, fields
+from bisect import bisect_left
+from collections import deque
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import Final
 
 from minerva_bus import portable
+from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose
-from minerva_services.bridges.ros2.steering import (
-    CommandPath,
-    MotorLimits,
-    Velocity,
-    check_positive,
-    driven,
-    steer,
-)
-from minerva_services.bridges.ros2.track import MAX_CORRECTION, OdometryTrack
+from minerva_bus.world.readings import Scan
+from minerva_bus.world.recordings import needs_path, path_of
 from minerva_services.physics.body import DriveCommand
+
+_SPEED_GAIN: Final = 8.0
+"""Speed per metre of remaining distance, 1/s, where braking allows more."""
+
+_TURN_GAIN: Final = 9.0
+"""The same for turns."""
+
+_LATERAL_GAIN: Final = 12.0
+"""Turn per metre of lateral error, 1/m²."""
+
+_MAX_HEADING_ERROR: Final = 12.0
+"""Heading error in degrees above which the robot turns before driving."""
+
+_CORNER_RADIUS: Final = 0.015
+"""Distance in metres from a corner at which the robot may turn."""
+
+
+def check_positive(name: str, value: float) -> float:
+    """The value of an option, if it is a finite number above 0. Raises MisuseError."""
+    if not (math.isfinite(value) and value > 0):
+        raise MisuseError(f"ros2: {name} is {value!r}; expected a number above 0")
+    return float(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """Metres per second along the heading, degrees per second counter-clockwise."""
+
+    speed: float = 0.0
+    turn: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class MotorLimits:
+    """Limits of the motors. Raises MisuseError unless all are above 0.
+
+    Args:
+        speed: maximum in m/s.
+        turn: maximum in degrees/s.
+        acceleration: maximum in m/s².
+        turn_acceleration: maximum in degrees/s².
+
+    """
+
+    speed: float = 0.3
+    turn: float = 90.0
+    acceleration: float = 1.0
+    turn_acceleration: float = 360.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check_positive(field.name, getattr(self, field.name))
+
+    def clipped(self, wanted: Velocity) -> Velocity:
+        """The velocity, limited to the maximum."""
+        return Velocity(_clip(wanted.speed, self.speed), _clip(wanted.turn, self.turn))
+
+    def slewed(self, before: Velocity, wanted: Velocity, seconds: float) -> Velocity:
+        """The velocity closest to the wanted one that is reachable within `seconds`."""
+        speed, turn = self.acceleration * seconds, self.turn_acceleration * seconds
+        return Velocity(
+            before.speed + _clip(wanted.speed - before.speed, speed),
+            before.turn + _clip(wanted.turn - before.turn, turn),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class CommandPath:
+    """A command from a pose: a turn at `start`, then a straight line to `end`."""
+
+    start: Pose
+    command: DriveCommand
+
+    @property
+    def end(self) -> Pose:
+        """Where the command leads."""
+        turned = self.start.compose(Pose(angle=self.command.turn_deg))
+        return turned.compose(Pose(x=self.command.forward_m))
+
+    def reached(self, pose: Pose) -> bool:
+        """True if a robot that arrives from behind may turn here."""
+        if not self.command.turn_deg:
+            return True
+        missing = pose.seen(self.start)
+        return abs(missing.x) <= _CORNER_RADIUS
+
+
+def steer(pose: Pose, wanted: Pose, limits: MotorLimits) -> Velocity:
+    """The velocity towards a pose from which the robot can still stop there."""
+    missing = pose.seen(wanted)
+    off = missing.angle
+    # In the frame of the wanted pose: x is the error along the line, y the error across it.
+    straight = wanted.seen(pose)
+    speed = _braking(-straight.x, _SPEED_GAIN, limits.speed, limits.acceleration)
+    # Slow down with the heading error, or the robot would leave its line in a curve.
+    speed *= max(0.0, 1.0 - abs(off) / _MAX_HEADING_ERROR)
+    aside = math.degrees(speed * _LATERAL_GAIN * -straight.y)
+    turn = _braking(off, _TURN_GAIN, limits.turn, limits.turn_acceleration)
+    return limits.clipped(Velocity(speed, turn + aside))
+
+
+def _braking(missing: float, gain: float, most: float, acceleration: float) -> float:
+    """The fastest speed that still allows stopping within the missing distance."""
+    stoppable = math.sqrt(2 * acceleration * abs(missing))
+    return math.copysign(min(most, stoppable, gain * abs(missing)), missing)
+
+
+def driven(pose: Pose, velocity: Velocity, seconds: float) -> Pose:
+    """The pose after driving at a constant velocity, along an arc."""
+    angle, dist = velocity.turn * seconds, velocity.speed * seconds
+    half = math.radians(angle) / 2
+    # The chord of an arc points in the direction that the arc has halfway.
+    chord = dist * (portable.sin(half) / half if half else 1.0)
+    return pose.compose(Pose(angle=angle / 2)).compose(Pose(x=chord)).compose(Pose(angle=angle / 2))
+
+
+def _clip(value: float, most: float) -> float:
+    return min(most, max(-most, value))
+
+
+_MAX_POSES: Final = 500
+MAX_CORRECTION: Final = Pose(0.5, 0.0, 45.0)
+"""Jump in metres and degrees, beyond what can be driven, that still counts as a correction."""
+
+_MAX_GAP_SECONDS: Final = 2.0
+"""Maximum time in seconds for which a robot may have driven on unobserved."""
+
+
+class OdometryTrack:
+    """The last poses with times of the robot's clock; restarts if the clock is set back.
+
+    `fastest` and `turning` are the robot's maximum speeds in metres and degrees per second.
+    """
+
+    def __init__(self, fastest: float, turning: float) -> None:
+        self._fastest, self._turning = fastest, turning
+        self._times = deque[float](maxlen=_MAX_POSES)
+        self._poses = deque[Pose](maxlen=_MAX_POSES)
+        self.restarts = 0
+
+    @property
+    def newest(self) -> Pose | None:
+        """The latest pose."""
+        return self._poses[-1] if self._poses else None
+
+    @property
+    def latest(self) -> float:
+        """The time of the latest pose; -inf without any."""
+        return self._times[-1] if self._times else -math.inf
+
+    def add(self, time: float, pose: Pose) -> bool:
+        """Add a pose; True if it is a jump that no robot can have driven."""
+        jumped = False
+        if self._times:
+            elapsed, before = time - self._times[-1], self._poses[-1]
+            if elapsed < 0:
+                self._times.clear()
+                self._poses.clear()
+                self.restarts += 1
+            # The time is limited, because after a long gap any distance could have been driven.
+            jumped = self._jumps(before.seen(pose), min(max(0.0, elapsed), _MAX_GAP_SECONDS))
+        if jumped:
+            self._times.clear()
+            self._poses.clear()
+        self._times.append(time)
+        self._poses.append(pose)
+        return jumped
+
+    def _jumps(self, moved: Pose, seconds: float) -> bool:
+        most = MAX_CORRECTION.x + 2 * self._fastest * seconds
+        turned = MAX_CORRECTION.angle + 2 * self._turning * seconds
+        return portable.hypot(moved.x, moved.y) > most or abs(moved.angle) > turned
+
+    def covers(self, time: float) -> bool:
+        """True if the time is within the recorded history."""
+        return bool(self._times) and self._times[0] <= time <= self._times[-1]
+
+    def corrected(self, scan: Scan) -> Scan:
+        """The scan with the robot's path during it, if that is known and still missing."""
+        if not needs_path(scan):
+            return scan
+        # Of poses with equal times, only the last one counts.
+        known = dict(zip(self._times, self._poses, strict=True))
+        return replace(scan, path=path_of(scan, [*known], [*known.values()]))
+
+    def at(self, time: float) -> Pose | None:
+        """The interpolated pose at a time; outside the history, the nearest."""
+        if not self._times:
+            return None
+        after = bisect_left(self._times, time)
+        if after == 0:
+            return self._poses[0]
+        if after == len(self._times):
+            return self._poses[-1]
+        t0, t1 = self._times[after - 1], self._times[after]
+        part = (time - t0) / (t1 - t0)
+        start = self._poses[after - 1]
+        moved = start.seen(self._poses[after])
+        return start.compose(Pose(moved.x * part, moved.y * part, moved.angle * part))
+
 
 _STOP_SECONDS: Final = 0.5
 """Seconds for which a stop is repeated before other nodes may drive the robot."""

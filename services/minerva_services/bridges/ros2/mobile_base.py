@@ -1,24 +1,49 @@
-"""A ROS 2 robot as hardware: its link, motors and sensors, and the execution of commands."""
+"""A robot's base on its network: its motors, its topics, and commands in time or step by step.
+
+A simulation that is driven by /clock advances only as published here, so frame and robot wait for
+each other: its readings belong to exactly the pose that its command has reached.
+"""
 
 from __future__ import annotations
 
 import math
+import threading
 import time
-from dataclasses import dataclass
-from typing import Final
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeVar
 
+from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Mount
-from minerva_bus.world.recordings import ClockWatch
+from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
+from minerva_bus.world.recordings import ClockWatch, span
 from minerva_bus.world.services import Tick
-from minerva_services.bridges.ros2.buffers import ReadingPublisher, SensorBuffers
-from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
-from minerva_services.bridges.ros2.link import NetworkLink
-from minerva_services.bridges.ros2.motors import Motors
-from minerva_services.bridges.ros2.network import Ros2Network
-from minerva_services.bridges.ros2.session import Ros2Session
-from minerva_services.bridges.ros2.steering import MotorLimits, driven
-from minerva_services.bridges.ros2.stepping import Stepper
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.driver import (
+    STILL,
+    Driver,
+    DriveTolerances,
+    MotorLimits,
+    State,
+    Velocity,
+    driven,
+)
+from minerva_services.bridges.ros2.messages import (
+    DETECTIONS,
+    LASER_SCAN,
+    ODOMETRY,
+    TRANSFORMS,
+    messages,
+)
+from minerva_services.bridges.ros2.network import (
+    NetworkLink,
+    Ros2Network,
+    Ros2Session,
+    TopicPublisher,
+)
+from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
+from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
 from minerva_services.bridging.bridge import log
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import Robot
@@ -229,3 +254,377 @@ class MobileBase:
             return min(self.driver.track.latest, sensors)
 
         return Stepper(self.driver, measured, self._wake, self._router)
+
+
+NANOSECONDS: Final = 1_000_000_000
+BEGIN: Final = NANOSECONDS
+"""Start of the clock; ROS interprets 0 as a missing clock."""
+
+ROUNDING: Final = 1e-6
+"""Metres and degrees below which a deviation counts as rounding."""
+
+# 50 steps per second, where the driver steers by odometry.
+_STEP_NANOSECONDS: Final = NANOSECONDS // 50
+# Seconds after which a missing answer is logged.
+_SILENT_AFTER: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStep:
+    """A velocity, and the interval of the clock in nanoseconds during which it applies."""
+
+    velocity: Velocity
+    begin: int
+    end: int
+
+
+class Stepper:
+    """Takes a robot through its commands; the link's beat publishes the step repeatedly.
+
+    `measured` is the time, in seconds of the clock, up to which all readings have arrived; `wake`
+    makes the link publish the step at once.
+    """
+
+    def __init__(
+        self, driver: Driver, measured: Callable[[], float], wake: Callable[[], None], where: str
+    ) -> None:
+        self._driver, self._measured, self._wake, self._where = driver, measured, wake, where
+        self._answered = threading.Condition()
+        self.step = ClockStep(STILL, BEGIN, BEGIN)
+
+    @property
+    def now(self) -> float:
+        """Seconds of the clock, bit-identical to those of a message's stamp."""
+        whole, rest = divmod(self.step.end, NANOSECONDS)
+        return whole + rest * 1e-9
+
+    def notify(self) -> None:
+        """Notify the stepper of an incoming message."""
+        with self._answered:
+            self._answered.notify()
+
+    def carry_out(self, command: DriveCommand, seconds: float) -> float:
+        """Execute a command in at least `seconds`; the distance not driven in metres."""
+        driver = self._driver
+        self._catch_up()
+        # Without a deviation, the command's own velocities lead exactly to its end. Otherwise the
+        # driver steers by odometry.
+        exact = is_rounding(driver.offset)
+        # The phases take the time of the command themselves, so the driver needs no minimum
+        # duration.
+        driver.begin(command, 0.0 if exact else seconds, self.now)
+        if exact:
+            for velocity, lasts in phases(command, seconds, driver.limits):
+                self._advance(velocity, lasts)
+        while (state := driver.state(self.now)) is not State.DONE:
+            if state is State.BLOCKED:
+                return driver.give_up()
+            self._advance(driver.velocity(self.now) or STILL, _STEP_NANOSECONDS)
+        return 0.0
+
+    def _catch_up(self) -> None:
+        """The robot's time may be ahead because of a predecessor's clock."""
+        ahead = round(self._driver.track.latest * NANOSECONDS)
+        if ahead > self.step.end:
+            self.step = ClockStep(STILL, ahead, ahead)
+
+    def _advance(self, velocity: Velocity, lasts: int) -> None:
+        """Advance the clock, and wait until the robot has reported its state at that time."""
+        self.step = ClockStep(velocity, self.step.end, self.step.end + lasts)
+        self._wake()
+        logged, since = False, time.monotonic()
+        with self._answered:
+            # Waits without limit: a slow simulator is not a failure.
+            while not self._answered.wait_for(lambda: self._measured() >= self.now, _SILENT_AFTER):
+                if not logged and time.monotonic() - since >= _SILENT_AFTER:
+                    logged = True
+                    log(f"no response from {self._where} to clock time {self.now:.3f} s; waiting")
+        if logged:
+            log(f"{self._where} responds again")
+
+
+def phases(
+    command: DriveCommand, seconds: float, limits: MotorLimits
+) -> Iterator[tuple[Velocity, int]]:
+    """The constant velocities of a command with durations in nanoseconds: turn, then drive.
+
+    Together they last `seconds`, or longer if the limits of speed and turn require it.
+    """
+    turn = abs(command.turn_deg) / limits.turn
+    drive = abs(command.forward_m) / limits.speed
+    spare = max(0.0, seconds - turn - drive)
+    busy = bool(command.turn_deg) + bool(command.forward_m)
+    if command.turn_deg:
+        lasts = _nanoseconds(turn + spare / busy)
+        # From the rounded duration, so that velocity times duration is the commanded turn.
+        yield Velocity(turn=command.turn_deg / (lasts / NANOSECONDS)), lasts
+    if command.forward_m:
+        lasts = _nanoseconds(drive + spare / busy)
+        yield Velocity(speed=command.forward_m / (lasts / NANOSECONDS)), lasts
+    if not busy:
+        yield STILL, _nanoseconds(seconds)
+
+
+def is_rounding(pose: Pose) -> bool:
+    """True if a deviation is only rounding."""
+    return portable.hypot(pose.x, pose.y) < ROUNDING and abs(pose.angle) < ROUNDING
+
+
+def _nanoseconds(seconds: float) -> int:
+    # Rounded up, because a shorter phase would exceed the limits of the motors.
+    return max(1, math.ceil(seconds * NANOSECONDS))
+
+
+_MAX_READINGS: Final = 8
+"""Number of buffered scans and sightings; the newest counts."""
+
+_Timed = TypeVar("_Timed", Scan, Sightings)
+
+
+class SensorBuffers:
+    """The latest scans and sightings of one robot, filled by Zenoh's threads.
+
+    `moved(time, pose)` receives odometry. Without odometry the robot's clock is of no use, so
+    readings carry their time of arrival. `notify()` is called after each message.
+    """
+
+    def __init__(
+        self,
+        base: str,
+        mount: Mount | None,
+        moved: Callable[[float, Pose], None],
+        notify: Callable[[], None] = lambda: None,
+        time_offset: float = 0.0,
+    ) -> None:
+        self._time_offset = time_offset
+        self._notify = notify
+        self.odometry_frame = "odom"
+        self.scanned = False
+        self._base, self._mount, self._moved = base, mount, moved
+        self._frames = Frames()
+        self._by_arrival = True
+        self._scans = deque[Scan](maxlen=_MAX_READINGS)
+        self._sightings = deque[Sightings](maxlen=_MAX_READINGS)
+        self._counts: dict[str, int] = {}
+        self._lock = threading.Lock()
+
+    def listen(self, session: Ros2Session, scan: str, odometry: str, detections: str) -> None:
+        """Subscribe to the configured topics."""
+        self._by_arrival = not odometry
+        session.subscribe("/tf_static", TRANSFORMS, self._on_transforms, lasting=True)
+        if odometry:
+            session.subscribe(odometry, ODOMETRY, self._decoder(ODOMETRY, self._take_odometry))
+        if scan:
+            session.subscribe(scan, LASER_SCAN, self._decoder(LASER_SCAN, self._take_scan))
+        if detections:
+            receive = self._decoder(DETECTIONS, self._take_detections)
+            session.subscribe(detections, DETECTIONS, receive)
+
+    @property
+    def scans(self) -> tuple[Scan, ...]:
+        """The buffered scans."""
+        with self._lock:
+            return tuple(self._scans)
+
+    @property
+    def sightings(self) -> tuple[Sightings, ...]:
+        """The buffered sightings."""
+        with self._lock:
+            return tuple(self._sightings)
+
+    def measured(self, *, scan: bool, detections: bool) -> float:
+        """The time up to which all requested kinds have arrived."""
+        with self._lock:
+            times = [
+                waiting[-1].time if waiting else -math.inf
+                for wanted, waiting in ((scan, self._scans), (detections, self._sightings))
+                if wanted
+            ]
+        return min(times, default=math.inf)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Counts of skipped messages by reason."""
+        with self._lock:
+            return dict(self._counts)
+
+    def count(self, what: str) -> None:
+        """Count a skipped message."""
+        with self._lock:
+            self._counts[what] = self._counts.get(what, 0) + 1
+
+    def _on_transforms(self, data: bytes) -> None:
+        self._decoder(TRANSFORMS, self._frames.update)(data)
+
+    def _decoder(self, message: str, take: Callable[[Any], None]) -> Callable[[bytes], None]:
+        def receive(data: bytes) -> None:
+            try:
+                take(messages().decode(message, data))
+            except UnplacedError:
+                self.count("without a transform")
+            except GarbageError as error:
+                if "garbage" not in self.counts:
+                    log(f"a {message} skipped: {error}; further ones are counted as 'garbage'")
+                self.count("garbage")
+            self._notify()
+
+        return receive
+
+    def _take_odometry(self, message: Any) -> None:
+        pose, stamp = Pose(*readings.place_of(message.pose.pose)), readings.stamp_of(message)
+        self.odometry_frame = message.header.frame_id or "odom"
+        self._moved(stamp, pose)
+
+    def _take_scan(self, message: Any) -> None:
+        frame = message.header.frame_id
+        mounting = mounting_of(self._frames, self._base, frame, self._mount)
+        scan = self._timed(readings.scan_of(message, "", mounting))
+        scan = replace(scan, time=scan.time + self._time_offset)
+        with self._lock:
+            self._scans.append(scan)
+        self.scanned = True
+
+    def _take_detections(self, message: Any) -> None:
+        placed = self._frames.matrix(self._base, message.header.frame_id)
+        if placed is None:
+            raise UnplacedError(f"no transform from {message.header.frame_id}")
+        sightings = self._timed(readings.sightings_of(message, "", placed))
+        with self._lock:
+            self._sightings.append(sightings)
+
+    def _timed(self, reading: _Timed) -> _Timed:
+        return replace(reading, time=time.monotonic()) if self._by_arrival else reading
+
+
+def seen_from(shift: Pose, sightings: Sightings, robot: str) -> Sightings:
+    """Sightings made by a robot at `shift`, transformed to the origin."""
+    seen = [
+        replace(
+            sighting,
+            distance=portable.hypot(at.x, at.y),
+            angle=math.degrees(portable.atan2(at.y, at.x)),
+        )
+        for sighting in sightings.seen
+        for at in (shift.compose(Pose(angle=sighting.angle)).compose(Pose(x=sighting.distance)),)
+    ]
+    return Sightings(robot, tuple(seen), sightings.time)
+
+
+def scanned_from(shift: Pose, scan: Scan, robot: str) -> Scan:
+    """A scan made by a robot at `shift`, as one from the origin with another mount."""
+    mount = shift.compose(Pose(scan.mount_x, scan.mount_y, scan.mount_angle))
+    # Displacements are relative to the robot, so those of a shifted robot are conjugated by the
+    # shift.
+    back = shift.seen(Pose())
+    path = [shift.compose(Pose(place.x, place.y, place.angle)).compose(back) for place in scan.path]
+    moved = [
+        Displacement(before.seconds, place.x, place.y, place.angle)
+        for before, place in zip(scan.path, path, strict=True)
+    ]
+    return replace(
+        scan,
+        robot=robot,
+        mount_x=mount.x,
+        mount_y=mount.y,
+        mount_angle=mount.angle,
+        path=tuple(moved),
+    )
+
+
+class ReadingPublisher:
+    """Publishes the newest scan and the newest sightings, each once."""
+
+    def __init__(self, driver: Driver, senses: SensorBuffers) -> None:
+        self._driver, self._senses = driver, senses
+        self._published_at = {"scan": -math.inf, "sightings": -math.inf}
+
+    def publish(self, tick: Tick, robot: str) -> None:
+        """Publish new readings of this tick."""
+        scan = self._newest("scan", self._senses.scans)
+        if isinstance(scan, Scan):
+            scan = self._driver.track.corrected(scan)
+            tick.publish("scan", scanned_from(self._shift(scan.time), scan, robot))
+        seen = self._newest("sightings", self._senses.sightings)
+        if isinstance(seen, Sightings):
+            tick.publish("sightings", seen_from(self._shift(seen.time), seen, robot))
+
+    def _newest(self, what: str, waiting: Sequence[Scan | Sightings]) -> Scan | Sightings | None:
+        """The newest reading covered by odometry, otherwise the newest.
+
+        None if already published.
+        """
+        track = self._driver.track
+        covered = [reading for reading in waiting if all(map(track.covers, _span(reading)))]
+        if waiting and not covered:
+            self._senses.count(f"{what} beside odometry's time")
+        newest = (covered or waiting or [None])[-1]
+        if newest is None or newest.time == self._published_at[what]:
+            self._senses.count(f"frames without {what}")
+            return None
+        self._published_at[what] = newest.time
+        return newest
+
+    def _shift(self, at: float) -> Pose:
+        """The robot's pose at a time, relative to where the string has it."""
+        track, goal = self._driver.track, self._driver.goal
+        pose = track.at(at) if track.covers(at) else track.newest
+        shift = Pose() if pose is None or goal is None else goal.seen(pose)
+        # An exact zero keeps the readings of a stepped simulation bit-identical to those of
+        # physics.
+        return Pose() if is_rounding(shift) else shift
+
+
+def _span(reading: Scan | Sightings) -> tuple[float, float]:
+    """Times of the first and last measurement."""
+    return span(reading) if isinstance(reading, Scan) else (reading.time, reading.time)
+
+
+class Motors:
+    """Publishes on the configured topics; publishes nothing before `declare`.
+
+    `stamped`: velocities are TwistStamped messages in the frame `base`. `clock` is a topic of Clock
+    messages, `map_frame` the frame in which /tf places the odometry frame.
+    """
+
+    def __init__(self, cmd_vel: str, clock: str, map_frame: str, base: str, *, stamped: bool):
+        self._cmd_vel, self._clock_topic, self._map_frame = cmd_vel, clock, map_frame
+        self._base, self._stamped = base, stamped
+        self._wheels: TopicPublisher | None = None
+        self._clock: TopicPublisher | None = None
+        self._transforms: TopicPublisher | None = None
+
+    def declare(self, session: Ros2Session) -> None:
+        """Create the publishers of a session. Raises SourceError if it is lost."""
+        if self._map_frame:
+            self._transforms = session.publisher("/tf", types.TRANSFORMS)
+        if self._clock_topic:
+            self._clock = session.publisher(self._clock_topic, types.CLOCK)
+        twist = types.TWIST_STAMPED if self._stamped else types.TWIST
+        self._wheels = session.publisher(self._cmd_vel, twist)
+
+    def go(self, velocity: Velocity) -> None:
+        """Publish a velocity that applies from now on."""
+        if self._wheels is not None:
+            self._wheels.put(self._twist(velocity, time.time_ns()))
+
+    def step(self, step: ClockStep) -> None:
+        """Publish a simulation step: a velocity and the time until which it applies; repeatable."""
+        if self._wheels is not None and self._clock is not None:
+            # The velocity first: the clock lets the simulation move.
+            self._wheels.put(self._twist(step.velocity, step.begin))
+            self._clock.put(messages().make(types.CLOCK, clock=messages().time(step.end)))
+
+    def place(self, odometry_frame: str, at: Pose) -> None:
+        """Publish the pose of the odometry frame on the map."""
+        if self._transforms is None:
+            return
+        header = messages().header(self._map_frame, time.time_ns())
+        transform = messages().transform(header, odometry_frame, at.x, at.y, at.angle)
+        self._transforms.put(messages().make(types.TRANSFORMS, transforms=[transform]))
+
+    def _twist(self, velocity: Velocity, nanoseconds: int) -> Any:
+        twist = messages().twist(velocity.speed, velocity.turn)
+        if not self._stamped:
+            return twist
+        header = messages().header(self._base, nanoseconds)
+        return messages().make(types.TWIST_STAMPED, header=header, twist=twist)

@@ -25,8 +25,7 @@ from minerva_services.bridges.ros2.messages import (
     TRANSFORMS,
     messages,
 )
-from minerva_services.bridges.ros2.network import Ros2Network
-from minerva_services.bridges.ros2.session import Ros2Session
+from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
 from minerva_services.bridges.ros_messages import (
     Frames,
     GarbageError,

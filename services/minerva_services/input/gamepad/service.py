@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Protocol
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.input.controls import ControlMap, InputRange, bindings, choices
-from minerva_services.input.gamepad.pad import Pad, PadState, open_pad
 from minerva_services.options import require
 
 POLL_SECONDS: Final = 0.02
@@ -121,3 +122,93 @@ class Gamepad(Bridge):
         # Scaled to the travel outside the dead zone, so the value does not jump at its edge.
         far = max(0.0, abs(way) - self._dead) / (1 - self._dead)
         return self._range.nearest(far * (self._range.high if way > 0 else self._range.low))
+
+
+@dataclass(frozen=True, slots=True)
+class PadState:
+    """Current state of a gamepad: axes from -1 to 1, and pressed buttons."""
+
+    axes: tuple[float, ...]
+    buttons: frozenset[int]
+
+
+class Pad(Protocol):
+    """A connected gamepad."""
+
+    name: str
+
+    def state(self) -> PadState | None:
+        """Its current state; None if it was unplugged."""
+        ...
+
+    def close(self) -> None:
+        """Release the gamepad."""
+        ...
+
+
+def open_pad(number: int) -> Pad:
+    """Open a gamepad by number, from 0. Raises SourceError if there is none."""
+    pygame = _begun()
+    pygame.event.pump()
+    there = pygame.joystick.get_count()
+    if number >= there:
+        which = f"only {there} are plugged in" if there else "none is plugged in"
+        raise SourceError(f"there is no gamepad {number}: {which}")
+    try:
+        return _Joystick(pygame, pygame.joystick.Joystick(number))
+    except pygame.error as error:
+        raise SourceError(f"gamepad {number} is not usable: {error}") from None
+
+
+def _begun() -> Any:
+    """pygame, initialised for gamepads: SDL reports them together with a display's events.
+
+    A process without a window uses a dummy display.
+    """
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    # SDL must not replace the process's handler of SIGINT.
+    os.environ.setdefault("SDL_NO_SIGNAL_HANDLERS", "1")
+    # A process without the focused window receives no joystick events otherwise.
+    os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
+    import pygame
+
+    if not pygame.display.get_init():
+        os.environ["SDL_VIDEODRIVER"] = "dummy"
+        pygame.display.init()
+    pygame.joystick.init()
+    return pygame
+
+
+class _Joystick:
+    """A joystick of SDL."""
+
+    def __init__(self, pygame: Any, joystick: Any) -> None:
+        self._pygame = pygame
+        self._joystick = joystick
+        self.name = str(joystick.get_name())
+
+    def state(self) -> PadState | None:
+        self._pygame.event.pump()
+        joystick = self._joystick
+        try:
+            if not joystick.get_init() or not self._attached():
+                return None
+            axes = tuple([float(joystick.get_axis(i)) for i in range(joystick.get_numaxes())])
+            down = frozenset(
+                [i for i in range(joystick.get_numbuttons()) if joystick.get_button(i)]
+            )
+        except self._pygame.error:
+            return None
+        return PadState(axes, down)
+
+    def _attached(self) -> bool:
+        """SDL keeps an unplugged joystick and merely stops listing it."""
+        joystick = self._pygame.joystick
+        own = self._joystick.get_instance_id()
+        return any(
+            joystick.Joystick(number).get_instance_id() == own
+            for number in range(joystick.get_count())
+        )
+
+    def close(self) -> None:
+        self._joystick.quit()

@@ -21,8 +21,7 @@ from minerva_bus.semantics.volumes import Bodies, Texts, Volumes
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.physics.agent_lines import AGENTS, agent_lines, by_agent
 from minerva_services.physics.collision_events import CollisionEvents
-from minerva_services.physics.collisions.contacts import ANYTHING, Pair, contacts
-from minerva_services.physics.collisions.touching import Touches
+from minerva_services.physics.collisions.contacts import ANYTHING, Pair, Touches, contacts
 
 _SAME_COSINE: Final = 0.7
 """Cosine of the angle (about 45 degrees) within which two touches of scenery count as the same."""

@@ -13,10 +13,16 @@ from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.event_factory import event_type
-from minerva_services.physics.neighbours.lattice import NEIGHBOURHOODS, Lattice, counts
 from minerva_services.physics.neighbours.perception import individual, summary
 from minerva_services.physics.neighbours.search import near, tree
-from minerva_services.physics.neighbours.spots import Names, SpotReader, Spots
+from minerva_services.physics.neighbours.spots import (
+    NEIGHBOURHOODS,
+    Lattice,
+    Names,
+    SpotReader,
+    Spots,
+    counts,
+)
 
 _KINDS = {"who": "text", "number": "int", "same": "int"}
 _REAL = ("dx", "dy", "distance", "apart_x", "apart_y")

@@ -13,11 +13,15 @@ from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.options import takes_options
 from minerva_services.sensors.playback import LAST_SECONDS, PlaybackPace, Player
-from minerva_services.sensors.vision.detection import Grey
-from minerva_services.sensors.vision.images import is_image
-from minerva_services.sensors.vision.live import LiveCamera, shown
+from minerva_services.sensors.vision.images import (
+    Grey,
+    ImageFolder,
+    LiveCamera,
+    Video,
+    is_image,
+    shown,
+)
 from minerva_services.sensors.vision.locator import MarkerLocator, VisionOptions, WrongSize
-from minerva_services.sensors.vision.video import ImageFolder, Video
 
 
 class Vision(Bridge, when="freely"):

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
-from minerva_services.views.blocks import Cells
 from minerva_services.views.opengl.camera import Floats
 from minerva_services.views.opengl.painting import walled
 from minerva_services.views.opengl.solids import placed
+from minerva_services.views.solids import Cells
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.picture import Tiles
 from minerva_bus.semantics.volumes import color_ranges
-from minerva_services.views.blocks import enclosed
+from minerva_services.views.solids import enclosed
 
 _WALL_DISTANCE = 0.45
 """Distance in metres from a wall within which the floor is darkened."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.semantics.volumes import mask_rectangles
-from minerva_services.views.blocks import Cells, sides
+from minerva_services.views.solids import Cells, sides
 
 Single = NDArray[np.float32]
 Indices = NDArray[np.int32]

@@ -18,7 +18,7 @@ from minerva_services.views.page.names import PageNames, read_joins
 from minerva_services.views.page.people import PageOptions, People
 from minerva_services.views.page.relay import check_relayed
 from minerva_services.views.page.site import PageSite
-from minerva_services.views.page_address import address_in_network, listen, page_url
+from minerva_services.views.page_access import address_in_network, listen, page_url
 from minerva_services.views.window.order_types import check_named
 
 if TYPE_CHECKING:

@@ -9,10 +9,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_file, text_of_path
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, names_in
-from minerva_services.views.sound.sonification import Sonification
-from minerva_services.views.sound.sound_geometry import roles
-from minerva_services.views.sound.tuning import Tuning
-from minerva_services.views.sound.wavfile import WavFile, wav_path
+from minerva_services.views.sound.sonification import Sonification, Tuning, WavFile, roles, wav_path
 
 _RATES = range(8_000, 192_001)
 

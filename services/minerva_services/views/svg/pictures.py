@@ -7,9 +7,7 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import Bounds, PlaneGeometry
-from minerva_services.views.svg.document import svg_document
-from minerva_services.views.svg.page import Page, frame_of
-from minerva_services.views.svg.tracing import Tracer
+from minerva_services.views.svg.document import Page, Tracer, frame_of, svg_document
 
 
 class Pictures:

@@ -14,8 +14,7 @@ from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.world.services import WorldInfo
 from minerva_services.views.fates import LatestOrders
 from minerva_services.views.web.html import parted
-from minerva_services.views.web.orders import OrderSender, first_with
-from minerva_services.views.web.panel import EventFeed, Panel
+from minerva_services.views.web.panel import EventFeed, OrderSender, Panel, first_with
 from minerva_services.views.web.picking import Clicked
 
 POLL_SECONDS = 0.1

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.semantics.picture import Texts
-from minerva_services.views.disc_table import DiscTable
+from minerva_services.views.solids import DiscTable
 
 _TOLERANCE = 0.012
 """Tolerance of a click as an angle in radians: about ten pixels."""

@@ -87,8 +87,7 @@ class Web(Device, draws=("ePicture",)):
     def joined(self, world: WorldInfo) -> None:
         # Imported here because viser takes long to load.
         from minerva_services.views.web.controller import PageController
-        from minerva_services.views.web.labels import Eye
-        from minerva_services.views.web.page_scene import PageScene
+        from minerva_services.views.web.page_scene import Eye, PageScene
         from minerva_services.views.web.panel import Panel
         from minerva_services.views.web.serving import serve, url
 

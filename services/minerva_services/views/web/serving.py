@@ -1,24 +1,31 @@
-"""A page's server: on its own port, silent, and with access control."""
+"""The web server of the page, and the connections of browsers.
+
+viser expects that its own page sends all messages. Programs with the page's token may send others,
+and a browser may be of another version; what a browser sends is no error of the world.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import gzip
 import os
 import re
+import sys
 import threading
-from collections.abc import Collection
+import warnings
+from collections.abc import Awaitable, Callable, Collection
 from functools import partial
 from html import escape
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 from weakref import WeakSet
 
 from viser import ViserServer
 
+from minerva_bus.errors import ProtocolError, text_of
 from minerva_bus.launch.captured_output import printed
 from minerva_bus.launch.web_access import WebAccess, token_for
-from minerva_services.views.page_access import guarding
-from minerva_services.views.page_address import listen, page_url
-from minerva_services.views.web.connections import tolerant
+from minerva_bus.wire.plain import as_bytes, as_map, unpack
+from minerva_services.views.page_access import guarding, listen, page_url
 
 _TITLE: Final = re.compile(b"<title>.*?</title>")
 
@@ -85,3 +92,61 @@ def _drop(line: str) -> None:
 def url(server: PageServer) -> str:
     """URL of the page for a browser on this machine, with its token."""
     return page_url(server.access)
+
+
+Handler: TypeAlias = Callable[[Any], Awaitable[None]]
+"""What takes part in a connection until it is closed."""
+_POLICY_VIOLATION = 1008
+
+
+def tolerant(handler: Handler) -> Handler:
+    """A handler that closes the connection of a wrong message, with one line in the log."""
+
+    async def handle(connection: Any) -> None:
+        # viser handles most messages in tasks of the loop, which only this server uses.
+        asyncio.get_running_loop().set_exception_handler(_log_ignored)
+        receive = connection.recv
+
+        async def recv() -> Any:
+            data = await receive()
+            _check(data)
+            return data
+
+        connection.recv = recv
+        try:
+            await handler(connection)
+        except Exception as error:
+            _log(f"closed the connection of {_address(connection)}", error)
+            await connection.close(_POLICY_VIOLATION, "this message is none of the page")
+
+    # viser warns of a value of a wrong type, and then takes it.
+    warnings.filterwarnings("ignore", r"\[viser\] .* does not match annotation")
+    return handle
+
+
+def _check(data: Any) -> None:
+    """Raise ProtocolError for a message that would change controls other than by their value.
+
+    viser sets any attribute of a control that a browser names, also its callbacks.
+    """
+    message = as_map(unpack(as_bytes(data, "a message")), "a message")
+    if message.get("type") == "GuiUpdateMessage":
+        updates = as_map(message.get("updates"), "updates")
+        if set(updates) != {"value"}:
+            raise ProtocolError("a browser may change the value of a control only")
+
+
+def _log_ignored(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    error = context.get("exception")
+    _log("ignored a message of a browser", error or RuntimeError(context["message"]))
+
+
+def _log(what: str, error: BaseException) -> None:
+    name = type(error).__name__
+    text = " ".join(text_of(error).split())[:100]
+    sys.stderr.write(f"{what}: the page sends no such message ({name}{': ' * bool(text)}{text})\n")
+
+
+def _address(connection: Any) -> str:
+    peer: Any = connection.remote_address
+    return str(peer[0]) if peer else "a browser"
