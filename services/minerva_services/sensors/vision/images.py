@@ -16,7 +16,7 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.input_files import read_bytes
+from minerva_bus.files import read_bytes
 from minerva_bus.world.readings import Image, Sightings
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.bridging import SourceError

@@ -15,8 +15,7 @@ import numpy as np
 import rerun as rr
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.file_marks import MARK
-from minerva_bus.outputs import target_of
+from minerva_bus.files import MARK, target_of
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_services.views.solids import (

@@ -25,11 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.file_marks import MARK
+from minerva_bus.files import MARK, check_file
 from minerva_bus.grammar.appearance import Disc
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.outputs import check_file
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import BoundingGeometry
 from minerva_bus.semantics.poses import Pose
