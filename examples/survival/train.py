@@ -10,7 +10,7 @@ import argparse
 import numpy as np
 from survival import world
 
-from minerva_bus.collect.tables import DataTable
+from minerva_bus.collect.data_tables import DataTable
 from minerva_learning import parallel_env
 
 OBSERVED = ["left", "right", "energy"]

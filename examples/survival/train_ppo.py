@@ -11,7 +11,7 @@ import survival
 from ppo import learn
 
 from minerva_bus import World
-from minerva_bus.collect.tables import DataTable
+from minerva_bus.collect.data_tables import DataTable
 from minerva_learning import population_env
 
 

@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 from minerva_bus.api.live import Live
 from minerva_bus.api.pictures import Still
 from minerva_bus.api.world_views import PICTURE, WIDTH, Visual
-from minerva_bus.collect.tables import DataTable
+from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene

@@ -10,7 +10,7 @@ from minerva_bus.api.live import Live
 from minerva_bus.api.on_bus import start_on_bus
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.world import World
-from minerva_bus.collect.tables import DataTable
+from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.scene import Scene

@@ -20,7 +20,7 @@ from minerva_bus.api.world_views import (
     figure,
     unpictured,
 )
-from minerva_bus.collect.tables import DataTable
+from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, whole
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene

@@ -11,7 +11,7 @@ from weakref import ref
 
 from minerva_bus.api.processes import END_SECONDS, Launched
 from minerva_bus.api.requests import Request
-from minerva_bus.collect.tables import DataTable
+from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import BusError, MisuseError, WorldStopped
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import find, running

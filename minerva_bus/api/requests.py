@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from minerva_bus.api.world import World, own_options
 from minerva_bus.arguments import path_of
+from minerva_bus.collect.data_tables import check_ending
 from minerva_bus.collect.plans import plans_of, read_entries
-from minerva_bus.collect.tables import check_ending
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.world_files import Collecting, WorldFile, several_hosts
 from minerva_bus.settings.overrides import Overrides

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from minerva_bus.api.pictures import Film, Still
 from minerva_bus.api.world_views import PICTURE, WIDTH, Visual, WorldViews, figure, unpictured
 from minerva_bus.arguments import text
-from minerva_bus.collect.tables import DataTable
+from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides

@@ -17,8 +17,8 @@ from minerva_bus.api.run_result import Interrupted, Run
 from minerva_bus.api.world import World, world_of
 from minerva_bus.api.world_views import views_of
 from minerva_bus.arguments import whole_number
+from minerva_bus.collect.data_tables import DataTable, read_columns, table_path
 from minerva_bus.collect.plans import plans_of
-from minerva_bus.collect.tables import DataTable, read_columns, table_path
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.grammar.events import AnyEvent, Events

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from weakref import ref
 
 from minerva_bus.api.world_views import PictureSeries
-from minerva_bus.collect.tables import needed
+from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MinervaError
 
 if TYPE_CHECKING:

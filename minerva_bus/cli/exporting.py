@@ -17,8 +17,8 @@ from minerva_bus.cli.output import (
     print_result,
     progress_bar,
 )
+from minerva_bus.collect.data_tables import CsvWriter, TableFiles
 from minerva_bus.collect.plans import TablePlan, parse_entries
-from minerva_bus.collect.tables import CsvWriter, TableFiles
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import note_read
 from minerva_bus.log.record import Record

@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.collect.data_tables import Writer
 from minerva_bus.collect.plans import TablePlan, fields_of, series_of
 from minerva_bus.collect.rows import Data, Rows, agent_rows, event_rows
-from minerva_bus.collect.tables import Writer
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.collect.tables import SEED, DataTable
+from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.plotting import FAINT, Plot, label_ends, show_grid
 from minerva_bus.semantics.colors import OKABE_ITO

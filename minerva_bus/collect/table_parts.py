@@ -28,9 +28,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.collect.plans import TablePlan
-from minerva_bus.collect.rows import Data
-from minerva_bus.collect.tables import (
+from minerva_bus.collect.data_tables import (
     ARRAY_TYPES,
     FileWriter,
     ParquetWriter,
@@ -39,6 +37,8 @@ from minerva_bus.collect.tables import (
     needed,
     table_path,
 )
+from minerva_bus.collect.plans import TablePlan
+from minerva_bus.collect.rows import Data
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_file, is_forced, replacing, target_of
 

@@ -21,9 +21,9 @@ from minerva_bus.settings.kinds import ALL
 from minerva_bus.world.operator import FileStatus, PersonOperation
 
 if TYPE_CHECKING:
+    from minerva_bus.collect.data_tables import DataTable, Writer
     from minerva_bus.collect.plans import TablePlan
     from minerva_bus.collect.table_parts import TableParts
-    from minerva_bus.collect.tables import DataTable, Writer
     from minerva_bus.log.record import Record
     from minerva_bus.log.record_header import RecordHeader
     from minerva_bus.log.recorder import Recorder
@@ -253,8 +253,8 @@ class CollectSink(Sink):
         again: bool = False,
     ) -> None:
         from minerva_bus.collect.collector import Collector, SeriesHistory
+        from minerva_bus.collect.data_tables import Gathered
         from minerva_bus.collect.plans import plans_of
-        from minerva_bus.collect.tables import Gathered
 
         world = algorithm.world
         plans = plans_of(collecting.entries, world.vocabulary)

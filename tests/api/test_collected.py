@@ -10,8 +10,8 @@ from frogs import Frog, eCroak, eCross, pond, race
 
 from minerva_bus import MinervaError, World, count, data, each, export, on, run
 from minerva_bus.api.run_result import pick_table
+from minerva_bus.collect.data_tables import DataTable, open_writer, read_columns
 from minerva_bus.collect.plans import read_entries
-from minerva_bus.collect.tables import DataTable, open_writer, read_columns
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.log.record import Record, RecordFrames
 from minerva_bus.log.record_summary import info_of, moment_of
@@ -214,7 +214,7 @@ def test_names_of_entries():
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_a_run_goes_into_files(tmp_path, ending, monkeypatch):
-    monkeypatch.setattr("minerva_bus.collect.tables.BUFFERED_ROWS", 5)
+    monkeypatch.setattr("minerva_bus.collect.data_tables.BUFFERED_ROWS", 5)
     collect = {"frogs": count(Frog), "x": Frog.x, "mood": Frog.mood}
     path = tmp_path / f"pond.{ending}"
     done = run(pond(), frames=6, seed=1, collect=collect, into=path)

@@ -8,6 +8,7 @@ import pytest
 from frogs import Frog, pond
 
 from minerva_bus import count, data, files, run
+from minerva_bus.collect.data_tables import create_writer, read_columns
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.table_parts import (
     JoinedPart,
@@ -16,7 +17,6 @@ from minerva_bus.collect.table_parts import (
     part_ending,
     read_parts,
 )
-from minerva_bus.collect.tables import create_writer, read_columns
 from minerva_bus.errors import MisuseError
 
 TYPES = {"frame": "int64", "on": "bool", "name": "text"} | {f"x{n}": "float64" for n in range(20)}
@@ -202,7 +202,7 @@ def test_a_part_that_a_replaced_process_completes_late_is_not_doubled(
     for frame in range(late + 1):
         older.rows(rows(frame))
     # The new process completes a part every two frames.
-    monkeypatch.setattr("minerva_bus.collect.tables.BUFFERED_ROWS", 2 * len(rows(0)["frame"]))
+    monkeypatch.setattr("minerva_bus.collect.data_tables.BUFFERED_ROWS", 2 * len(rows(0)["frame"]))
     for frame in range(8):
         newer.rows(rows(frame))
         if frame == 4:

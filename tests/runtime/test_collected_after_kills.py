@@ -25,7 +25,7 @@ IMPATIENT = """
 import sys
 from minerva_bus.launch import run_outputs as collecting
 from minerva_bus.log import journal
-from minerva_bus.collect import tables as writers
+from minerva_bus.collect import data_tables as writers
 {settings}
 from minerva_bus.cli.main import main
 main()

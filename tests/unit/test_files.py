@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from minerva_agents.robot.maps import load_map
 from minerva_bus import files, record, resume
+from minerva_bus.collect.data_tables import CsvWriter, TableFiles
 from minerva_bus.collect.plans import TablePlan
-from minerva_bus.collect.tables import CsvWriter, TableFiles
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.files import (
     check_file,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from minerva_bus.collect import series_plot
+from minerva_bus.collect.data_tables import DataTable, read_table
 from minerva_bus.collect.series_plot import PlotOptions, plot_table
-from minerva_bus.collect.tables import DataTable, read_table
 from minerva_bus.errors import MinervaError, MisuseError
 
 pytest.importorskip("matplotlib", reason="pip install 'minerva-bus[plot]'")

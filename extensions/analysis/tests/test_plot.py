@@ -10,7 +10,7 @@ from minerva_analysis.plot_command import plot_file
 from minerva_analysis.tracks import story_of
 from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation, Vocabulary
 from minerva_bus.cli.main import app
-from minerva_bus.collect.tables import read_table
+from minerva_bus.collect.data_tables import read_table
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.log.foxglove_json import Surveyor

@@ -21,8 +21,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.collect.data_tables import needed, texts
 from minerva_bus.collect.rows import agent_rows
-from minerva_bus.collect.tables import needed, texts
 from minerva_bus.log.exporters import ExportChoice, ExportProgress, new_folder
 from minerva_bus.log.record import FrameContents, Record, RecordFrames
 from minerva_bus.world.readings import Image

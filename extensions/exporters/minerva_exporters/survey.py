@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from minerva_bus.collect.data_tables import texts
 from minerva_bus.collect.rows import agent_rows
-from minerva_bus.collect.tables import texts
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -9,7 +9,7 @@
 `pip install 'minerva-bus[rl]'`; importing this package raises MisuseError without it.
 """
 
-from minerva_bus.collect.tables import needed
+from minerva_bus.collect.data_tables import needed
 
 for _library in ("gymnasium", "pettingzoo"):
     needed(_library, "rl")

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 from gymnasium import spaces
 
-from minerva_bus.collect.tables import needed
+from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_input
 from minerva_bus.grammar.events import Event

@@ -15,7 +15,7 @@ from pettingzoo import ParallelEnv  # pyright: ignore[reportMissingTypeStubs]
 
 from minerva_bus.api.live import Live
 from minerva_bus.api.world import World
-from minerva_bus.collect.tables import needed
+from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_learning.acting import Acting

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from minerva_bus.cli.output import FAILED, print_json, print_result
-from minerva_bus.collect.tables import SEED
+from minerva_bus.collect.data_tables import SEED
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.plotting import check_picture

@@ -14,7 +14,7 @@ from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import run_file
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, whole_number
-from minerva_bus.collect.tables import SEED, DataTable
+from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.past import wait_for_frame
 from minerva_bus.launch.temporary_folder import temporary_folder

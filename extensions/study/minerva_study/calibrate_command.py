@@ -11,8 +11,8 @@ from typing import Any, cast
 from minerva_bus.api.records import world_of_record
 from minerva_bus.api.world import World
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
+from minerva_bus.collect.data_tables import needed
 from minerva_bus.collect.plans import parse_entries
-from minerva_bus.collect.tables import needed
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.assignment import names_nodes
 from minerva_bus.launch.console import Console

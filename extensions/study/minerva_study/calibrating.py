@@ -13,7 +13,7 @@ import numpy as np
 
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.world import World, world_of
-from minerva_bus.collect.tables import SEED, DataTable, needed, typed_column
+from minerva_bus.collect.data_tables import SEED, DataTable, needed, typed_column
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.typed_text import option_text

@@ -9,7 +9,7 @@ from typing import Any
 
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.world import World, world_of
-from minerva_bus.collect.tables import DataTable
+from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.assignment import Extent, places
 from minerva_bus.grammar.scene import Scene

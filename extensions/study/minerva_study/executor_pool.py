@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from types import FrameType, TracebackType
 from typing import Any, Final, Self, TypeAlias
 
-from minerva_bus.collect.tables import needed
+from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.child_processes import Handler, end_signals, handled
 from minerva_bus.launch.temporary_folder import temporary_folder

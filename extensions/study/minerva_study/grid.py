@@ -10,7 +10,7 @@ from itertools import product
 from math import prod
 from typing import Any, Final, cast
 
-from minerva_bus.collect.tables import SEED
+from minerva_bus.collect.data_tables import SEED
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.typed_text import option_text, toml_value
 from minerva_bus.settings.overrides import Overrides

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast
 
-from minerva_bus.collect.tables import needed
+from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.assignment import Interval, OneOf, Parameter, names_nodes, parameter_of
 from minerva_bus.grammar.scene import Scene

@@ -12,8 +12,8 @@ from minerva_bus.api.requests import request_of
 from minerva_bus.api.run_result import pick_table
 from minerva_bus.api.world import World, world_of
 from minerva_bus.arguments import named, path_of, whole_number
+from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.collect.plans import Entries, TablePlan
-from minerva_bus.collect.tables import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.temporary_folder import temporary_folder

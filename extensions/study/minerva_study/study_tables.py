@@ -8,8 +8,7 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from minerva_bus.api.world import World
-from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
-from minerva_bus.collect.tables import (
+from minerva_bus.collect.data_tables import (
     DataTable,
     Gathered,
     plain_value,
@@ -17,6 +16,7 @@ from minerva_bus.collect.tables import (
     table_path,
     typed_column,
 )
+from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
 from minerva_bus.launch.typed_text import option_text
 from minerva_study.grid import Combination, Grid
 from minerva_study.results import ResultTable
