@@ -1,7 +1,7 @@
 """Write the settings tables in docs/: run `python -m tools.settings_tables`.
 
 Tables are generated from declarations. Each is between `<!-- settings: NAME ... -->`, which lists
-classes of settings/tables.py, and `<!-- end of settings -->`.
+classes of settings/world_settings.py, and `<!-- end of settings -->`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.settings import tables
+from minerva_bus.settings import world_settings as tables
 from minerva_bus.settings.kinds import Setting, settings_of
 from tools import blocks
 

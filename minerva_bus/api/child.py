@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.api.requests import Past
+from minerva_bus.api.requests import ContinuedRecord
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import WorldSpec
@@ -79,7 +79,11 @@ def _opened(config: dict[str, Any]) -> Replay:
     def read(settings: Overrides) -> WorldFile:
         return read_world_file(Path(config["world"]), settings.over(given))
 
-    played = Past(**past).read(read, overrides) if past else Replay(read(overrides), Coordinator)
+    played = (
+        ContinuedRecord(**past).read(read, overrides)
+        if past
+        else Replay(read(overrides), Coordinator)
+    )
     entries = {
         name: read_expression(text, f"collect: {name}") for name, text in config["collect"].items()
     }

@@ -20,7 +20,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import bind, find_service
 from minerva_bus.launch.toml_tables import toml_text
 from minerva_bus.settings.kinds import check_known, settings_of
-from minerva_bus.settings.tables import WorldSettings
+from minerva_bus.settings.world_settings import WorldSettings
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
 

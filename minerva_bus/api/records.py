@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.api.requests import Past, request_of
+from minerva_bus.api.requests import ContinuedRecord, request_of
 from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import check_film, run_request
 from minerva_bus.api.world import World, world_of
@@ -83,7 +83,7 @@ def replay_views(
 
     """
     shown = (views,) if isinstance(views, str) else text_list("views", views)
-    past = Past(str(record), plays=True, begin=begin, speed=speed)
+    past = ContinuedRecord(str(record), plays=True, begin=begin, speed=speed)
     request = request_of(world_of_record(record, world), {}, views=shown, past=past)
     # The record is replayed, not the collected data of its world file.
     request = replace(request, file=replace(request.file, collect=Collecting()))
@@ -195,7 +195,7 @@ def resume(
         into=into,
         processes=processes,
         record=output,
-        past=Past(str(record)),
+        past=ContinuedRecord(str(record)),
         frames=frames,
         until=until,
         rate=rate,

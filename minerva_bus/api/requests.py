@@ -24,7 +24,7 @@ Processes: TypeAlias = int | Literal["auto"] | None
 
 
 @dataclass(frozen=True, slots=True)
-class Past:
+class ContinuedRecord:
     """The record that a run continues, or that it plays from frame `begin` if `plays`.
 
     `speed` is that of a played record: 1: real time; 0: as fast as possible.
@@ -55,7 +55,7 @@ class Request:
     world: World
     overrides: Overrides
     file: WorldFile
-    past: Past | None = None
+    past: ContinuedRecord | None = None
 
     def needs_bus(self, bus: bool, processes: Processes) -> bool:
         """Whether the run starts processes, by the arguments `bus` and `processes` of `run`."""
@@ -72,7 +72,7 @@ def request_of(
     into: str | Path = "",
     processes: Processes = None,
     record: str | Path = "",
-    past: Past | None = None,
+    past: ContinuedRecord | None = None,
     **values: Any,
 ) -> Request:
     """The settings of one run, checked. Raises MinervaError."""

@@ -2,8 +2,8 @@
 
 all steps in their order     frame/algorithm.py
 steps 2 to 4, events         frame/collection.py
-steps 5, 6, 8, evolution     frame/evolution.py
-step 7, views                frame/views.py
+steps 5, 6, 8, evolution     frame/evolution_step.py
+step 7, views                frame/view_streams.py
 members come and go          frame/member_lifecycle.py
 the side of a member         frame/member.py
 all messages                 frame/messages.py

@@ -15,17 +15,17 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import EVENTS, CollectionStep, FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.evolution import EvolutionStep
+from minerva_bus.frame.evolution_step import EvolutionStep
 from minerva_bus.frame.in_flight import Awaited, FrameInFlight, Phase, Progress
 from minerva_bus.frame.inputs import Checkpoint, FrameInputs, is_people, is_set_aside
 from minerva_bus.frame.member_lifecycle import MemberLifecycle, Shutdown
 from minerva_bus.frame.members import MemberChange, Members
-from minerva_bus.frame.norms import Norms
+from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.orders import OrderRules
 from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.sources import InputSteps, MemberAnswers, OutcomeSteps
 from minerva_bus.frame.stimuli import Instructions
-from minerva_bus.frame.views import Views, due_views
+from minerva_bus.frame.view_streams import Views, due_views
 from minerva_bus.frame.work import EventWork
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.events import AnyEvent, Events

@@ -39,11 +39,11 @@ from minerva_bus.frame.inputs import (
     source_of,
 )
 from minerva_bus.frame.members import MemberEntry, Members
-from minerva_bus.frame.norms import Norms
+from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.orders import OrderRules
 from minerva_bus.frame.service_calls import NOTHING
 from minerva_bus.frame.stimuli import Instructions
-from minerva_bus.frame.views import due_views
+from minerva_bus.frame.view_streams import due_views
 from minerva_bus.frame.work import FEW, EventWork, are_light
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
 from minerva_bus.grammar.ids import Ids

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.views import patch_all
+from minerva_bus.frame.view_streams import patch_all
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.user_code import blamed
 from minerva_bus.world.services import Device, Service, View

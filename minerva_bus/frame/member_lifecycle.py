@@ -20,7 +20,7 @@ from minerva_bus.frame.messages import Figures
 from minerva_bus.frame.placement import Offers, Placement
 from minerva_bus.frame.sources import MemberAnswers
 from minerva_bus.frame.stimuli import Instructions
-from minerva_bus.frame.views import Views
+from minerva_bus.frame.view_streams import Views
 
 MAX_DEATHS: Final = 2
 """Ends of a host in one frame after which the frame is tried without the events of guests."""

@@ -27,7 +27,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.in_flight import Phase
 from minerva_bus.frame.member import Member, Unready
-from minerva_bus.frame.norms import NORMS
+from minerva_bus.frame.norm_rejections import NORMS
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.launch.captured_output import MEMBERS, inherited, printed
 from minerva_bus.launch.child_processes import interrupts_deferred

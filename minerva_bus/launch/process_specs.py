@@ -25,7 +25,7 @@ from minerva_bus.launch.toml_tables import Table
 from minerva_bus.launch.typed_text import beside, read_view, settings_by_process
 from minerva_bus.runtime.waiting import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
-from minerva_bus.settings.tables import (
+from minerva_bus.settings.world_settings import (
     PatienceSettings,
     ProcessSettings,
 )

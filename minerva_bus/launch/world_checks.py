@@ -21,7 +21,7 @@ from minerva_bus.launch.toml_tables import Table
 from minerva_bus.launch.typed_text import filled, read_options
 from minerva_bus.launch.world_files import Access, WorldFile, open_tables
 from minerva_bus.settings.kinds import TEXT, TEXTS
-from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
+from minerva_bus.settings.world_settings import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.world.services import Generator, when_of
 
 WORLD_CODE: Final = ("vocabulary", "scene", "defaults", "notes")

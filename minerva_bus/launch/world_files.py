@@ -9,8 +9,9 @@
     agents = "meadow:Fox"
     processes = 2
 
-settings/tables.py declares every key, and docs/worlds.md lists them. Each table is read by its own
-functions, those of processes in `process_specs.py`, then the checks follow that need all of them.
+settings/world_settings.py declares every key, and docs/worlds.md lists them. Each table is read by
+its own functions, those of processes in `process_specs.py`, then the checks follow that need all of
+them.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ from minerva_bus.runtime.endpoints import check_endpoint, check_listening
 from minerva_bus.runtime.waiting import Deadlines, Patience
 from minerva_bus.settings.kinds import ALL, TEXT, TEXTS, TOPICS, number, whole
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
-from minerva_bus.settings.tables import (
+from minerva_bus.settings.world_settings import (
     BusSettings,
     CollectSettings,
     NormSettings,

@@ -1,4 +1,5 @@
 """The settings of a world: declared once, read from a world file and a command line.
 
-A new setting is a field in settings/tables.py, and `python -m tools.settings_tables` documents it.
+A new setting is a field in settings/world_settings.py, and `python -m tools.settings_tables`
+documents it.
 """

@@ -1,7 +1,7 @@
 """The JSON Schema of world files, for editors that validate and complete them.
 
-It follows from the declarations in tables.py. It accepts every valid file; references between
-tables, names of modules and numbers like NaN are left to `minerva check`.
+It follows from the declarations in world_settings.py. It accepts every valid file; references
+between tables, names of modules and numbers like NaN are left to `minerva check`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from minerva_bus.settings.kinds import TOPICS, Setting, settings_of, whole
-from minerva_bus.settings.tables import TABLES, PatienceSettings
+from minerva_bus.settings.world_settings import TABLES, PatienceSettings
 from minerva_bus.wire.message_limits import DEFAULT, configurable_limits
 
 _TEXT: Final = {"type": "string"}

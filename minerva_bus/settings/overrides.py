@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from minerva_bus.settings.kinds import Setting, by_option, check_known
-from minerva_bus.settings.tables import TABLES
+from minerva_bus.settings.world_settings import TABLES
 
 OPTIONS: Final[Mapping[str, Setting]] = by_option(*TABLES)
 """The settings that have an option on the command line, by its name."""

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from minerva_bus import EMPTY, Scene
 from minerva_bus.frame import members as member_states
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.evolution import claim
+from minerva_bus.frame.evolution_step import claim
 from minerva_bus.frame.in_flight import FrameResult
 from minerva_bus.frame.members import (
     MAX_DEPARTED,
@@ -26,7 +26,7 @@ from minerva_bus.frame.members import (
 from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.placement import place
-from minerva_bus.frame.views import ViewStream
+from minerva_bus.frame.view_streams import ViewStream
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
 from minerva_bus.grammar.traversal import fill

@@ -10,7 +10,7 @@ from street import FINE, VOCABULARY, Light, Many, One, Passer, Steps, eFine, eSh
 
 from minerva_bus import Generator
 from minerva_bus.frame.messages import Emitted
-from minerva_bus.frame.norms import PEOPLE
+from minerva_bus.frame.norm_rejections import PEOPLE
 from minerva_bus.frame.stimuli import Abandoned, Publish
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import single

@@ -16,7 +16,7 @@ from street import Light, Steps, eBoo, eFine, eShout, eStep
 
 from minerva_bus import Agent, Vocabulary, on
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.norms import outcome_of
+from minerva_bus.frame.norm_rejections import outcome_of
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.scene import Scene, agents

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.frame.collection import CollectionStep, FrameInbox
-from minerva_bus.frame.evolution import EvolutionStep
+from minerva_bus.frame.evolution_step import EvolutionStep
 from minerva_bus.frame.generator_side import GeneratorSide
 from minerva_bus.frame.pace import Pace
 from minerva_bus.log.journal import Journal

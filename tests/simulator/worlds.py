@@ -38,7 +38,7 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.settings.tables import BusSettings
+from minerva_bus.settings.world_settings import BusSettings
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.priority import Priority
 from minerva_bus.world.readings import Sighting, Sightings

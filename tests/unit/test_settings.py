@@ -26,7 +26,7 @@ from minerva_bus.settings.kinds import (
     whole,
 )
 from minerva_bus.settings.overrides import OPTIONS, Overrides
-from minerva_bus.settings.tables import TABLES, RecordSettings, WatchSettings, WorldSettings
+from minerva_bus.settings.world_settings import TABLES, RecordSettings, WatchSettings, WorldSettings
 from minerva_bus.world.services import Generator
 from tools.settings_tables import PAGES, filled, table_of
 

@@ -13,7 +13,7 @@ from minerva_bus.launch.toml_tables import MAX_KEY_PARTS, TomlError, read_toml, 
 from minerva_bus.launch.typed_text import toml_value
 from minerva_bus.settings.json_schema import world_schema
 from minerva_bus.settings.kinds import settings_of
-from minerva_bus.settings.tables import TABLES
+from minerva_bus.settings.world_settings import TABLES
 
 
 @pytest.mark.parametrize(

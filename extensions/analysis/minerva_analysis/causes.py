@@ -36,7 +36,7 @@ from minerva_bus.frame.inputs import (
     name_of,
     person_of,
 )
-from minerva_bus.frame.norms import Norms
+from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of, single
 from minerva_bus.grammar.printer import shown_value

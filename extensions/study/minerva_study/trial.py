@@ -26,7 +26,7 @@ from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers
-from minerva_bus.settings.tables import WatchSettings
+from minerva_bus.settings.world_settings import WatchSettings
 from minerva_bus.user_code import report
 from minerva_study.outcome import Outcome
 

@@ -19,10 +19,10 @@ from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import FrameResult, Phase, Progress
 from minerva_bus.frame.inputs import AGENTS, HALTED, FrameInputs, is_people, person_of
 from minerva_bus.frame.members import Members
-from minerva_bus.frame.norms import Norms
+from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.placement import Offers, Placement
 from minerva_bus.frame.stimuli import Instructions
-from minerva_bus.frame.views import Views, patch_all
+from minerva_bus.frame.view_streams import Views, patch_all
 from minerva_bus.frame.work import are_light
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.conversion import Unfit
