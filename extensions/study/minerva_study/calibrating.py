@@ -170,7 +170,7 @@ def _branches(record: World | str | Path, frame: int, frames: int | None, sent: 
     def make(grid: Grid, collecting: Collecting) -> Sweep:
         return branches.sweep(grid, Overrides(frames=frames), collect=collecting, sent=sent)
 
-    return _Runs(branches.world, branches.point.scene, branches.seeds(1)[0], make)
+    return _Runs(branches.world, branches.point.state.scene, branches.seeds(1)[0], make)
 
 
 class _TrialSearch:
