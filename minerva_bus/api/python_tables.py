@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any, Final, cast
 
 from minerva_bus.api.service_specs import ServiceSpec, plain_setting
-from minerva_bus.api.symbols import SymbolFinder, spec_of
+from minerva_bus.api.used_symbols import SymbolFinder, spec_of
 from minerva_bus.arguments import named
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.parser import parse

@@ -24,7 +24,7 @@ from minerva_bus.cli.output import (
     print_message,
     print_result,
 )
-from minerva_bus.cli.running import run_world
+from minerva_bus.cli.run_choice import run_world
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_checks import LAYOUTS, Layout, laid_out, left_out

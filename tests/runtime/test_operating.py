@@ -8,7 +8,7 @@ import pytest
 import zenoh
 from running import World, eventually, here, write_world
 
-from minerva_bus.cli import operating
+from minerva_bus.cli import operation as operating
 from minerva_bus.cli.options import WorldTarget
 from minerva_bus.errors import BusError, ProtocolError
 from minerva_bus.wire.codec import Decoder

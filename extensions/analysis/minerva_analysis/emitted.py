@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from types import FunctionType, ModuleType
 from typing import Any, Final, cast
 
-from minerva_bus.api.symbols import names_in
+from minerva_bus.api.used_symbols import names_in
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.user_code import variables_of
 from minerva_bus.world.agent import Agent

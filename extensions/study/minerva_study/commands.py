@@ -128,7 +128,7 @@ def evolve(
 
     The world's own options, declared in its [options], are options here too.
     """
-    from minerva_bus.cli.running import read_world
+    from minerva_bus.cli.run_choice import read_world
     from minerva_bus.launch.console import Console
     from minerva_bus.settings.overrides import Overrides
     from minerva_study.evolution import Plan

@@ -66,7 +66,7 @@ def logs(
     target: NamedTarget,
 ) -> None:
     """Show the logs of a running world's members."""
-    from minerva_bus.cli.operating import show_logs
+    from minerva_bus.cli.operation import show_logs
 
     show_logs(member, follow, target, json)
 
@@ -82,7 +82,7 @@ def top(
     target: NamedTarget,
 ) -> None:
     """Monitor and control a running world in the terminal."""
-    from minerva_bus.cli.operating import watch_world
+    from minerva_bus.cli.operation import watch_world
 
     watch_world(target, json)
 
@@ -102,6 +102,6 @@ def metrics(
 
     The server is a separate process.
     """
-    from minerva_bus.cli.operating import serve_metrics
+    from minerva_bus.cli.operation import serve_metrics
 
     serve_metrics(listen, target, json)

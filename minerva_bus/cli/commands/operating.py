@@ -59,7 +59,7 @@ def pub(
 @grouped
 def stop(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Stop a running world."""
-    from minerva_bus.cli.operating import stop_world
+    from minerva_bus.cli.operation import stop_world
 
     stop_world(by, target, json)
 
@@ -71,7 +71,7 @@ def stop(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
 @grouped
 def pause(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Pause a running world."""
-    from minerva_bus.cli.operating import pause_world
+    from minerva_bus.cli.operation import pause_world
 
     pause_world(by, target, json)
 
@@ -83,7 +83,7 @@ def pause(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
 @grouped
 def resume(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Resume a paused world."""
-    from minerva_bus.cli.operating import resume_world
+    from minerva_bus.cli.operation import resume_world
 
     resume_world(by, target, json)
 
@@ -101,7 +101,7 @@ def step(
     target: NamedTarget,
 ) -> None:
     """Run a number of frames, then pause."""
-    from minerva_bus.cli.operating import step_world
+    from minerva_bus.cli.operation import step_world
 
     step_world(frames, by, target, json)
 
@@ -119,7 +119,7 @@ def rate(
     target: NamedTarget,
 ) -> None:
     """Change the frame rate of a running world."""
-    from minerva_bus.cli.operating import set_rate
+    from minerva_bus.cli.operation import set_rate
 
     set_rate(hz, by, target, json)
 
@@ -140,7 +140,7 @@ def restart(
     target: NamedTarget,
 ) -> None:
     """Restart one process of a running world."""
-    from minerva_bus.cli.operating import restart_member
+    from minerva_bus.cli.operation import restart_member
 
     restart_member(member, by, target, json)
 
@@ -163,7 +163,7 @@ def drain(
 
     The host can then be stopped without a pause of the world.
     """
-    from minerva_bus.cli.operating import drain_member
+    from minerva_bus.cli.operation import drain_member
 
     drain_member(member, by, target, json)
 
@@ -180,6 +180,6 @@ def seek(
     target: NamedTarget,
 ) -> None:
     """Continue a replay at another frame."""
-    from minerva_bus.cli.operating import seek_frame
+    from minerva_bus.cli.operation import seek_frame
 
     seek_frame(frame, target, json)

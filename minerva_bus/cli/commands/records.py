@@ -252,7 +252,7 @@ def export(
     FILE-TABLE.csv. --rosbag, --rerun and --lerobot write poses, sensor data and events. No code of
     the world is run.
     """
-    from minerva_bus.cli.exporting import ExportOptions, export_records
+    from minerva_bus.cli.export_choice import ExportOptions, export_records
 
     options = ExportOptions(tuple(collect or ()), begin, to, every, json, quiet)
     export_records(tuple(files), targets, options)

@@ -60,7 +60,7 @@ def run(
     --help` lists them.
     """
     with uncollected():
-        from minerva_bus.cli.running import read_world, run_world
+        from minerva_bus.cli.run_choice import read_world, run_world
         from minerva_bus.launch.past import read_resumed
 
         words = context.args
@@ -130,7 +130,7 @@ def check(
         from minerva_bus.cli.check_determinism import FRAMES, check_determinism
 
         raise typer.Exit(check_determinism(str(file), frames or FRAMES, json))
-    from minerva_bus.cli.checking import check_file
+    from minerva_bus.cli.check_report import check_file
 
     raise typer.Exit(check_file(file, vocabulary, json, code=not no_code))
 

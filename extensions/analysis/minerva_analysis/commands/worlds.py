@@ -37,7 +37,7 @@ def graph(
     """
     from minerva_analysis.graphs import check_writable, graph_of
     from minerva_bus.cli.output import print_json, print_result
-    from minerva_bus.cli.running import read_world
+    from minerva_bus.cli.run_choice import read_world
 
     given = Overrides(options_of(context.args), overrides.settings, overrides.views)
     if output is not None:

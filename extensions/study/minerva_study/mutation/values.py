@@ -12,7 +12,7 @@ from minerva_bus.grammar.assignment import Domain, Interval, OneOf
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.scene import EMPTY, Scene, Value
 from minerva_bus.grammar.types import Type
-from minerva_bus.portable import distributions as normal
+from minerva_bus.portable import normal
 
 Stream = np.random.Generator
 Inner = Callable[[Scene, Stream], Scene]
