@@ -38,6 +38,7 @@ def test_it_knows_all_extras():
         "dev",
         "docs",
         "mutation",
+        "test",
     }
 
 
