@@ -55,7 +55,7 @@ def type_all(typist, host, lines):
 
 def test_the_first_chapter_joins_two_machines(typist):
     here, there = blocks("Quick start")
-    assert len(here) == 4
+    assert len(here) == 5
     assert len(there) == 1
     type_all(typist, HERE, here)
     carry(typist, "ca.pem", "hostA.pem", "hostA.key")
