@@ -362,6 +362,17 @@ def parse_report(line: str) -> dict[str, Any] | None:
     return cast("dict[str, Any]", report) if isinstance(report, dict) else None
 
 
+def on_reports(receive: Callable[[dict[str, Any]], None]) -> Callable[[str], None]:
+    """What a `LineReader` calls for each line: it passes reports on, and drops other lines."""
+
+    def on_line(line: str) -> None:
+        report = parse_report(line)
+        if report is not None:
+            receive(report)
+
+    return on_line
+
+
 def write_stacks_on_signal() -> None:
     """Write the stacks of this process to standard error at each STACK_SIGNAL.
 

@@ -15,7 +15,7 @@ from minerva_bus.launch.child_processes import (
     LineReader,
     blocked_at,
     is_stack,
-    parse_report,
+    on_reports,
 )
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.member_process import MemberStart
@@ -188,7 +188,7 @@ class ProcessTable:
     ) -> None:
         self._context = context
         self._log = log
-        self._on_report = on_report
+        self._on_report_line = on_reports(on_report)
         self._machine = context.machine
         self._processes = {
             name: SupervisedProcess(members, context.machine)
@@ -245,13 +245,8 @@ class ProcessTable:
             context.pipes, child.output, lambda line: self._read(process, line)
         )
         if child.reports != CLOSED:
-            self._reports[name] = LineReader(context.pipes, child.reports, self._read_report)
+            self._reports[name] = LineReader(context.pipes, child.reports, self._on_report_line)
         return process
-
-    def _read_report(self, line: str) -> None:
-        report = parse_report(line)
-        if report is not None:
-            self._on_report(report)
 
     def _read(self, process: SupervisedProcess, line: str) -> None:
         stacks = process.stacks

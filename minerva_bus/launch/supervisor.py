@@ -24,7 +24,7 @@ from minerva_bus.launch.child_processes import (
     LineReader,
     caught,
     how_ended,
-    parse_report,
+    on_reports,
 )
 from minerva_bus.launch.console import (
     Console,
@@ -540,7 +540,7 @@ class Succession:
     ) -> None:
         self._context = context
         self._make = make
-        self._on_report = on_report
+        self._on_report_line = on_reports(on_report)
         self._on_line = on_line
         self._commands = CLOSED
         self._readers: list[LineReader] = []
@@ -565,7 +565,7 @@ class Succession:
         started = context.machine.start_coordinator(start, context.lifeline[0])
         self.child, self._commands, reports = started
         self._readers = [
-            LineReader(pipes, reports, self._read_report),
+            LineReader(pipes, reports, self._on_report_line),
             LineReader(pipes, self.child.output, self._on_line),
         ]
 
@@ -604,11 +604,6 @@ class Succession:
         """Start a successor."""
         self.count += 1
         self.start(queued)
-
-    def _read_report(self, line: str) -> None:
-        report = parse_report(line)
-        if report is not None:
-            self._on_report(report)
 
 
 @dataclass(slots=True)
