@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.settings import world_settings as tables
+from minerva_bus.settings import world_settings
 from minerva_bus.settings.kinds import Setting, settings_of
 from tools import blocks
 
@@ -53,7 +53,7 @@ def filled(text: str) -> str:
 
     def make(name: str) -> str:
         names = name.split()
-        classes = [getattr(tables, f"{each}Settings") for each in names]
+        classes = [getattr(world_settings, f"{each}Settings") for each in names]
         return f"\n{table_of(classes, qualified='Watch' in names)}\n\n"
 
     return blocks.filled(text, "settings", make)

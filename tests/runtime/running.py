@@ -18,7 +18,7 @@ import zenoh
 
 from minerva_bus.cli.main import main
 from minerva_bus.errors import BusError
-from minerva_bus.launch import child_processes as forking
+from minerva_bus.launch import child_processes
 from minerva_bus.runtime.operator_client import Client
 from tests.patience import DEFAULT, eventually, patience
 
@@ -92,7 +92,7 @@ def here(folder, *words):
     arguments = patch.object(sys, "argv", ["minerva", *map(str, words)])
     # A child of a process that has used Zenoh cannot use it.
     reason = "this command starts processes: call `minerva` instead of `here`"
-    no_fork = patch.object(forking, "fork", side_effect=AssertionError(reason))
+    no_fork = patch.object(child_processes, "fork", side_effect=AssertionError(reason))
     environ = patch.dict(os.environ, environment(folder), clear=True)
     with chdir(folder), environ, arguments, no_fork:
         try:

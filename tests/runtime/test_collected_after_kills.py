@@ -23,9 +23,9 @@ steps = "eStep"
 """
 IMPATIENT = """
 import sys
-from minerva_bus.launch import run_outputs as collecting
+from minerva_bus.launch import run_outputs
 from minerva_bus.log import journal
-from minerva_bus.collect import data_tables as writers
+from minerva_bus.collect import data_tables
 {settings}
 from minerva_bus.cli.main import main
 main()
@@ -65,7 +65,7 @@ def run_with(monkeypatch, folder, settings):
 
 SHORT = "journal.MIN_REWRITE_BYTES, journal.REWRITE_RATIO = 1, 0"
 """The successor can repeat a few frames only: earlier rows have to be in parts."""
-PARTS = "collecting.SAVE_SECONDS, writers.BUFFERED_ROWS = 0.0, 7"
+PARTS = "run_outputs.SAVE_SECONDS, data_tables.BUFFERED_ROWS = 0.0, 7"
 
 
 # Parts are written by the same code for both endings, which differ in what a part contains.
@@ -94,7 +94,7 @@ def test_tables_of_a_run_that_is_killed_altogether_are_recovered(tmp_path, monke
     folder = tmp_path / "killed"
     path = world_with(folder, ending, 2000)
     parts = folder / f"out{ending}.parts"
-    run_with(monkeypatch, tmp_path, "collecting.SAVE_SECONDS = 0.0")
+    run_with(monkeypatch, tmp_path, "run_outputs.SAVE_SECONDS = 0.0")
     with World(path, "--json") as world:
         world.runs(*NAMES)
         eventually(lambda: [*parts.glob("eStep-*")], "rows of events")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from minerva_bus.runtime import session_inbox as inboxes
+from minerva_bus.runtime import session_inbox
 from minerva_bus.runtime.session import open_client, open_hub
 from minerva_bus.runtime.session_inbox import HubInbox, Inbox, TimerTick
 from tests.patience import patience
@@ -39,7 +39,7 @@ def test_messages_of_all_keys_arrive_in_sending_order():
 
 def test_very_many_from_the_side_neither_block_nor_get_lost(monkeypatch):
     monkeypatch.setattr(Inbox, "capacity", 16)
-    monkeypatch.setattr(inboxes, "MAX_WAKE_UPS", 8)
+    monkeypatch.setattr(session_inbox, "MAX_WAKE_UPS", 8)
     hub, _ = open_hub("hub")
     with hub:
         inbox = Inbox()
@@ -55,7 +55,7 @@ def test_very_many_from_the_side_neither_block_nor_get_lost(monkeypatch):
 @pytest.mark.timeout(60)
 def test_items_from_the_side_and_a_full_channel_do_not_block_each_other(monkeypatch):
     monkeypatch.setattr(HubInbox, "capacity", 16)
-    monkeypatch.setattr(inboxes, "MAX_WAKE_UPS", 8)
+    monkeypatch.setattr(session_inbox, "MAX_WAKE_UPS", 8)
     hub, endpoint = open_hub("hub")
     with hub, open_client("a", endpoint) as session:
         inbox = HubInbox(0.05)

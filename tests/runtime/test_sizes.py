@@ -9,7 +9,7 @@ from running import MEMBERS, environment, write_world
 from minerva_bus.errors import WorldFileError
 from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch import coordinator_process as sizes
+from minerva_bus.launch import coordinator_process
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.world.agent import Agent
 
@@ -32,33 +32,35 @@ def hosts(number):
 
 @pytest.fixture(autouse=True)
 def largest(monkeypatch):
-    monkeypatch.setattr(sizes, "MAX_BYTES", 1000)
+    monkeypatch.setattr(coordinator_process, "MAX_BYTES", 1000)
 
 
 def test_a_world_that_fits_may_start():
-    sizes.check_sizes(fragments("x" * 800), hosts(1))
-    sizes.check_sizes(fragments("x" * 800, "y" * 800), hosts(2))
+    coordinator_process.check_sizes(fragments("x" * 800), hosts(1))
+    coordinator_process.check_sizes(fragments("x" * 800, "y" * 800), hosts(2))
 
 
 def test_fragments_without_a_host_are_not_sent():
-    sizes.check_sizes(fragments("x" * 5000), [ProcessSpec("other", command=("true",))])
+    coordinator_process.check_sizes(
+        fragments("x" * 5000), [ProcessSpec("other", command=("true",))]
+    )
 
 
 def test_too_much_for_all_hosts_together_is_refused_with_their_number():
     with pytest.raises(
         WorldFileError, match=r"AStone are 2,\d+ bytes .* for 2 processes; .* Use 3 or more "
     ):
-        sizes.check_sizes(fragments(*["x" * 800] * 3), hosts(2))
+        coordinator_process.check_sizes(fragments(*["x" * 800] * 3), hosts(2))
 
 
 def test_one_agent_that_is_too_long_is_refused_whatever_the_number_of_hosts():
     with pytest.raises(WorldFileError, match=r"the agent s0 with its scope is 1,\d+ bytes"):
-        sizes.check_sizes(fragments("x" * 1500), hosts(4))
+        coordinator_process.check_sizes(fragments("x" * 1500), hosts(4))
 
 
 SMALL = """
-import minerva_bus.launch.coordinator_process as sizes
-sizes.MAX_BYTES = 50
+from minerva_bus.launch import coordinator_process
+coordinator_process.MAX_BYTES = 50
 from minerva_bus.cli.main import main
 main()
 """

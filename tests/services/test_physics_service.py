@@ -21,7 +21,7 @@ from driving_world import (
 from minerva_bus import EventType, MinervaError, Scene, Tick, View
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.rng import stream
-from minerva_services.physics import arena as arena_state
+from minerva_services.physics import arena
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.kept import kept_bodies
 from minerva_services.physics.service import Physics
@@ -120,7 +120,7 @@ def test_walls_are_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
         built.append(cells.size)
         return wall_segments(cells, *place)
 
-    monkeypatch.setattr(arena_state, "wall_segments", counted)
+    monkeypatch.setattr(arena, "wall_segments", counted)
     service = joined(Physics())
     show(service, 0, robot())
     show(service, 1, robot())

@@ -27,7 +27,7 @@ from minerva_bus.files import (
 )
 from minerva_bus.launch.installed import declared_options, file_text
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.log import chunks as scanning
+from minerva_bus.log import chunks
 from minerva_bus.log.chunks import Chunks
 from minerva_bus.log.exporters import new_folder
 from minerva_bus.security.certificates import read_certificate
@@ -63,9 +63,9 @@ def test_a_huge_file_is_refused_by_its_size(what, sparse, monkeypatch):
         READERS[what](sparse)
 
 
-@pytest.mark.parametrize("begin", [b"", scanning.MAGIC])
+@pytest.mark.parametrize("begin", [b"", chunks.MAGIC])
 def test_a_record_of_unwritten_bytes_is_not_searched_to_its_end(begin, sparse, monkeypatch):
-    monkeypatch.setattr(scanning, "MAX_DAMAGE", 1 << 20)
+    monkeypatch.setattr(chunks, "MAX_DAMAGE", 1 << 20)
     with sparse.open("r+b") as file:
         file.write(begin)
     with pytest.raises(MinervaError, match="no record of an MCAP file in 1,048,576 bytes"):

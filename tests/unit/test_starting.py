@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from minerva_bus import Agent, Device, EventType, Generator, Vocabulary, World, on, run
 from minerva_bus.api.requests import request_of
 from minerva_bus.errors import MisuseError, WorldFileError
-from minerva_bus.launch import world_files as distribution
+from minerva_bus.launch import world_files
 from minerva_bus.launch.machine_resources import (
     BASE_FILES,
     BYTES_PER_PROCESS,
@@ -209,7 +209,7 @@ AUTO = ("[process.rocks]", 'processes = "auto"\n[process.rocks]')
 def test_agents_get_as_many_hosts_as_they_pay_for(
     tmp_path, monkeypatch, walkers, rowers, cores_here, expected
 ):
-    monkeypatch.setattr(distribution, "cores", lambda: cores_here)
+    monkeypatch.setattr(world_files, "cores", lambda: cores_here)
     monkeypatch.setitem(counts, Walker, walkers)
     monkeypatch.setitem(counts, Rower, rowers)
     # Agents without activities take no time, however many they are.
@@ -219,7 +219,7 @@ def test_agents_get_as_many_hosts_as_they_pay_for(
 
 
 def test_a_policy_that_makes_copies_has_one_process(tmp_path, monkeypatch):
-    monkeypatch.setattr(distribution, "cores", lambda: 4)
+    monkeypatch.setattr(world_files, "cores", lambda: 4)
     monkeypatch.setitem(counts, Walker, 1 << 20)
     old = '[process.rocks]\nagents = "' + SPEC("Rock") + '"\n'
     literal = 'policy = "literal"\nframes = 3\n'
@@ -259,7 +259,7 @@ def test_services_share_a_process_where_there_are_fewer_cores(
     tmp_path, monkeypatch, cores_here, shared
 ):
     """A process with another policy, and an observer, have their own."""
-    monkeypatch.setattr(distribution, "cores", lambda: cores_here)
+    monkeypatch.setattr(world_files, "cores", lambda: cores_here)
     text = TEXT[: TEXT.index("[process.steps]")] + SERVICES
     file = read_world_text(text, tmp_path / "w.toml", Overrides(processes="auto"))
     assert tuple(each.name for each in file.processes if each.shared) == shared
@@ -293,7 +293,7 @@ def test_a_world_too_small_for_several_hosts_runs_in_this_process():
 
 
 def test_a_large_world_runs_in_several(monkeypatch):
-    monkeypatch.setattr(distribution, "cores", lambda: 4)
+    monkeypatch.setattr(world_files, "cores", lambda: 4)
     world = World(Walker.many("w", 9_000), agents=[Walker], symbols=[eStep], services=[Steps])
     assert request_of(world, {}, processes="auto").needs_bus(bus=False, processes="auto")
 

@@ -8,7 +8,7 @@ from web_world import PCart, PStone, taken_port, yard
 
 from minerva_bus import View
 from minerva_bus.semantics.picture import Discs
-from minerva_services.views import page_access as page_address
+from minerva_services.views import page_access
 from minerva_services.views.page_access import listen
 
 
@@ -31,7 +31,7 @@ def test_the_next_port_is_used(package, service, library, monkeypatch, capsys):
     where = "serving" if package == "web" else "service"
     module = importlib.import_module(f"minerva_services.views.{package}.{where}")
     monkeypatch.setattr(module, "listen", listens)
-    monkeypatch.setattr(page_address, "_is_free", lambda *address: True)
+    monkeypatch.setattr(page_access, "_is_free", lambda *address: True)
     with taken:
         made.joined(replace(yard(), endpoint="tcp/127.0.0.1:9"))
         made.close()

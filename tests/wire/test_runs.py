@@ -6,7 +6,7 @@ import pytest
 
 from minerva_bus import Agent, Primitive, Transformation, Vocabulary
 from minerva_bus.errors import MinervaError
-from minerva_bus.wire import strings_codec as reader
+from minerva_bus.wire import strings_codec
 from minerva_bus.wire.plain import pack, unpack
 from minerva_bus.wire.strings_codec import RUN
 
@@ -74,7 +74,7 @@ STRINGS = {
 
 def result(plain, count):
     try:
-        return reader.Reader(VOCABULARY).scene(unpack(pack([count, *plain])))
+        return strings_codec.Reader(VOCABULARY).scene(unpack(pack([count, *plain])))
     except MinervaError as error:
         return f"{type(error).__name__}: {error}"
 
@@ -84,13 +84,13 @@ def test_a_run_is_read_like_its_nodes(what, monkeypatch):
     plain = STRINGS[what]
     counts = [len(plain), len(plain) - 1, len(plain) + 1, 1]
     together = [result(plain, count) for count in counts]
-    monkeypatch.setattr(reader, "end_of_run", lambda flat, begin, most: begin)
+    monkeypatch.setattr(strings_codec, "end_of_run", lambda flat, begin, most: begin)
     assert together == [result(plain, count) for count in counts]
     if what in ("alike at 0", "figures", "transformations", "inner"):
         assert any(not isinstance(each, str) for each in together)
 
 
 def test_long_runs_are_read_together(monkeypatch):
-    monkeypatch.setattr(reader.Reader, "_node", lambda *_: pytest.fail("read alone"))
+    monkeypatch.setattr(strings_codec.Reader, "_node", lambda *_: pytest.fail("read alone"))
     for plain in (foxes(0, []), [DOT] * RUN, [MOVE] * RUN):
         assert len(result(plain, len(plain)).pieces) == len(plain)

@@ -21,7 +21,7 @@ from typing import Any, Final, TypeGuard
 
 from minerva_bus import portable
 from minerva_bus.errors import MisuseError
-from minerva_bus.portable import trigonometry as circle
+from minerva_bus.portable import trigonometry
 from minerva_bus.wording import install
 
 Kernel = Callable[..., int]
@@ -147,7 +147,7 @@ class PortableForms:
 
         """
         self._compiled = compiled
-        self._made: dict[FunctionType, Any] = {circle.far: compiled(far)}
+        self._made: dict[FunctionType, Any] = {trigonometry.far: compiled(far)}
 
     def of(self, function: Any) -> Any:
         """A function of `portable` and the functions of `portable` that it calls, compiled."""
