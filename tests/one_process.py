@@ -13,11 +13,11 @@ def run_world(world, members, watch=lambda done, scene: None, before=()):
     """
     algorithm = FrameAlgorithm(world)
 
-    def told(instruction):
+    def on_instruction(instruction):
         if isinstance(instruction, FrameDone):
             watch(instruction, algorithm.scene)
 
-    runner = InProcessRunner(algorithm, members, told)
+    runner = InProcessRunner(algorithm, members, on_instruction)
     runner.start()
     for stimulus in before:
         runner.handle(stimulus)

@@ -112,7 +112,7 @@ def auction(processes=1, seed=5):
     algorithm = FrameAlgorithm(file.world)
     strings, messages = [], []
 
-    def told(instruction):
+    def on_instruction(instruction):
         if isinstance(instruction, s.FrameDone):
             strings.append(algorithm.scene)
             messages.extend(
@@ -121,7 +121,9 @@ def auction(processes=1, seed=5):
                 if event.type == "eMessage"
             )
 
-    runner = InProcessRunner(algorithm, [process.make_member() for process in file.processes], told)
+    runner = InProcessRunner(
+        algorithm, [process.make_member() for process in file.processes], on_instruction
+    )
     runner.start()
     while runner.ended is None:
         runner.handle(s.Begin())

@@ -149,21 +149,21 @@ def joined(monkeypatch, vocabulary=None, server=""):
     return bridge
 
 
-def told(frame, sender="clerk", to="alice"):
+def mail_view(frame, sender="clerk", to="alice"):
     return TOutside(to)(PMail(frame, sender, performative="inform"))
 
 
 def test_an_event_is_forwarded_once(monkeypatch):
     bridge = joined(monkeypatch)
     for frame, since in ((7, 4), (8, 7), (8, 7), (8, 7), (9, 7), (10, 7), (11, 10), (15, 12)):
-        bridge.show(View(frame, "eMail", told(since)))
+        bridge.show(View(frame, "eMail", mail_view(since)))
     assert bridge.report()["sent"] == 3
 
 
 def test_a_message_without_address_is_reported_and_counted(monkeypatch, capsys):
     bridge = joined(monkeypatch)
-    bridge.show(View(1, "eMail", told(0, sender="boss")))
-    bridge.show(View(2, "eMail", told(1, sender="boss")))
+    bridge.show(View(1, "eMail", mail_view(0, sender="boss")))
+    bridge.show(View(2, "eMail", mail_view(1, sender="boss")))
     assert bridge.report()["unsent"] == 2
     assert capsys.readouterr().out.count("#boss has no account") == 1
 
@@ -286,7 +286,7 @@ def test_a_missing_server_is_reported_and_tried_again(monkeypatch):
     with socket.create_server(("localhost", 0)) as taken:
         port = taken.getsockname()[1]
     bridge = joined(monkeypatch, server=f"localhost:{port}")
-    bridge.show(View(1, "eMail", told(0)))
+    bridge.show(View(1, "eMail", mail_view(0)))
     with RunningBridge(bridge) as running:
         running.wait_for(lambda: running.counted("failures") >= 2, "it tries again")
         assert "the XMPP server" in running.state
