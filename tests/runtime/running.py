@@ -172,12 +172,13 @@ class Run:
     def text(self):
         return "\n".join(self.lines)
 
-    def says(self, *words, seconds=DEFAULT):
-        """Wait for a line with these words on standard error."""
+    def says(self, *words, times=1, seconds=DEFAULT):
+        """Wait for that many lines with these words on standard error; returns the last of them."""
 
         def found():
             over = self.process.poll() is not None
-            hit = next((x for x in list(self.lines) if all(w in x for w in words)), None)
+            hits = [x for x in list(self.lines) if all(w in x for w in words)]
+            hit = hits[times - 1] if len(hits) >= times else None
             assert hit or not over or self._drained(), f"it ended:\n{self.text}"
             return hit
 

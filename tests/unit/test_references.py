@@ -85,19 +85,27 @@ def path_of(module):
     return ROOT / module if module.startswith("extensions/") else ROOT / "minerva_bus" / module
 
 
+def modules_of(row):
+    """The files that a row names; skips where their extension is left out."""
+    modules = re.findall(r"`([\w/]+\.py)`", row.rpartition("|")[0].rpartition("|")[2])
+    for module in modules:
+        top, name = Path(module).parts[:2]
+        if top == "extensions" and not (ROOT / top / name).is_dir():
+            pytest.skip(f"without extension {name}")
+    return [path_of(module) for module in modules]
+
+
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.split("|")[1].strip())
 def test_the_modules_of_a_row_exist(row):
-    modules = re.findall(r"`([\w/]+\.py)`", row.rpartition("|")[0].rpartition("|")[2])
+    modules = modules_of(row)
     assert modules
     for module in modules:
-        assert path_of(module).is_file(), module
+        assert module.is_file(), module
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.split("|")[1].strip())
 def test_the_classes_of_a_row_are_defined_in_its_modules(row):
-    text = "".join(
-        path_of(module).read_text(encoding="utf-8") for module in re.findall(r"`([\w/]+\.py)`", row)
-    )
+    text = "".join(module.read_text(encoding="utf-8") for module in modules_of(row))
     cells = "|".join(row.split("|")[1:-2])
     for name in re.findall(r"`([A-Z]\w+)", cells):
         assert re.search(rf"^(class {name}\b|{name}\b)", text, re.M), name
