@@ -39,7 +39,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 
 WARM_UP: Final = 20
 ACTIVE: Final = 10

@@ -33,7 +33,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 
 WARM_UP: Final = 5
 COLUMNS: Final = {"agents": ">9,", "frame ms": ">8.2f", "activity ms": ">11.2f",

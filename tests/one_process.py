@@ -2,7 +2,7 @@
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import Begin, FrameDone
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 
 
 def run_world(world, members, watch=lambda done, scene: None, before=()):

@@ -11,7 +11,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.world.priority import Priority
 from minerva_fast import Space
 

@@ -16,8 +16,7 @@ from minerva_bus.grammar.events import single
 from minerva_bus.grammar.printer import json_value
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
-from minerva_bus.runtime.operator_client import Client
-from minerva_bus.runtime.world_status import status_object, types_of
+from minerva_bus.runtime.operator_client import Client, status_object, types_of
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus

@@ -39,7 +39,7 @@ from minerva_bus.log.journal import Journal, Journaled, read_journal, resume_fro
 from minerva_bus.log.record_header import encode_header
 from minerva_bus.runtime.admission import LOCAL_KIND, ListenConfig, Security
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.system import REAL, System, run_through
+from minerva_bus.runtime.session import REAL, System, run_through
 from minerva_bus.runtime.transport import overhear
 from minerva_bus.runtime.watchers import Printed, Started, Status, Watchers
 from minerva_bus.security.credentials import Rights, family_start, rights_of

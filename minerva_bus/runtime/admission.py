@@ -27,8 +27,7 @@ from zenoh.handlers import Callback
 from minerva_bus.errors import KeysError
 from minerva_bus.frame.messages import Hello
 from minerva_bus.runtime.endpoints import for_others
-from minerva_bus.runtime.session import LOOPBACK, Secured, listening_at, sockets_to
-from minerva_bus.runtime.system import REAL, System
+from minerva_bus.runtime.session import LOOPBACK, REAL, Secured, System, listening_at, sockets_to
 from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import (
     AGENT,

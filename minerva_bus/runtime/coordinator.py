@@ -25,8 +25,8 @@ from minerva_bus.runtime.questions import COMMANDS, Answers, Command, Operated
 from minerva_bus.runtime.receiver import Decoded, Receiver, Successor, TokensChanged, successor
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
+from minerva_bus.runtime.session import REAL, System, run_through
 from minerva_bus.runtime.session_inbox import HubInbox, Question, TimerTick
-from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.transport import ZenohTransport
 from minerva_bus.runtime.waiting import MAX_NAMED, Deadlines, Waits
 from minerva_bus.runtime.watchers import LocalQuestion, Printed, Started, StatusMeter, Watchers

@@ -1,4 +1,8 @@
-"""Clients of a running world: an operator, who controls it by questions, and frame records."""
+"""Clients of a running world: an operator, who controls it by questions, and frame records.
+
+Commands, windows, pages and tools show the same facts about a world's status; only their form
+differs.
+"""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
@@ -6,7 +10,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, Self
+from dataclasses import asdict
+from typing import Any, Final, Self
 
 import zenoh
 
@@ -24,7 +29,13 @@ from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, pack, unpac
 from minerva_bus.wire.status_codec import read_lines, read_orders, read_series, read_status
 from minerva_bus.wire.strings_codec import plain_event
 from minerva_bus.wire.vocabulary_codec import read_vocabulary
-from minerva_bus.world.operator import CollectedSeries, LogLine, OrderStatus, WorldStatus
+from minerva_bus.world.operator import (
+    CollectedSeries,
+    LogLine,
+    MemberStatus,
+    OrderStatus,
+    WorldStatus,
+)
 
 
 def question_key(world: str, own: Credentials | None) -> str:
@@ -228,3 +239,33 @@ class Client:
             return decoder.record(sample.payload.to_bytes())
         except (ProtocolError, SceneError) as error:
             raise BusError(f"the record of {self.world!r} cannot be read: {error}") from None
+
+
+# --- its status in words ---
+
+LONG_WAIT: Final = 0.5
+"""Seconds after which it is shown that a frame waits for members; shorter waits are normal."""
+
+
+def awaited(status: WorldStatus) -> tuple[str, ...]:
+    """The members for which the frame has waited for LONG_WAIT seconds or more."""
+    return status.waiting if status.waited >= LONG_WAIT else ()
+
+
+def activity(status: WorldStatus, most: int = 4) -> str:
+    """What the world does: it runs, is paused, or waits for members, of which `most` are named."""
+    if names := awaited(status):
+        others = " …" if len(names) > most else ""
+        return f"waiting for {', '.join(names[:most])}{others}"
+    # A paused world may still run the frames of a step.
+    return "paused" if status.paused and not status.left else "running"
+
+
+def types_of(member: MemberStatus) -> str:
+    """The kinds that a member hosts, and the event types that it generates and draws."""
+    return " ".join([*member.kinds, *member.generates, *member.draws])
+
+
+def status_object(status: WorldStatus) -> dict[str, Any]:
+    """The status as a JSON object, without its log entries."""
+    return {**asdict(status), "happenings": []}

@@ -53,8 +53,8 @@ from minerva_bus.runtime.admission import Admission
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
+from minerva_bus.runtime.session import System
 from minerva_bus.runtime.session_inbox import Question, question
-from minerva_bus.runtime.system import System
 from minerva_bus.runtime.watchers import LocalQuestion, StatusMeter
 from minerva_bus.wire.keys import is_name, who_asks
 from minerva_bus.wire.message_limits import DEFAULT, Limits, check, values_in

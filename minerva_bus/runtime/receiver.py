@@ -23,7 +23,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.messages import Wire
 from minerva_bus.runtime.admission import GUESTS, STRANGERS
 from minerva_bus.runtime.metrics import MICRO
-from minerva_bus.runtime.system import System
+from minerva_bus.runtime.session import System
 from minerva_bus.wire.codec import Decoder, declaration, stamped
 from minerva_bus.wire.keys import COORDINATOR, MAX_NAME, last_part
 from minerva_bus.wire.message_limits import Limits, values_in

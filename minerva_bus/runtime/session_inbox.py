@@ -19,7 +19,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback, FifoChannel
 
-from minerva_bus.runtime.system import REAL, System, Timer
+from minerva_bus.runtime.session import REAL, System, Timer
 
 CAPACITY = 512
 """Messages that may wait for the coordinator's main thread; a reply waits behind all of them."""

@@ -18,7 +18,7 @@ from minerva_bus.frame.orders import OrderFates
 from minerva_bus.frame.world_state import WorldProgress
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.runner import Sink
-from minerva_bus.runtime.system import System
+from minerva_bus.runtime.session import System
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted

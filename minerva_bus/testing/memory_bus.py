@@ -27,8 +27,7 @@ from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member import Member, Outgoing, Refusal
 from minerva_bus.grammar.events import AnyEvent, single
-from minerva_bus.runtime.direct import observers, receivers
-from minerva_bus.runtime.runner import Notice, Runner, Sink
+from minerva_bus.runtime.runner import Notice, Runner, Sink, observers, receivers
 
 
 def trace_line(what: object) -> str:  # noqa: C901

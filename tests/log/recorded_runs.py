@@ -13,7 +13,7 @@ from minerva_bus.log.entries import Kept
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_header import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 
 ROOT = Path(__file__).parents[2]

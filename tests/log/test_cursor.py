@@ -8,7 +8,7 @@ import pytest
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.replays import Rerun, Without
 from minerva_bus.log.record import Cursor, Record
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from tests.log.recorded_runs import CHECKPOINTS, bytes_of, happened, record_of, strings_of
 from tests.log.test_swapping import LOCKSTEP, OTHERS, swapped
 from tests.one_process import run_world

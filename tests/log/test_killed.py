@@ -29,7 +29,7 @@ import sys
 from pathlib import Path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.launch.world_files import read_world_file

@@ -17,7 +17,7 @@ from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.journal import Journal, read_journal, resume_from
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from tests.simulator.worlds import processes, world
 
 CORPUS = Path(__file__).with_name("corpus")

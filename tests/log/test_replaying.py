@@ -14,7 +14,7 @@ from minerva_bus.frame.replay import OVER, ReplayAlgorithm
 from minerva_bus.launch.past import kinds_in
 from minerva_bus.launch.replays import recompute
 from minerva_bus.log.record import Cursor
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
 from tests.one_process import run_file
 

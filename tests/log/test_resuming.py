@@ -18,7 +18,7 @@ from minerva_bus.log.chunks import Chunks
 from minerva_bus.log.entries import Kept, Keyframe, decode_checkpoint, encode_checkpoint
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.message_limits import ON_DISK
 from minerva_bus.wire.strings_codec import Reader

@@ -37,7 +37,7 @@ from minerva_bus.frame.stimuli import Begin, Ended, FrameDone
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene, agents, scene_of
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.testing import transcription
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY

@@ -11,7 +11,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 
 STEP = 0.08

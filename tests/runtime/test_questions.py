@@ -7,7 +7,7 @@ import pytest
 
 from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.questions import Answers
-from minerva_bus.runtime.system import REAL
+from minerva_bus.runtime.session import REAL
 from minerva_bus.wire.keys import Keys, who_asks
 from minerva_bus.wire.message_limits import Limits
 from minerva_bus.wire.plain import pack, unpack

@@ -15,9 +15,9 @@ from minerva_bus.runtime.joining import (
     NameToken,
     ReconnectMonitor,
     Rejoin,
+    WorldLink,
 )
-from minerva_bus.runtime.system import System
-from minerva_bus.runtime.world_link import WorldLink
+from minerva_bus.runtime.session import System
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from tests.patience import patience
 

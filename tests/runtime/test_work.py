@@ -27,8 +27,7 @@ from minerva_bus.runtime.receiver import (
     PostponedMessage,
     Receiver,
 )
-from minerva_bus.runtime.session import open_client
-from minerva_bus.runtime.system import System
+from minerva_bus.runtime.session import System, open_client
 from minerva_bus.wire.codec import Decoder, encode, stamp
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.message_limits import DEFAULT

@@ -32,7 +32,7 @@ from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
-from minerva_bus.runtime.direct import InProcessRunner, deliver
+from minerva_bus.runtime.runner import InProcessRunner, deliver
 from minerva_bus.world.priority import Priority
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Service

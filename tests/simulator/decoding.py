@@ -8,7 +8,7 @@ from unittest.mock import patch
 
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.runtime import world_link
+from minerva_bus.runtime import joining as world_link
 from minerva_bus.wire.codec import Decoder
 
 KEPT: Final = 1000

@@ -13,7 +13,7 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.runner import Sink
-from minerva_bus.runtime.system import System
+from minerva_bus.runtime.session import System
 from minerva_bus.runtime.watchers import Watchers
 from tests.simulator.history import Operation
 from tests.simulator.process import SimulatedSystem

@@ -14,8 +14,7 @@ from minerva_bus.launch.coordinator_process import journal_path
 from minerva_bus.launch.process_specs import SERVICES
 from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.own_threads import Leave
-from minerva_bus.runtime.participants import MemberProcess
+from minerva_bus.runtime.participants import Leave, MemberProcess
 from tests.simulator.faults import Faults
 from tests.simulator.history import History
 from tests.simulator.launcher import Launcher

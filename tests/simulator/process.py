@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.runtime.session import Secured
-from minerva_bus.runtime.system import System
+from minerva_bus.runtime.session import Secured, System
 from tests.simulator.timeline import EPOCH, Alarm, Timeline
 
 if TYPE_CHECKING:

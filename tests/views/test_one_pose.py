@@ -17,7 +17,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.semantics.picture import Lists
 from minerva_bus.settings.overrides import Overrides
 from minerva_services.views.svg import Svg

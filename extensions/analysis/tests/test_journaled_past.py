@@ -16,7 +16,7 @@ from minerva_bus.log.entries import Kept
 from minerva_bus.log.journal import Journal, read_described
 from minerva_bus.log.record_header import encode_header
 from minerva_bus.log.record_writer import RecordWriter
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import InProcessRunner
 from tests.log.harbour import harbour
 
 FRAMES = 60

@@ -9,7 +9,7 @@ from rich.bar import Bar
 from rich.table import Table
 from rich.text import Text
 
-from minerva_bus.runtime.world_status import activity, awaited, types_of
+from minerva_bus.runtime.operator_client import activity, awaited, types_of
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 

@@ -15,7 +15,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import installed_worlds
 from minerva_bus.launch.registry import running
-from minerva_bus.runtime.world_status import status_object
+from minerva_bus.runtime.operator_client import status_object
 
 MAX_TEXT: Final = 100_000
 """Characters of the longest text in a result."""

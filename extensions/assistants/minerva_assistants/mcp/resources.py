@@ -16,7 +16,7 @@ from minerva_assistants.mcp.observing import (
 from minerva_assistants.mcp.tool import ToolCall
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import AGENT_ID
-from minerva_bus.runtime.world_status import status_object
+from minerva_bus.runtime.operator_client import status_object
 
 _ROOT: Final = "minerva://world"
 AGENT_TEMPLATE: Final = f"{_ROOT}/agents/{{id}}"

@@ -12,7 +12,7 @@ from minerva_bus.grammar.appearance import Disc, Label, Line
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.runtime.world_status import activity, awaited
+from minerva_bus.runtime.operator_client import activity, awaited
 from minerva_bus.semantics.colors import Legend, LegendEntry, rgb
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import LogEntry, WorldStatus

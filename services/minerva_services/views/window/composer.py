@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minerva_bus.runtime.world_status import activity, awaited
+from minerva_bus.runtime.operator_client import activity, awaited
 from minerva_bus.semantics.picture import Picture
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.operator import WorldStatus
