@@ -17,10 +17,9 @@ from typing import Any
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.runner import Sink
-from minerva_bus.runtime.watchers import Watchers
 
 END_SECONDS = 10.0
 

@@ -20,8 +20,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.replays import Replay
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import Collecting, WorldFile, read_world_file
-from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.expressions import read_expression
 

@@ -38,10 +38,10 @@ from minerva_bus.launch.world_files import Access, WorldFile
 from minerva_bus.log.journal import Journal, Journaled, read_journal, resume_from
 from minerva_bus.log.record_header import encode_header
 from minerva_bus.runtime.admission import LOCAL_KIND, ListenConfig, Security
-from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.coordinator import Coordinator, Printed, Started, Watchers
+from minerva_bus.runtime.metrics import Status
 from minerva_bus.runtime.session import REAL, System, run_through
 from minerva_bus.runtime.transport import overhear
-from minerva_bus.runtime.watchers import Printed, Started, Status, Watchers
 from minerva_bus.security.credentials import Rights, family_start, rights_of
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.keys import COORDINATOR

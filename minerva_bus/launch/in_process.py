@@ -36,15 +36,13 @@ from minerva_bus.launch.metrics_server import exported
 from minerva_bus.launch.process_specs import compile_agents
 from minerva_bus.launch.run_outputs import CollectSink, RunRecord, collect_sink, recording
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.runtime.metrics import Metrics
+from minerva_bus.runtime.metrics import Metrics, StatusMeter, WorldLog
 from minerva_bus.runtime.operator_client import AskingOperator
 from minerva_bus.runtime.participants import Outlet, Published
 from minerva_bus.runtime.questions import Operated, answer
 from minerva_bus.runtime.runner import InProcessRunner, Notice, Sink, timed
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import REAL
-from minerva_bus.runtime.watchers import StatusMeter
-from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.uncaught import VARIABLE
 from minerva_bus.user_code import (
     SourceLine,

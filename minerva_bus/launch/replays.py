@@ -54,10 +54,9 @@ from minerva_bus.launch.typed_text import typed_options
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference, apart, same_events
 from minerva_bus.log.record import Cursor, Record, RecordedReadings
-from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.questions import COMMANDS, Operated, status_of
 from minerva_bus.runtime.runner import InProcessRunner, Notice
-from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.settings.world_settings import RecordSettings
 from minerva_bus.wire.keys import checked_name

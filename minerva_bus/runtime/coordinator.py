@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import TimeoutError as NoAnswer
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import zenoh
 from zenoh.handlers import Callback
@@ -20,8 +20,8 @@ from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.members import MemberState
 from minerva_bus.runtime.admission import Admission, Linked, ListenConfig
-from minerva_bus.runtime.metrics import Metrics
-from minerva_bus.runtime.questions import COMMANDS, Answers, Command, Operated
+from minerva_bus.runtime.metrics import Metrics, Status, StatusMeter, WorldLog
+from minerva_bus.runtime.questions import COMMANDS, Answers, Command, LocalQuestion, Operated
 from minerva_bus.runtime.receiver import Decoded, Receiver, Successor, TokensChanged, successor
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
@@ -29,13 +29,65 @@ from minerva_bus.runtime.session import REAL, System, run_through
 from minerva_bus.runtime.session_inbox import HubInbox, Question, TimerTick
 from minerva_bus.runtime.transport import ZenohTransport
 from minerva_bus.runtime.waiting import MAX_NAMED, Deadlines, Waits
-from minerva_bus.runtime.watchers import LocalQuestion, Printed, Started, StatusMeter, Watchers
-from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.security.credentials import covers
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wire.message_limits import DEFAULT, Limits
 from minerva_bus.wording import duration, named_some
-from minerva_bus.world.operator import PersonOperation
+from minerva_bus.world.operator import FileStatus, PersonOperation
+
+if TYPE_CHECKING:
+    from minerva_bus.collect.collector import SeriesHistory
+
+# --- what a coordinator reports to its launcher, and gets from it ---
+
+
+@dataclass(frozen=True, slots=True)
+class Printed:
+    """A line that a member's process printed, or that the launcher logged about it."""
+
+    member: str
+    line: str
+    level: str = "info"
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """The launcher starts a member's process."""
+
+    member: str
+
+
+@dataclass(slots=True, kw_only=True)
+class Watchers:
+    """Callbacks of a coordinator; it calls them in its main thread."""
+
+    said: Callable[[str, str, str], None]
+    """A warning: member, text, and details for the log only."""
+    status: Callable[[Status], None]
+    listening: Callable[[str], None]
+    stalled: Callable[[str, float], None]
+    came: Callable[[str], None] = field(default=lambda _: None)
+    """A member whose process the launcher has started sent its `hello`."""
+    frame_done: Callable[[s.FrameDone], None] = field(default=lambda _: None)
+    idle: Callable[[], None] = field(default=lambda: None)
+    """The coordinator is about to wait for members: deferred work may be done."""
+    operated: Callable[[], None] = field(default=lambda: None)
+    """Events wait for a frame, or belong to it, which only this coordinator knows."""
+    stopping: Callable[[s.Stopping], None] = field(default=lambda _: None)
+    """No frame follows."""
+    restart: Callable[[str], str] = field(default=lambda _: "no launcher restarts its processes")
+    stack: Callable[[str], str] = field(default=lambda _: "no launcher started its processes")
+    noted: Callable[[PersonOperation], None] = field(default=lambda _: None)
+    """A person has operated the world."""
+    opened: Callable[[zenoh.Session], list[Any]] = field(default=lambda _: list[Any]())
+    """Returns further declarations on the hub's session."""
+    files: Callable[[], tuple[FileStatus, ...]] = field(default=lambda: ())
+    """What the launcher writes in this process: the record and the journal."""
+    collected: SeriesHistory | None = None
+    """Collected series, for dashboards."""
+
+
+# --- the members that a frame waits for ---
 
 STATUS_EVERY: Final = 0.1
 """Seconds between two reports of a world's status."""
@@ -210,6 +262,8 @@ class Monitor:
             if name in waiting and self._waits.since(name, now) >= BACK_WITHIN:
                 self._runner.handle(s.Abandoned(name))
 
+
+# --- the loop ---
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep in seconds before the next frame is due."""

@@ -20,8 +20,8 @@ import zenoh
 from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.runtime.metrics import Restraint
 from minerva_bus.runtime.session import REAL, System, Timer
-from minerva_bus.runtime.world_log import Restraint
 from minerva_bus.wire.codec import Decoder, encode, stamp, stamped
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wording import duration

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -50,12 +51,11 @@ from minerva_bus.grammar.measures import Of
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.runtime.admission import Admission
-from minerva_bus.runtime.metrics import Metrics
+from minerva_bus.runtime.metrics import Metrics, StatusMeter
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import System
 from minerva_bus.runtime.session_inbox import Question, question
-from minerva_bus.runtime.watchers import LocalQuestion, StatusMeter
 from minerva_bus.wire.keys import is_name, who_asks
 from minerva_bus.wire.message_limits import DEFAULT, Limits, check, values_in
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text, pack, unpack
@@ -519,6 +519,14 @@ PAUSE_FACTOR: Final = 2.0
 
 
 # --- over the bus with the rights of the operator, and from other threads ---
+
+
+@dataclass(frozen=True, slots=True)
+class LocalQuestion:
+    """A question from another thread of this process, and the future of its answer."""
+
+    question: Mapping[str, Any]
+    answer: Future[Mapping[str, Any]] = field(default_factory=Future[Mapping[str, Any]])
 
 
 class Answers:

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from minerva_bus.runtime.world_log import AT_ONCE, GUESTS, MAX_SUBJECTS, Restraint
+from minerva_bus.runtime.metrics import AT_ONCE, GUESTS, MAX_SUBJECTS, Restraint
 
 
 def lines(restraint, times, subject="m"):

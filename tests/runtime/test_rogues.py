@@ -8,8 +8,8 @@ import pytest
 from running import ALL_KINDS, World, ends_as_alone, eventually, put, write_world
 
 from minerva_bus.frame import messages as m
+from minerva_bus.runtime.metrics import AT_ONCE
 from minerva_bus.runtime.session import open_client
-from minerva_bus.runtime.world_log import AT_ONCE
 from minerva_bus.wire.codec import encode, stamp, stamped
 from minerva_bus.wire.keys import Keys
 from minerva_bus.world.services import Participation, When

@@ -11,10 +11,9 @@ from minerva_bus.frame.algorithm import Phase
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.session import System
-from minerva_bus.runtime.watchers import Watchers
 from tests.simulator.history import Operation
 from tests.simulator.process import SimulatedSystem
 from tests.simulator.timeline import Timeline

@@ -19,9 +19,8 @@ from minerva_bus.launch.registry import (
     running,
     runtime_folder,
 )
-from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.questions import status_of
-from minerva_bus.runtime.watchers import Watchers
 
 
 @pytest.fixture

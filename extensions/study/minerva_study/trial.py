@@ -23,9 +23,8 @@ from minerva_bus.launch.console import Console, RunSummary
 from minerva_bus.launch.in_process import InProcessRun, never
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.runner import Notice
-from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.world_settings import WatchSettings
 from minerva_bus.user_code import report
 from minerva_study.outcome import Outcome
