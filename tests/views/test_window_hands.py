@@ -91,6 +91,31 @@ def test_keys_pause_and_go_on_and_step():
     assert actions == [["pause"], ["resume"], ["step 1"]]
 
 
+def test_a_held_key_changes_a_number_only(monkeypatch):
+    """pygame reports a held key again and again, as when a loaded machine releases it late."""
+    pygame = pytest.importorskip("pygame")
+    from minerva_services.views.window.events import WindowInput
+
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pygame.display.init()
+    made, ledger = hands(), Ledger(speed=0.5)
+    window = WindowInput(made, None, lambda action: action and action.do(ledger))
+    slash, up = {"key": pygame.K_SLASH, "unicode": "?"}, {"key": pygame.K_UP, "unicode": ""}
+
+    def process(*events):
+        shown = [pygame.event.Event(kind, key) for kind, key in events]
+        monkeypatch.setattr(pygame.event, "get", lambda: shown)
+        return window.process(BUGS)
+
+    assert process((pygame.KEYDOWN, slash))
+    assert not process((pygame.KEYDOWN, slash))
+    assert made.helps
+    process((pygame.KEYUP, slash), (pygame.KEYDOWN, slash))
+    assert not made.helps
+    process(*[(pygame.KEYDOWN, up)] * 3)
+    assert [order.split("=")[1] for order in ledger.told] == ["0.6>", "0.7>", "0.8>"]
+
+
 def test_keys_change_a_number_from_what_the_agent_has():
     made, ledger = hands(), Ledger(speed=0.5)
     for key in (Action.MORE, Action.MORE, Action.LESS):

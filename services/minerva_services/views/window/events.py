@@ -31,6 +31,8 @@ class WindowInput:
         self._do = do
         self._picture = Picture()
         self._pressed: dict[int, tuple[float, float]] = {}
+        self._keys: set[int] = set()
+        """Keys that are down; pygame reports a held key again and again."""
         self._dragged = False
         self._clicked = 0.0, ""
 
@@ -46,8 +48,14 @@ class WindowInput:
         if event.type == pygame.QUIT:
             self.closed = True
         elif event.type == pygame.KEYDOWN:
+            again = event.key in self._keys
+            self._keys.add(event.key)
             # On many keyboards `?` is another key with shift, so its character counts as well.
-            return self._key(pygame.key.name(event.key)) or self._key(event.unicode)
+            return any(
+                self._key(name, again) for name in (pygame.key.name(event.key), event.unicode)
+            )
+        elif event.type == pygame.KEYUP:
+            self._keys.discard(event.key)
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button <= 3:
             self._pressed[event.button] = event.pos
             self._dragged = False
@@ -64,12 +72,15 @@ class WindowInput:
             return True
         return event.type in (pygame.WINDOWEXPOSED, pygame.WINDOWSHOWN)
 
-    def _key(self, name: str) -> bool:
+    def _key(self, name: str, again: bool) -> bool:
+        action = action_of(name)
+        # All others would take back or repeat what the person wants once.
+        if again and action not in (Action.MORE, Action.LESS):
+            return False
         # pygame names the keys of a keypad [1] to [9].
         if (number := name.strip("[]")) in NUMBERS:
             self._do(self._controls.send_plain(number))
             return True
-        action = action_of(name)
         if action is None:
             return False
         if action is Action.FIT:

@@ -98,7 +98,9 @@ export class Orders {
     } else this.#select("");
   }
 
-  #key({ key, target, ctrlKey, metaKey, altKey }) {
+  #key({ key, repeat, target, ctrlKey, metaKey, altKey }) {
+    // A held key goes on changing a number; it neither pauses nor steps again.
+    if (repeat && !["ArrowUp", "+", "ArrowDown", "-"].includes(key)) return;
     if (ctrlKey || metaKey || altKey || target instanceof HTMLInputElement) return;
     if (target instanceof HTMLButtonElement && key !== "Escape") return;
     const acts = {
