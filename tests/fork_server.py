@@ -58,7 +58,6 @@ PRELOADED = (
 )
 """What most commands of the tests import: packages of the project with all of their modules."""
 HEAVY = (
-    "minerva_bus.api.async_live",
     "minerva_conformance.score_card_output",
     "minerva_bus.cli.top",
 )

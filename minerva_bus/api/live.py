@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from threading import RLock
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Protocol, Self
 
 from minerva_bus.api.on_bus import connect_on_bus
-from minerva_bus.api.pictures import Still
+from minerva_bus.api.pictures import Displayed, Still
 from minerva_bus.api.run_result import SHOWN_DIGITS, pick_table
-from minerva_bus.api.widget import LiveDisplay, in_notebook
 from minerva_bus.api.world import World
 from minerva_bus.api.world_views import (
     PICTURE,
     WIDTH,
     Visual,
     WorldViews,
-    figure,
-    unpictured,
 )
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, whole
@@ -50,13 +47,26 @@ class _Backend(Protocol):
     def close(self) -> None: ...
 
 
-class Live:
+class Follower(Protocol):
+    """What shows a live world while it runs."""
+
+    def between_frames(self) -> None:
+        """Called often during a step, from the thread that steps."""
+        ...
+
+    def refresh(self) -> None:
+        """Called after a step, and at the end of the world."""
+        ...
+
+
+class Live(Displayed):
     """A running world, with one interface for worlds in this process, in others or elsewhere.
 
     `World.start` and `connect` return one; leaving its context, or `close`, ends it, and so does
     the last reference to a world in other processes. A world of `connect` continues to run.
 
-    `world` is what runs, with its code; None for a world of `connect`.
+    `world` is what runs, with its code; None for a world of `connect`. `follower` shows it while
+    it runs.
     """
 
     def __init__(
@@ -65,7 +75,7 @@ class Live:
         self._backend = backend
         self.world = world
         self.views = WorldViews(backend.name, backend.vocabulary, agents)
-        self._display: LiveDisplay | None = None
+        self.follower: Follower | None = None
         # A notebook may handle a click in another thread than that of its cells.
         self._stepping = RLock()
 
@@ -96,28 +106,20 @@ class Live:
         if not whole(frames, 1):
             raise MisuseError(f"step({frames!r}): expected a whole number of frames, at least 1")
         with self._stepping:
-            if self._display is None:
+            follower = self.follower
+            if follower is None:
                 self._backend.step(frames, stop, by)
-            else:
-                self._step_shown(frames, stop, by, self._display)
-            return self.frame
+                return self.frame
 
-    def _step_shown(
-        self, frames: int, stop: Callable[[], bool], by: str, display: LiveDisplay
-    ) -> None:
-        """Run frames in portions that last about as long as a picture is shown."""
-        portion = 1
-        try:
-            while frames > 0 and not stop() and not self.ended:
-                self._backend.step(min(portion, frames), stop, by)
-                frames -= portion
-                if display.due():
-                    display.refresh()
-                    portion = max(1, portion // 2)
-                else:
-                    portion *= 2
-        finally:
-            display.refresh()
+            def followed() -> bool:
+                follower.between_frames()
+                return stop()
+
+            try:
+                self._backend.step(frames, followed, by)
+            finally:
+                follower.refresh()
+            return self.frame
 
     @property
     def frame(self) -> int:
@@ -188,36 +190,20 @@ class Live:
     def close(self) -> None:
         """End the world, or disconnect from one that runs elsewhere."""
         self._backend.close()
-        if self._display is not None:
-            self._display.refresh()
+        if self.follower is not None:
+            self.follower.refresh()
 
     def __repr__(self) -> str:
-        return f"<Live {'; '.join(self._facts())}>"
+        return f"<Live {'; '.join(self.facts)}>"
 
-    def _facts(self) -> list[str]:
+    @property
+    def facts(self) -> list[str]:
+        """What notebooks and terminals show of it."""
         try:
             state = [f"frame {self.frame:,}", f"digest {self.digest[:SHOWN_DIGITS]}…"]
         except MinervaError:
             state = []
         return [self.views.name, *state, *(["the world has ended"] if self.ended else [])]
-
-    def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
-        """What a notebook displays: buttons and a picture that follows the frames."""
-        if not in_notebook():
-            return {"text/plain": repr(self)}
-        facts, controls = self._facts(), dict[str, Any]()
-        try:
-            shown = self.picture().image
-        except MinervaError as error:
-            shown = unpictured(error)
-        else:
-            try:
-                display = self._display = self._display or LiveDisplay(self)
-                controls = display.mimebundle()
-            except MisuseError as error:
-                facts.append(f"buttons: {error}")
-        # The picture is for exported notebooks, which have no kernel.
-        return {**controls, "text/plain": repr(self), "text/html": figure(shown, facts)}
 
 
 def connect(world: str = "", endpoint: str = "", *, agents: Iterable[type[Agent]] = ()) -> Live:

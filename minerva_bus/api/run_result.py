@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from minerva_bus.api.pictures import Film, Still
-from minerva_bus.api.world_views import PICTURE, WIDTH, Visual, WorldViews, figure, unpictured
+from minerva_bus.api.pictures import Displayed, Film, Still
+from minerva_bus.api.world_views import PICTURE, WIDTH, Visual, WorldViews
 from minerva_bus.arguments import text
 from minerva_bus.collect.data_tables import DataTable
-from minerva_bus.errors import MinervaError, MisuseError, nearest
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.wording import counted
@@ -24,7 +24,7 @@ SHOWN_DIGITS = 8
 
 
 @dataclass(frozen=True, repr=False)
-class Run:
+class Run(Displayed):
     """A run that has ended. Notebooks display its film, or a picture of its last string.
 
     Attributes:
@@ -110,7 +110,8 @@ class Run:
         return self.views.film(self.kept, event, width)
 
     @property
-    def _facts(self) -> list[str]:
+    def facts(self) -> list[str]:
+        """What notebooks and terminals show of it."""
         tables = f"tables: {', '.join(self.tables)}" if self.tables else ""
         into = f"data in {self.into}" if self.into else ""
         frames = f"{counted(self.frames, 'frame')} in {self.seconds:.1f} s"
@@ -118,14 +119,7 @@ class Run:
         return [fact for fact in (frames, self.ended, digest, tables, into) if fact]
 
     def __repr__(self) -> str:
-        return f"<Run of {self.views.name}: {'; '.join(self._facts)}>"
-
-    def _repr_html_(self) -> str:
-        try:
-            shown = self.film().html if self.kept else self.picture().image
-        except MinervaError as error:
-            shown = unpictured(error)
-        return figure(shown, self._facts)
+        return f"<Run of {self.views.name}: {'; '.join(self.facts)}>"
 
 
 class Interrupted(KeyboardInterrupt):

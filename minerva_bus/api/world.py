@@ -23,7 +23,6 @@ from minerva_bus.settings.overrides import AS_WRITTEN, OPTIONS, Overrides
 from minerva_bus.world.agent import Agent
 
 if TYPE_CHECKING:
-    from minerva_bus.api.async_live import AsyncLive
     from minerva_bus.api.live import Live
 
 
@@ -187,12 +186,6 @@ class World:
         from minerva_bus.api.here import start
 
         return start(self, bus=bus, **settings)
-
-    def start_async(self, *, bus: bool = False, **settings: Any) -> AsyncLive:
-        """As `start`, for `async with`: `step`, `publish` and the others are awaited."""
-        from minerva_bus.api.async_live import AsyncLive
-
-        return AsyncLive(lambda: self.start(bus=bus, **settings))
 
     def __repr__(self) -> str:
         agents = ", ".join(cls.__name__ for cls in self.agents) or "no agents"

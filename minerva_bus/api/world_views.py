@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterable, Sequence
 from typing import Any, Final, Protocol, TypeAlias
 
 from minerva_bus.api.pictures import Film, Still
 from minerva_bus.arguments import text
-from minerva_bus.errors import MinervaError, MisuseError, nearest
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
@@ -116,14 +115,3 @@ def views_of(file: WorldFile) -> WorldViews:
     """Views of a world with the classes of its processes."""
     agents = dict.fromkeys(cls for process in file.processes for cls in process.agents)
     return WorldViews(file.world.name, file.world.vocabulary, agents)
-
-
-def figure(shown: str, facts: Sequence[str]) -> str:
-    """An element of HTML with a line of facts below it."""
-    line = " · ".join(html.escape(fact) for fact in facts if fact)
-    return f'<div>{shown}<div style="font-size: 90%; opacity: .8">{line}</div></div>'
-
-
-def unpictured(error: MinervaError) -> str:
-    """The reason why there is no picture, as an element of HTML."""
-    return f"<pre>{html.escape(str(error))}</pre>"

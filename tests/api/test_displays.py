@@ -1,19 +1,16 @@
-"""Pictures, films and tables: what notebooks and terminals show."""
+"""Pictures, films and tables, and their texts in a terminal."""
 
-import json
 import re
 import signal
 import time
 import xml.etree.ElementTree as ET
-from base64 import b64decode
-from itertools import pairwise
 
 import pytest
 from balls import Ball, Bell, balls, bells, eBroken, ePicture
 from frogs import pond
 
 from minerva_bus import Interrupted, connect, count, record, run
-from minerva_bus.api.pictures import MAX_PICTURES
+from minerva_bus.api import pictures
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch import child_processes
 from minerva_bus.log.record import Record
@@ -35,23 +32,6 @@ def circles(svg):
     ]
 
 
-def images(html):
-    """The SVG documents of the images of an element of HTML."""
-    return [
-        b64decode(data).decode()
-        for data in re.findall(r"data:image/svg\+xml;base64,([^\"]+)", html)
-    ]
-
-
-def film_of(html):
-    """The SVG documents of a film, as its script makes them, by frame."""
-    film = json.loads(re.search(r"const film = (.*);", html)[1])
-    return {
-        frame: "\n".join(film["lines"][line] for line in lines)
-        for frame, lines in zip(film["frames"], film["pictures"], strict=True)
-    }
-
-
 def test_a_picture_shows_the_last_string():
     done = run(balls(), frames=4)
     svg = done.picture().svg
@@ -59,7 +39,6 @@ def test_a_picture_shows_the_last_string():
     assert (bx - ax, by - ay) == (0.0, 3.0)
     assert "frame 4" in svg
     assert done.picture(ePicture).svg == svg
-    assert images(done._repr_html_()) == [svg]
     assert 'width="300"' in done.picture(width=300).svg
 
 
@@ -73,12 +52,10 @@ def test_a_picture_is_saved_and_an_edited_file_is_kept(tmp_path):
         picture.save(path)
 
 
-def test_a_world_without_forms_is_explained_and_displayed_without_a_picture():
+def test_a_world_without_forms_is_explained():
     done = run(pond(), frames=2)
     with pytest.raises(MisuseError, match="pond has no pictures: no primitive has a form"):
         done.picture()
-    assert "no primitive has a form" in done._repr_html_()
-    assert "2 frames" in done._repr_html_()
 
 
 def test_a_view_that_fails_or_is_unknown_is_explained():
@@ -98,8 +75,6 @@ def test_a_film_has_every_nth_frame_and_the_last_one_in_one_frame_of_view():
     # In a common part of the world the discs move by metres.
     assert [circles(picture.svg)[0][0] - circles(film.pictures[0].svg)[0][0]
             for picture in film.pictures] == [0, 3, 6, 7]  # fmt: skip
-    shown = film_of(done._repr_html_())
-    assert shown == {p.frame: p.svg.rstrip("\n") for p in film.pictures}
     assert repr(film) == "<Film of balls: 4 pictures, frames 0 to 7>"
 
 
@@ -111,21 +86,12 @@ def test_a_film_on_the_bus_is_the_same(tmp_path):
     assert path.exists()
 
 
-def test_a_long_film_shows_a_part_evenly_with_both_ends():
-    film = run(balls(), frames=MAX_PICTURES * 3, film=1).film()
-    frames = list(film_of(film.html))
-    assert len(frames) == MAX_PICTURES
-    assert (frames[0], frames[-1]) == (0, MAX_PICTURES * 3)
-    steps = {after - before for before, after in pairwise(frames)}
-    assert steps <= {3, 4}
-
-
-def test_a_film_is_a_page_that_needs_no_other_file(tmp_path):
-    path = tmp_path / "balls.html"
-    run(balls(), frames=7, film=3).film().save(path)
-    page = path.read_text(encoding="utf-8")
-    assert not re.search(r"(src|href)=\"?https?:", page)
-    assert len(film_of(page)) == 4
+def test_without_a_package_that_displays_films_they_cannot_be_saved(monkeypatch):
+    monkeypatch.setattr(pictures, "entries", lambda group: {})
+    film = run(balls(), frames=2, film=1).film()
+    assert film._repr_mimebundle_() == {"text/plain": repr(film)}
+    with pytest.raises(MisuseError, match="no package that displays films is installed"):
+        film.save("balls.html")
 
 
 def test_without_a_film_the_message_names_the_argument():
@@ -144,8 +110,6 @@ def test_a_terminal_shows_a_line():
     with balls().start() as live:
         live.step(2)
         assert repr(live) == f"<Live balls; frame 2; digest {done.digest[:8]}…>"
-        # Outside of a notebook there are no buttons.
-        assert live._repr_mimebundle_() == {"text/plain": repr(live)}
     assert repr(live).endswith("the world has ended>")
 
 

@@ -1,6 +1,5 @@
 """Worlds, runs and stepping in this process."""
 
-import asyncio
 import signal
 import subprocess
 import sys
@@ -326,30 +325,6 @@ def test_an_interrupt_ends_a_world_and_is_raised():
             live.step(10)
         assert live.ended
         assert live.frame == 4
-
-
-def test_asyncio_steps_a_world_without_blocking():
-    async def main():
-        ticks = 0
-
-        async def tick():
-            nonlocal ticks
-            while True:
-                ticks += 1
-                await asyncio.sleep(0)
-
-        async with pond().start_async(seed=5) as live:
-            task = asyncio.create_task(tick())
-            await live.step(20)
-            task.cancel()
-            assert await live.digest() == DIGEST
-            assert await live.frame() == 20
-            assert not await live.ended()
-            await live.publish(eFeed(amount=1.0))
-            assert (await live.view("ePicture")) != (await live.scene())
-        return ticks
-
-    assert asyncio.run(main()) > 1
 
 
 def test_prints_between_steps_are_the_programs(capsys):

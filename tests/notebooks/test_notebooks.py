@@ -1,7 +1,7 @@
 """The notebooks of the documentation have no outputs; on demand, they run as scripts.
 
 tests/documents/test_site.py runs each in a clean kernel, and a cell that fails ends its build;
-test_jupyterlab.py runs notebooks in JupyterLab.
+the extension `notebook` runs them in JupyterLab.
 """
 
 import os

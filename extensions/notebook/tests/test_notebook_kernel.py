@@ -8,9 +8,9 @@ from jupyter_client.manager import start_new_kernel
 
 from tests.patience import eventually, patience
 
-HERE = Path(__file__).parent
+WORLDS = Path(__file__).parents[3] / "tests" / "api"
 WIDGET = "application/vnd.jupyter.widget-view+json"
-START = f"import sys; sys.path.insert(0, {str(HERE)!r})\nfrom balls import balls, Ball\n" + (
+START = f"import sys; sys.path.insert(0, {str(WORLDS)!r})\nfrom balls import balls, Ball\n" + (
     "from minerva_bus import Agent, EventType, World, count, each, on, run\nlive = balls().start()\n"
 )
 
@@ -69,7 +69,7 @@ def test_a_live_world_follows_clicks_and_steps_of_cells(kernel):
     model = shown[WIDGET]["model_id"]
     kernel.click(model)
     assert kernel.shown("live.frame")["text/plain"] == "1"
-    kernel.cell("live.step(9)\nwidget = live._display.widget")
+    kernel.cell("live.step(9)\nwidget = live.follower.widget")
     assert kernel.shown("widget.status")["text/plain"] == "'balls · frame 10'"
     assert kernel.shown("'frame 10' in widget.picture")["text/plain"] == "True"
     assert kernel.shown("live")[WIDGET]["model_id"] == model
@@ -98,13 +98,13 @@ flies = World("AFly#f", agents=[Fly], services=[each(eTick)], name="flies").star
 """
     kernel.cell(START + code)
     model = kernel.shown("flies")[WIDGET]["model_id"]
-    kernel.cell("widget = flies._display.widget")
+    kernel.cell("widget = flies.follower.widget")
     kernel.click(model)
     assert kernel.shown("widget.problem")["text/plain"] == "''"
     kernel.click(model)
     assert "too old" in kernel.shown("widget.problem")["text/plain"]
     # Not displayed, because a notebook keeps a reference to what it has displayed.
-    kernel.cell("live._repr_mimebundle_(); widget = live._display.widget; del live")
+    kernel.cell("live._repr_mimebundle_(); widget = live.follower.widget; del live")
     kernel.click(kernel.shown("widget.model_id")["text/plain"].strip("'"))
     assert "no variable refers to it" in kernel.shown("widget.problem")["text/plain"]
 

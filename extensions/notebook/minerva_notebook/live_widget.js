@@ -1,4 +1,4 @@
-// The controls of a live world in a notebook; minerva_bus/api/widget.py runs the frames.
+// The controls of a live world in a notebook; live_widget.py runs the frames.
 
 const INTERVAL = 40; // milliseconds between two frames at the earliest
 

@@ -7,11 +7,13 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from minerva_bus.api.live import Live
 from minerva_bus.api.pictures import Still
+from minerva_bus.api.world import World, world_of
 from minerva_bus.api.world_views import PICTURE, WIDTH, Visual
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError
@@ -25,7 +27,7 @@ class AsyncLive:
     """A live world for asyncio: all calls run in one thread of their own.
 
     Example:
-        >>> async with world.start_async(seed=7) as live:
+        >>> async with start_async(world, seed=7) as live:
         ...     await live.step(10)
         ...     print(await live.scene())
 
@@ -53,7 +55,7 @@ class AsyncLive:
     @property
     def _world(self) -> Live:
         if self._live is None:
-            raise MisuseError("the world has not started: async with world.start_async() as live")
+            raise MisuseError("the world has not started: async with start_async(world) as live")
         return self._live
 
     async def step(self, frames: int = 1) -> int:
@@ -97,3 +99,20 @@ class AsyncLive:
     async def ended(self) -> bool:
         """Whether the world is over."""
         return await self._call(lambda: self._world.ended)
+
+
+def start_async(world: World | str | Path, *, bus: bool = False, **settings: Any) -> AsyncLive:
+    """As `World.start`, for `async with`: `step`, `publish` and the others are awaited.
+
+    Args:
+        world: a `World`, a world file, or the name of an installed world.
+        bus: start processes; otherwise everything runs in this one.
+        **settings: as for `World.start`.
+
+    Raises MinervaError if it cannot start.
+
+    Example:
+        `async with start_async(world, seed=7) as live`
+
+    """
+    return AsyncLive(lambda: world_of(world, {}).start(bus=bus, **settings))

@@ -15,7 +15,7 @@ from playwright import sync_api as playwright
 from tests.patience import patience
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
+FOLDER = Path(__file__).parents[3] / "docs" / "notebooks"
 LIVE = "4-live.ipynb"
 FIRST, *OTHERS = sorted(path.name for path in FOLDER.glob("*.ipynb") if path.name != LIVE)
 

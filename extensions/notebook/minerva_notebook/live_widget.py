@@ -25,7 +25,7 @@ REFRESH_SECONDS: Final = 0.1
 
 
 class LiveDisplay:
-    """Shows a live world by a widget; `refresh` follows its frames.
+    """Shows a live world by a widget, as its follower.
 
     Raises MisuseError without anywidget, and MinervaError if the world has no pictures.
     """
@@ -45,9 +45,10 @@ class LiveDisplay:
         # Data, or a pair of data and their metadata.
         return bundle if hasattr(bundle, "keys") else bundle[0]
 
-    def due(self) -> bool:
-        """Whether a new picture may be shown during a step."""
-        return time.monotonic() - self._refreshed >= REFRESH_SECONDS
+    def between_frames(self) -> None:
+        """Show a new picture, unless the last one is too recent."""
+        if time.monotonic() - self._refreshed >= REFRESH_SECONDS:
+            self.refresh()
 
     def refresh(self) -> None:
         """Show the current string."""
@@ -107,9 +108,9 @@ def _widget_class() -> Any:
     def synced(trait: Any) -> Any:
         return trait.tag(sync=True)
 
-    source = resources.files("minerva_bus.api").joinpath("widget.js").read_text(encoding="utf-8")
+    source = resources.files("minerva_notebook").joinpath("live_widget.js")
     members = {
-        "_esm": source,
+        "_esm": source.read_text(encoding="utf-8"),
         "picture": synced(traitlets.Unicode()),
         "status": synced(traitlets.Unicode()),
         "problem": synced(traitlets.Unicode()),
