@@ -35,8 +35,8 @@ from minerva_bus.launch.run_outputs import (
     recording,
 )
 from minerva_bus.launch.world_files import Access, WorldFile
+from minerva_bus.log.entries import encode_header
 from minerva_bus.log.journal import Journal, Journaled, read_journal, resume_from
-from minerva_bus.log.record_header import encode_header
 from minerva_bus.runtime.admission import LOCAL_KIND, ListenConfig, Security
 from minerva_bus.runtime.coordinator import Coordinator, Printed, Started, Watchers
 from minerva_bus.runtime.metrics import Status

@@ -34,9 +34,8 @@ from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.visualization import visualize
 
 if TYPE_CHECKING:
-    from minerva_bus.log.entries import Keyframe
+    from minerva_bus.log.entries import Keyframe, RecordHeader
     from minerva_bus.log.record import Record
-    from minerva_bus.log.record_header import RecordHeader
 
 WorldSource: TypeAlias = str | Callable[[Overrides], WorldFile]
 """A world with the code of a record: its file or installed name ("": as recorded), or a reader."""

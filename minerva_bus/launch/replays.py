@@ -69,7 +69,7 @@ from minerva_bus.world.priority import collect
 from minerva_bus.world.services import Generator, Service
 
 if TYPE_CHECKING:
-    from minerva_bus.log.record_header import RecordHeader
+    from minerva_bus.log.entries import RecordHeader
 
 SIDES: Final = ("the record", "this run")
 RECORDED: Final = "~record"

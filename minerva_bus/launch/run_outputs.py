@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from minerva_bus.collect.data_tables import DataTable, Writer
     from minerva_bus.collect.plans import TablePlan
     from minerva_bus.collect.table_parts import TableParts
+    from minerva_bus.log.entries import RecordHeader
     from minerva_bus.log.record import Record
-    from minerva_bus.log.record_header import RecordHeader
     from minerva_bus.log.recorder import Recorder
 
 SAVE_SECONDS: Final = 5.0
@@ -165,7 +165,7 @@ class RunRecord(Sink):
 
 def description_of(file: WorldFile) -> RecordHeader:
     """The description of a run that begins now."""
-    from minerva_bus.log.record_header import RecordHeader
+    from minerva_bus.log.entries import RecordHeader
 
     options = {name: option_text(value) for name, value in file.options.items()}
     began, path = _wall_time(), text_of_path(file.path)

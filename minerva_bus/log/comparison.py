@@ -15,7 +15,7 @@ from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.printer import bits, shape_text, value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.foxglove_json import without_agents
+from minerva_bus.log.channels import without_agents
 from minerva_bus.log.record import Record
 from minerva_bus.wire.strings_codec import plain_event_list
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary

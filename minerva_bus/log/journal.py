@@ -4,7 +4,7 @@
     entry = length of the data (4 bytes, big endian), its CRC-32 (4 bytes), data
     data  = ["begin", format, key of the world, epoch]            first
           | keyframe | inputs                                     (entries.py)
-          | the description of the run (record_header.py)         after the first keyframe
+          | the description of the run                             after the first keyframe
           | ["members", [name, ...]] | ["pace", rate, left] | ["waiting", {source: [event, ...]}]
 
 The file begins with a keyframe and has the inputs of each frame since, as received from members, so
@@ -40,13 +40,14 @@ from minerva_bus.log.entries import (
     EventsBySource,
     Kept,
     Keyframe,
+    RecordHeader,
+    decode_header,
     encode_inputs,
     encode_keyframe,
     entry_number,
     plain_by_source,
     unpacked,
 )
-from minerva_bus.log.record_header import RecordHeader, decode_header
 from minerva_bus.wire.plain import as_int, as_map, as_number, as_text, as_texts, pack
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 

@@ -33,15 +33,16 @@ from minerva_bus.log.entries import (
     Dropped,
     EntryDecoder,
     Keyframe,
+    RecordHeader,
     Step,
     apply_delta,
     decode_checkpoint,
+    decode_header,
     decode_sensed,
     delta_between,
     encode_frame,
     entry_number,
 )
-from minerva_bus.log.record_header import RecordHeader, decode_header
 from minerva_bus.wording import frames_up_to
 from minerva_bus.world import services
 from minerva_bus.world.operator import PersonOperation

@@ -21,29 +21,30 @@ from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
-from minerva_bus.log.channels import check_installed
-from minerva_bus.log.chunks import Losses
-from minerva_bus.log.entries import (
-    Kept,
-    decode_sensed,
-    delta_between,
-    encode_checkpoint,
-    encode_dropped,
-    encode_frame,
-    encode_inputs,
-    encode_keyframe,
-    encode_readings,
-)
-from minerva_bus.log.foxglove_json import (
+from minerva_bus.log.channels import (
     Surveyor,
+    check_installed,
     encode_log,
     encode_maps,
     encode_poses,
     encode_transform,
     shown_readings,
 )
+from minerva_bus.log.chunks import Losses
+from minerva_bus.log.entries import (
+    Kept,
+    RecordHeader,
+    decode_sensed,
+    delta_between,
+    encode_checkpoint,
+    encode_dropped,
+    encode_frame,
+    encode_header,
+    encode_inputs,
+    encode_keyframe,
+    encode_readings,
+)
 from minerva_bus.log.record import Record
-from minerva_bus.log.record_header import RecordHeader, encode_header
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import PersonOperation
 

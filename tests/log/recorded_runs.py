@@ -9,9 +9,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import WorldFile, read_world_file
-from minerva_bus.log.entries import Kept
+from minerva_bus.log.entries import Kept, RecordHeader
 from minerva_bus.log.record import Record
-from minerva_bus.log.record_header import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.settings.overrides import Overrides

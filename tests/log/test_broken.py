@@ -118,7 +118,7 @@ def test_a_name_that_no_file_has():
 
 def test_a_format_of_the_future(tmp_path, monkeypatch):
     data = bytes_of("meadow")
-    monkeypatch.setattr("minerva_bus.log.record_header.FORMAT", 4)
+    monkeypatch.setattr("minerva_bus.log.entries.FORMAT", 4)
     with pytest.raises(RecordError, match="its format is 3; this version of Minerva Bus reads 4:"):
         record_of(data, tmp_path)
 

@@ -10,8 +10,7 @@ from minerva_bus.errors import RecordError
 from minerva_bus.grammar.events import single
 from minerva_bus.log import channels as c
 from minerva_bus.log import chunks, record_writer
-from minerva_bus.log.entries import encode_frame
-from minerva_bus.log.record_header import encode_header
+from minerva_bus.log.entries import encode_frame, encode_header
 from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, description, happened, record_of, strings_of
 

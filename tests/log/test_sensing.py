@@ -17,8 +17,8 @@ from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log import channels as c
 from minerva_bus.log import recorder as queues
+from minerva_bus.log.channels import shown_readings
 from minerva_bus.log.entries import Dropped, decode_sensed, encode_readings
-from minerva_bus.log.foxglove_json import shown_readings
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.log.recorder import Recorder

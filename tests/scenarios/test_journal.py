@@ -11,9 +11,8 @@ from minerva_bus.errors import Followed, RecordError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import FrameDone, Publish
 from minerva_bus.log import journal
-from minerva_bus.log.entries import Kept, encode_checkpoint
+from minerva_bus.log.entries import Kept, RecordHeader, encode_checkpoint, encode_header
 from minerva_bus.log.journal import Journal, read_journal, resume_from
-from minerva_bus.log.record_header import RecordHeader, encode_header
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 

@@ -18,7 +18,7 @@ from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.log.record_header import RecordHeader, decode_header, encode_header
+from minerva_bus.log.entries import RecordHeader, decode_header, encode_header
 from minerva_bus.world.services import When
 
 MANY = 100

@@ -12,7 +12,7 @@ from minerva_analysis.tracks import Story, Track, story_of
 from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.foxglove_json import painted
+from minerva_bus.log.channels import painted
 from minerva_bus.log.record import Record
 from minerva_bus.plotting import COLORS, DOTS, FAINT, INK, draw, label_ends, show_grid
 from minerva_bus.semantics.geometry import interpret

@@ -12,9 +12,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.run_outputs import description_of
 from minerva_bus.log import journal
-from minerva_bus.log.entries import Kept
+from minerva_bus.log.entries import Kept, encode_header
 from minerva_bus.log.journal import Journal, read_described
-from minerva_bus.log.record_header import encode_header
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.runner import InProcessRunner
 from tests.log.harbour import harbour

@@ -13,8 +13,8 @@ from minerva_bus.cli.main import app
 from minerva_bus.collect.data_tables import read_table
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.log.foxglove_json import Surveyor
-from minerva_bus.log.record_header import RecordHeader
+from minerva_bus.log.channels import Surveyor
+from minerva_bus.log.entries import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, happened, record_of, strings_of
 from tests.unit.test_series_plot import swept

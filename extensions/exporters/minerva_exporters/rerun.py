@@ -26,8 +26,8 @@ from minerva_bus.files import check_file
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.log.channels import Positions, Surveyor
 from minerva_bus.log.exporters import ExportChoice, ExportProgress, only_record
-from minerva_bus.log.foxglove_json import Positions, Surveyor
 from minerva_bus.log.record import Record, RecordFrames
 from minerva_bus.log.record_summary import kinds_in
 from minerva_bus.log.record_writer import SHOWN

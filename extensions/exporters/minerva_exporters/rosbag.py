@@ -23,9 +23,8 @@ from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.channels import time_of
+from minerva_bus.log.channels import Surveyor, time_of
 from minerva_bus.log.exporters import ExportChoice, ExportProgress, new_folder, only_record
-from minerva_bus.log.foxglove_json import Surveyor
 from minerva_bus.log.record import Record, RecordFrames
 from minerva_bus.log.record_writer import SHOWN
 from minerva_bus.world.readings import Mount, Reading

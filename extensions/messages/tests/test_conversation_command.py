@@ -15,7 +15,7 @@ from minerva_bus import Agent, EventType, Vocabulary
 from minerva_bus.errors import DamagedRecordWarning, MinervaError, RecordError
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import FrameRecord
-from minerva_bus.log.record_header import RecordHeader
+from minerva_bus.log.entries import RecordHeader
 from minerva_messages import MESSAGES, eMessage
 from minerva_messages.conversation_diagram import show_conversation
 from minerva_messages.exchanges import MOST

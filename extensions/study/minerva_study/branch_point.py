@@ -26,7 +26,7 @@ from minerva_bus.log.entries import Keyframe
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 
 if TYPE_CHECKING:
-    from minerva_bus.log.record_header import RecordHeader
+    from minerva_bus.log.entries import RecordHeader
 
 
 @dataclass(frozen=True, slots=True)
