@@ -35,7 +35,7 @@ def new(
 
     The new folder runs as it is and contains tests.
     """
-    from minerva_bus.cli.creating import create
+    from minerva_authoring.scaffold import create
 
     create(kind, name, folder, model, json)
 

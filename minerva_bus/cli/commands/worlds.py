@@ -127,7 +127,7 @@ def check(
     if frames is not None and not determinism:
         raise MisuseError("--frames requires --determinism: a check runs no frames")
     if determinism:
-        from minerva_bus.cli.check_determinism import FRAMES, check_determinism
+        from minerva_authoring.determinism import FRAMES, check_determinism
 
         raise typer.Exit(check_determinism(str(file), frames or FRAMES, json))
     from minerva_bus.cli.check_report import check_file

@@ -125,7 +125,7 @@ def _started(
     }
     words = [str(path), str(frames), str(number), str(record)]
     return subprocess.run(  # noqa: S603
-        [sys.executable, "-m", "minerva_bus.cli.check_determinism", *words],
+        [sys.executable, "-m", "minerva_authoring.determinism", *words],
         env=environment,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

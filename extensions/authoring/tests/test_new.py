@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from minerva_authoring.scaffold import KINDS, TEMPLATES, copy_world, scaffold
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MisuseError, WorldFileError
-from minerva_bus.launch.skeleton import KINDS, TEMPLATES, copy_world, scaffold
 
 ROOT = Path(__file__).parents[2]
 
