@@ -51,7 +51,7 @@ GROUPS: Final = {
     "Observe": ("list", "top", "logs", "echo", "metrics"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "Records": ("info", "replay", "seek", "export", "recover", "map"),
-    "Set up": ("new", "schema", "doctor", "keys", "version"),
+    "Set up": ("schema", "doctor", "keys", "version"),
 }
 """The kernel's commands by topic, in the order of the help."""
 COMMANDS: Final = "minerva.commands"

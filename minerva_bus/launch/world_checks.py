@@ -1,28 +1,19 @@
-"""What `minerva check` needs of a world file: its structure, warnings about norms, and layouts.
-
-The structure is read without running code (`--no-code`). In all layouts of processes a world must
-have the same strings, frame by frame (`--determinism`): an agent evolves by its state, its events
-and its stream of random numbers (equation 3) only, so the result must not depend on the process,
-the hash seed or the time zone.
-"""
+"""What `minerva check` needs of a world file: its structure, read without code, and warnings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.toml_tables import Table
 from minerva_bus.launch.typed_text import filled, read_options
-from minerva_bus.launch.world_files import Access, WorldFile, open_tables
+from minerva_bus.launch.world_files import WorldFile, open_tables
 from minerva_bus.settings.kinds import TEXT, TEXTS
-from minerva_bus.settings.world_settings import BusSettings, RecordSettings, WatchSettings
-from minerva_bus.world.services import Generator, when_of
 
 WORLD_CODE: Final = ("vocabulary", "scene", "defaults", "notes")
 PROCESS_CODE: Final = ("service", "agents", "command")
@@ -101,87 +92,3 @@ def _shown(file: WorldFile) -> Iterator[tuple[str, frozenset[str]]]:
             hello = process.make_member().hello()
             if hello.coupled:
                 yield process.name, frozenset(hello.draws)
-
-
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """A layout of processes for one run of a world.
-
-    `hosts`: number of processes for each process of agents. `in_process`: all members in one
-    process, unless one of them is a command.
-    """
-
-    name: str
-    in_process: bool
-    hosts: int
-    hash_seed: str
-    time_zone: str
-
-    @property
-    def environment(self) -> dict[str, str]:
-        """The environment variables of its processes."""
-        return {"PYTHONHASHSEED": self.hash_seed, "TZ": self.time_zone}
-
-    def runs_in_process(self, file: WorldFile) -> bool:
-        """Whether a world file runs in one process here."""
-        return self.in_process and not any(process.command for process in file.processes)
-
-
-LAYOUTS: Final = (
-    Layout("one process for all members", True, 1, "5", "MNVA+12"),
-    Layout("two processes for each kind of agents", False, 2, "36", "MNVB-14"),
-)
-"""Chosen to reveal mistakes: local dates always differ between the two layouts. Sets of two to
-four short texts such as {"a", "b"} have different orders with these seeds, unlike with many others.
-"""
-
-
-def left_out(file: WorldFile) -> dict[str, str]:
-    """Processes that cannot be compared, by name, with the reason."""
-    reasons = {process.name: _reason(process) for process in file.processes}
-    return {name: reason for name, reason in reasons.items() if reason}
-
-
-def _reason(process: ProcessSpec) -> str:
-    if process.make_service is None:
-        return ""
-    service = process.make_service()
-    if service.interactive or (isinstance(service, Generator) and service.people):
-        return "people operate it"
-    when = when_of(service)
-    if isinstance(service, Generator) and not when.is_awaited:
-        return "it runs freely"
-    if when.rate > 0:
-        return "it requests views by the clock"
-    return "" if isinstance(service, Generator) else "it only shows views"
-
-
-def laid_out(
-    file: WorldFile, layout: Layout, omitted: Mapping[str, str], frames: int, record: Path
-) -> WorldFile:
-    """A world file for a run of `frames` in a layout: recorded, and closed to other members."""
-    processes = tuple(
-        replace(process, name=name, elsewhere=False)
-        for process in file.processes
-        if process.name not in omitted
-        for name in _names(process, layout.hosts)
-    )
-    return replace(
-        file,
-        world=replace(
-            file.world,
-            frames=min(frames, file.world.frames or frames),
-            expected=frozenset(process.name for process in processes),
-        ),
-        rate=0.0,
-        processes=processes,
-        bus=BusSettings(shared_memory=file.bus.shared_memory),
-        access=Access(),
-        record=RecordSettings(str(record)),
-        watch=WatchSettings(),
-    )
-
-
-def _names(process: ProcessSpec, hosts: int) -> list[str]:
-    several = [f"{process.name}-of-{hosts}-{number}" for number in range(2, hosts + 1)]
-    return [process.name, *several] if process.agents else [process.name]

@@ -1,5 +1,6 @@
 """`minerva --help` and `minerva COMMAND --help`: groups, summaries and examples."""
 
+import json
 import shlex
 
 import pytest
@@ -99,3 +100,8 @@ def test_a_misspelt_option_of_the_command_or_of_the_other_is_recognised(
     with pytest.raises(SystemExit):
         main()
     assert f"did you mean '{meant}'?" in capsys.readouterr().err
+
+
+def test_installed_worlds_are_listed(capsys):
+    app(["worlds", "--json"], standalone_mode=False)
+    assert json.loads(capsys.readouterr().out)["meadow"].startswith("Grass, rabbits and foxes")

@@ -188,7 +188,7 @@ def test_plot(tmp_path):
     (["map", "no.log"], "no.log"), (["new", "wordl", "a"], "'wordl'"), (["graph", "meadw"], "'meadow'"),
     (["sweep", "meadw", "--set", "seed=1"], "'meadow'"), (["keys", "issue", "a", "--role", "view"], "minerva keys init"),
     (["attach", "swg"], "swg"), (["bridge", "carmn"], "carmn"), (["conversation", "no.mcap"], "no.mcap"),
-    (["check", "--frames", "3", "a.toml"], "--frames requires --determinism"), (["worlds", "x"], "x"),
+    (["determinism", "a.mnv"], "a string alone is none"), (["worlds", "x"], "x"),
 ])  # fmt: skip
 def test_an_error_is_an_object_and_a_message(tmp_path, words, message):
     done = here(tmp_path, *words, "--json")

@@ -1,6 +1,9 @@
-"""`minerva check --determinism`: run a world in two process layouts and compare the records.
+"""`minerva determinism`: run a world in two layouts of processes and compare the records.
 
-Each run has its own Python process, because Python chooses its hash seed at start.
+In all layouts a world must have the same strings, frame by frame: an agent evolves by its state,
+its events and its stream of random numbers (equation 3) only, so the result must not depend on the
+process, the hash seed or the time zone. Each run has its own Python process, because Python chooses
+its hash seed at start.
 """
 
 from __future__ import annotations
@@ -10,7 +13,8 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -27,14 +31,13 @@ from minerva_bus.cli.output import (
 from minerva_bus.cli.run_choice import run_world
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.world_checks import LAYOUTS, Layout, laid_out, left_out
-from minerva_bus.launch.world_files import read_world_file
+from minerva_bus.launch.process_specs import ProcessSpec
+from minerva_bus.launch.world_files import Access, WorldFile, read_world_file
 from minerva_bus.log.comparison import Difference, compare
 from minerva_bus.log.record import Record
+from minerva_bus.settings.world_settings import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.wording import counted
-
-FRAMES: Final = 100
-"""Frames to compare by default."""
+from minerva_bus.world.services import Generator, when_of
 
 OMITTED: Final = "omitted.json"
 
@@ -46,6 +49,90 @@ ADVICE: Final = (
     "  state of a module or a class, which each process has for itself: attributes of the agent",
     "  files, networks, real devices: a service that runs freely, which is not compared",
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """A layout of processes for one run of a world.
+
+    `hosts`: number of processes for each process of agents. `in_process`: all members in one
+    process, unless one of them is a command.
+    """
+
+    name: str
+    in_process: bool
+    hosts: int
+    hash_seed: str
+    time_zone: str
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """The environment variables of its processes."""
+        return {"PYTHONHASHSEED": self.hash_seed, "TZ": self.time_zone}
+
+    def runs_in_process(self, file: WorldFile) -> bool:
+        """Whether a world file runs in one process here."""
+        return self.in_process and not any(process.command for process in file.processes)
+
+
+LAYOUTS: Final = (
+    Layout("one process for all members", True, 1, "5", "MNVA+12"),
+    Layout("two processes for each kind of agents", False, 2, "36", "MNVB-14"),
+)
+"""Chosen to reveal mistakes: local dates always differ between the two layouts. Sets of two to
+four short texts such as {"a", "b"} have different orders with these seeds, unlike with many others.
+"""
+
+
+def left_out(file: WorldFile) -> dict[str, str]:
+    """Processes that cannot be compared, by name, with the reason."""
+    reasons = {process.name: _reason(process) for process in file.processes}
+    return {name: reason for name, reason in reasons.items() if reason}
+
+
+def _reason(process: ProcessSpec) -> str:
+    if process.make_service is None:
+        return ""
+    service = process.make_service()
+    if service.interactive or (isinstance(service, Generator) and service.people):
+        return "people operate it"
+    when = when_of(service)
+    if isinstance(service, Generator) and not when.is_awaited:
+        return "it runs freely"
+    if when.rate > 0:
+        return "it requests views by the clock"
+    return "" if isinstance(service, Generator) else "it only shows views"
+
+
+def laid_out(
+    file: WorldFile, layout: Layout, omitted: Mapping[str, str], frames: int, record: Path
+) -> WorldFile:
+    """A world file for a run of `frames` in a layout: recorded, and closed to other members."""
+    processes = tuple(
+        replace(process, name=name, elsewhere=False)
+        for process in file.processes
+        if process.name not in omitted
+        for name in _names(process, layout.hosts)
+    )
+    return replace(
+        file,
+        world=replace(
+            file.world,
+            frames=min(frames, file.world.frames or frames),
+            expected=frozenset(process.name for process in processes),
+        ),
+        rate=0.0,
+        processes=processes,
+        bus=BusSettings(shared_memory=file.bus.shared_memory),
+        access=Access(),
+        record=RecordSettings(str(record)),
+        watch=WatchSettings(),
+    )
+
+
+def _names(process: ProcessSpec, hosts: int) -> list[str]:
+    several = [f"{process.name}-of-{hosts}-{number}" for number in range(2, hosts + 1)]
+    return [process.name, *several] if process.agents else [process.name]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +173,7 @@ def check_determinism(spec: str, frames: int, as_json: bool) -> int:
     Raises WorldFileError if there is no such world, and MisuseError if it is not a world.
     """
     if Path(spec).suffix == ".mnv":
-        raise MisuseError(f"{spec}: --determinism runs a world, and a string alone is none")
+        raise MisuseError(f"{spec}: determinism runs a world, and a string alone is none")
     path = find_world(spec)
     with TemporaryDirectory(prefix="minerva-") as folder:
         verdict = _verdict(path, frames, Path(folder))

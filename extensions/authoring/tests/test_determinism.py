@@ -1,4 +1,4 @@
-"""`minerva check --determinism` names the first frame, agent and attribute that differ."""
+"""`minerva determinism` names the first frame, agent and attribute that differ."""
 
 import json
 import os
@@ -97,7 +97,7 @@ def check(folder, *words, when="pass", light="1.0", file=FILE):
     (folder / "garden.py").write_text(code)
     (folder / "garden.toml").write_text(file)
     done = subprocess.run(
-        [sys.executable, "-m", "minerva_bus", "check", "--determinism", "garden.toml", *words],
+        [sys.executable, "-m", "minerva_bus", "determinism", "garden.toml", *words],
         cwd=folder, env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder / "runtime")},
         capture_output=True, text=True,
     )  # fmt: skip

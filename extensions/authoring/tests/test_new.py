@@ -12,7 +12,7 @@ from minerva_authoring.scaffold import KINDS, TEMPLATES, copy_world, scaffold
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MisuseError, WorldFileError
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -157,12 +157,3 @@ def test_what_cannot_be_copied(tmp_path):
     with pytest.raises(MisuseError, match="--from copies a world"):
         minerva("new", "agent", "fields", "--in", str(tmp_path), "--from", "meadow")
     assert not list(tmp_path.iterdir())
-
-
-def test_installed_worlds_are_listed(capsys):
-    minerva("worlds")
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) >= 11
-    assert all(len(line.split()) > 3 for line in lines), lines
-    minerva("worlds", "--json")
-    assert json.loads(capsys.readouterr().out)["meadow"].startswith("Grass, rabbits and foxes")

@@ -1,43 +1,10 @@
-"""Commands that set up: packages, editors, the installation and members in any language."""
+"""Commands that set up: editors and the installation."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
-from minerva_bus.cli import completing
 from minerva_bus.cli.options import Json, examples
-
-
-@examples(
-    "minerva new world my_yard",
-    "minerva new world my_meadow --from meadow",
-)
-def new(
-    kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
-    name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
-    folder: Annotated[
-        Path, typer.Option("--in", help="Parent folder; default: the current one.")
-    ] = Path(),
-    model: Annotated[
-        str,
-        typer.Option(
-            "--from",
-            help="Copy this installed world; see `minerva worlds`.",
-            autocompletion=completing.installed,
-        ),
-    ] = "",
-    json: Json = False,
-) -> None:
-    """Create a world, agent, service, geometry or bridge.
-
-    The new folder runs as it is and contains tests.
-    """
-    from minerva_authoring.scaffold import create
-
-    create(kind, name, folder, model, json)
 
 
 @examples(

@@ -1,0 +1,61 @@
+"""`minerva new` and `minerva determinism`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from minerva_bus.cli import completing
+from minerva_bus.cli.options import Json, WorldArgument, examples
+
+TOPIC: Final = "Develop"
+
+
+@examples(
+    "minerva new world my_yard",
+    "minerva new world my_meadow --from meadow",
+)
+def new(
+    kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
+    name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
+    folder: Annotated[
+        Path, typer.Option("--in", help="Parent folder; default: the current one.")
+    ] = Path(),
+    model: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            help="Copy this installed world; see `minerva worlds`.",
+            autocompletion=completing.installed,
+        ),
+    ] = "",
+    json: Json = False,
+) -> None:
+    """Create a world, agent, service, geometry or bridge.
+
+    The new folder runs as it is and contains tests.
+    """
+    from minerva_authoring.scaffold import create
+
+    create(kind, name, folder, model, json)
+
+
+@examples(
+    "minerva determinism garden.toml",
+    "minerva determinism meadow --frames 20 --json",
+)
+def determinism(
+    world: WorldArgument,
+    frames: Annotated[int, typer.Option(min=1, help="Number of frames to compare.")] = 100,
+    json: Json = False,
+) -> None:
+    """Run a world in two process layouts and compare all frames.
+
+    The exit code is 1 with the first frame, agent and attribute that differ. The world is recorded
+    in both runs, which needs the extra `record`.
+    """
+    from minerva_authoring.determinism import check_determinism
+
+    raise typer.Exit(check_determinism(world, frames, json))
