@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from minerva_bus.errors import VocabularyError
-from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.frame.placement import PlacementRules
+from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.evolution import Policy

@@ -13,17 +13,22 @@ import numpy as np
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import FrameInbox
+from minerva_bus.frame.collection import FrameInbox, are_light
 from minerva_bus.frame.composition import Composition, first_in, ids_of
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import FrameResult, Phase, Progress
-from minerva_bus.frame.inputs import AGENTS, HALTED, FrameInputs, is_people, person_of
 from minerva_bus.frame.members import Members
 from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.placement import Offers, Placement
-from minerva_bus.frame.stimuli import Instructions
+from minerva_bus.frame.stimuli import (
+    AGENTS,
+    HALTED,
+    FrameInputs,
+    Instructions,
+    is_people,
+    person_of,
+)
 from minerva_bus.frame.view_streams import Views, patch_all
-from minerva_bus.frame.work import are_light
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.events import AnyEvent, Event

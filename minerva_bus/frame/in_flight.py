@@ -12,8 +12,8 @@ from typing import Any, Final, cast
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
-from minerva_bus.frame.inputs import DROPPED, FrameInputs, OrdersBySource
 from minerva_bus.frame.norm_rejections import Trial
+from minerva_bus.frame.stimuli import DROPPED, FrameInputs, OrdersBySource
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids

@@ -1,35 +1,297 @@
 """Member side of the frame protocol as a pure state machine: messages in, messages out.
 
 The same object is used on the bus, in one process and in tests. It calls the user code.
+`DeviceSide` assembles views from keyframes and deltas, and shows them. `Host` evolves and
+visualizes the fragments that it holds.
 """
 
 from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
-from typing import Any, TypeAlias, cast
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from typing import Any, Final, TypeAlias, cast
 
-from minerva_bus.errors import MinervaError, UserCodeError
+from minerva_bus.errors import MinervaError, ProtocolError, UserCodeError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.device_side import DeviceSide
+from minerva_bus.frame.composition import Fragment, fragment_in
 from minerva_bus.frame.generator_side import (
     GeneratorSide,
+    figures_by,
     generated_types,
+    made_events,
     ordered_types,
 )
-from minerva_bus.frame.host_side import Host
-from minerva_bus.frame.messages import PROTOCOL_VERSION
-from minerva_bus.frame.service_calls import figures_by, made_events
+from minerva_bus.frame.messages import PROTOCOL_VERSION, EvolveReply, EvolveRequest, Fragments
+from minerva_bus.frame.view_streams import patch_all
+from minerva_bus.grammar.columns import has_columns, size
+from minerva_bus.grammar.delta import Delta, difference
 from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.user_code import blamed, handler_name
-from minerva_bus.world.agent import Agent, kinds_of, with_own_fields
+from minerva_bus.world.addressing import Addressed
+from minerva_bus.world.agent import Agent, Kinds, kinds_of, with_own_fields
 from minerva_bus.world.context import Frame
-from minerva_bus.world.evolution import Policy
+from minerva_bus.world.evolution import Evolved, Policy, evolve
 from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.services import Device, Generator, Service, When, WorldInfo, check_attributes
+from minerva_bus.world.services import (
+    Device,
+    Generator,
+    Service,
+    View,
+    When,
+    WorldInfo,
+    check_attributes,
+)
+from minerva_bus.world.visualization import visualize
+
+
+@dataclass(slots=True)
+class _Picture:
+    """The current view of one visual event type."""
+
+    sequence: int
+    skeleton: Scene
+    parts: dict[str, Scene]
+    halted: frozenset[str] = frozenset()
+
+
+class DeviceSide:
+    """Views of one member by visual event type, and which of them have not been shown."""
+
+    def __init__(self, service: Service | None) -> None:
+        self._service = service
+        self._pictures: dict[str, _Picture] = {}
+        self._unshown: dict[str, int] = {}
+
+    def rejoin(self) -> None:
+        """Accept the next keyframes regardless of their sequence number."""
+        for picture in self._pictures.values():
+            picture.sequence = -1
+
+    def take(self, shown: m.ViewShown) -> bool:
+        """Apply a keyframe or a delta; False if a view was missed, so that a keyframe is needed."""
+        picture = self._pictures.get(shown.event_type)
+        if shown.skeleton is not None:
+            # Equal numbers count: a requested keyframe repeats the sequence of the latest view.
+            if picture is None or shown.sequence >= picture.sequence:
+                picture = _Picture(shown.sequence, shown.skeleton, dict(shown.parts))
+                self._pictures[shown.event_type] = picture
+                self._changed(shown)
+            return True
+        # Deltas cannot be applied after a gap; a keyframe replaces all missed views.
+        if picture is None or shown.sequence > picture.sequence + 1:
+            return False
+        # A delta with a lower number is contained in the keyframe that arrived before it.
+        if shown.sequence > picture.sequence:
+            picture.sequence = shown.sequence
+            picture.parts.update(shown.parts)
+            patch_all(picture.parts, shown.patches)
+            self._changed(shown)
+        return True
+
+    def _changed(self, shown: m.ViewShown) -> None:
+        self._pictures[shown.event_type].halted = frozenset(shown.halted)
+        self._unshown[shown.event_type] = shown.frame
+
+    def show(self, begin: Callable[[int], None]) -> None:
+        """Show the pending views on the device; `begin` gets the frame of each view.
+
+        A coupled device shows each view at once. An observer that fell behind shows only the
+        latest view of each event type, to catch up.
+        """
+        if not self._unshown:
+            return
+        unshown, self._unshown = self._unshown, {}
+        for event_type, frame in sorted(unshown.items()):
+            begin(frame)
+            if isinstance(self._service, Device):
+                picture = self._pictures[event_type]
+                # A copy, because the device may keep the view, and the next
+                # delta changes the parts in place.
+                parts = dict(picture.parts)
+                view = View(frame, event_type, picture.skeleton, parts, picture.halted)
+                with blamed(self._service.show):
+                    self._service.show(view)
+
+
+_TYPE: Final = attrgetter("type")
+
+
+@dataclass(slots=True)
+class _Different:
+    """Changed fragments or views: whole, or as deltas."""
+
+    changed: dict[str, Scene] = field(default_factory=dict[str, Scene])
+    patched: dict[str, Delta] = field(default_factory=dict[str, Delta])
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """A view with its fragment and events, which determine it (equation 4)."""
+
+    piece: Fragment
+    events: tuple[AnyEvent, ...]
+    view: Scene
+
+
+class Host:
+    """Steps 5 and 6 of Table 2 for the fragments of one host."""
+
+    def __init__(self, name: str, kinds: Mapping[str, type[Agent]]) -> None:
+        self.name = name
+        self.kinds: Kinds = kinds
+        self.fragments: dict[str, Fragment] = {}
+        self._shown: dict[tuple[str, str], _Shown] = {}
+
+    def clear(self) -> None:
+        """Drop all fragments."""
+        self.fragments, self._shown = {}, {}
+
+    def take(self, given: Fragments) -> None:
+        """Store given fragments and drop others. Raises ProtocolError."""
+        for fragment in given.dropped:
+            self._drop(fragment)
+        for fragment, scene in given.given.items():
+            # `_drop` also forgets the views, because the coordinator
+            # expects whole ones of a given fragment.
+            self._drop(fragment)
+            piece = fragment_in(scene, fragment)
+            if piece is None:
+                raise ProtocolError(f"the fragment #{fragment} is not an agent of that name")
+            self.fragments[fragment] = piece
+
+    def _drop(self, fragment: str) -> None:
+        self.fragments.pop(fragment, None)
+        for key in [key for key in self._shown if key[1] == fragment]:
+            del self._shown[key]
+
+    def answer(
+        self, request: EvolveRequest, frame: Frame, policy: Policy, vocabulary: Vocabulary
+    ) -> EvolveReply:
+        """η and π over the fragments that a request concerns. Raises ProtocolError.
+
+        Without events agents keep their state, unless the policy says otherwise.
+        """
+        concerned = request.only or tuple(self.fragments)
+        # Checked before anything evolves, since a fragment may evolve only once in a frame.
+        for name in concerned:
+            if name not in self.fragments:
+                raise ProtocolError(f"frame {request.frame} is about #{name}, never given here")
+        views: dict[str, dict[str, Scene]] = {}
+        view_patches: dict[str, dict[str, Delta]] = {}
+        # Views are first: they show the string before the evolution, which replaces the fragments.
+        for event_type in sorted(set(map(_TYPE, request.visual))):
+            shown = self._views(event_type, concerned, request.visual, frame)
+            views[event_type] = shown.changed
+            if shown.patched:
+                view_patches[event_type] = shown.patched
+        events = Addressed(request.events)
+        results = _Different()
+        emitted: dict[str, tuple[AnyEvent, ...]] = {}
+        evolving = bool(request.events) or policy.rules.without_events
+        for fragment in concerned if evolving else ():
+            was = Scene((self.fragments[fragment],))
+            result = evolve(was, events, self.kinds, frame, policy)
+            if result.emitted or result.batches:
+                emitted.update(_checked(fragment, result, vocabulary))
+            # Evolution shares unchanged objects, so identity detects changes without a comparison.
+            if result.scene is not was:
+                now = vocabulary.check(result.scene, f"#{fragment}")
+                self._changed(fragment, was, now, results)
+        return EvolveReply(
+            self.name,
+            request.frame,
+            request.part,
+            results.changed,
+            emitted,
+            views,
+            results.patched,
+            view_patches,
+        )
+
+    def _changed(self, fragment: str, was: Scene, scene: Scene, results: _Different) -> None:
+        """Store a fragment's result; one with newborns returns from the coordinator when placed."""
+        patch = _patch(was, scene)
+        if patch is None:
+            results.changed[fragment] = scene
+        else:
+            results.patched[fragment] = patch
+        now = fragment_in(scene, fragment)
+        if now is None:
+            self._drop(fragment)
+        else:
+            self.fragments[fragment] = now
+
+    def _views(
+        self, event_type: str, concerned: Sequence[str], visual: Sequence[AnyEvent], frame: Frame
+    ) -> _Different:
+        """The views for one event type that differ from the last ones.
+
+        The first view of a fragment always counts as changed, even if it is ε, because its view on
+        its former host is unknown here.
+        """
+        events = Addressed(tuple([event for event in visual if event.type == event_type]))
+        views = _Different()
+        for fragment in concerned:
+            piece, shown = self.fragments[fragment], self._shown.get((event_type, fragment))
+            if shown is not None and shown.piece is piece and shown.events == events.events:
+                continue
+            view = visualize(Scene((piece,)), events, self.kinds, frame.number)
+            # Stored even if the view has not changed: the next
+            # frame compares fragments by identity.
+            self._shown[event_type, fragment] = _Shown(piece, events.events, view)
+            patch = _view_patch(shown, piece, view) if shown is not None else None
+            # An empty patch means that the fragment has changed and its
+            # view has not, so nothing is sent.
+            if patch is not None and not patch.empty:
+                views.patched[fragment] = patch
+            elif patch is None and (shown is None or _other(shown.view, view)):
+                views.changed[fragment] = view
+        return views
+
+
+def _other(old: Scene, new: Scene) -> bool:
+    """Whether two views without a common delta differ; columns always do, to avoid a digest."""
+    return has_columns(new) or old != new
+
+
+def _patch(old: Scene, new: Scene, row_delta: RowDelta | None = None) -> Delta | None:
+    """Delta between two strings, if each is one piece in columns with rows in the same order."""
+    if len(old.pieces) != 1 or len(new.pieces) != 1:
+        return None
+    return difference(old.pieces[0], new.pieces[0], row_delta)
+
+
+def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
+    """Delta between two views; rows were added and removed as in the fragment they show."""
+    old, new = shown.piece, piece
+    row_delta = None
+    if old.ids is not None and new.ids is not None:
+        # Only if each agent has exactly one piece of view do the rows of both correspond.
+        whole = size(shown.view.pieces) == old.count and size(view.pieces) == new.count
+        if old.ids is not new.ids and whole:
+            row_delta = row_delta_of_ids(old.ids, new.ids)
+    return _patch(shown.view, view, row_delta)
+
+
+def _checked(
+    fragment: str, result: Evolved, vocabulary: Vocabulary
+) -> dict[str, tuple[AnyEvent, ...]]:
+    """Checked events: by agent, or by fragment for agents in columns."""
+    sent: dict[str, tuple[AnyEvent, ...]] = {
+        agent: tuple([vocabulary.check_event(event, f"#{agent}") for event in events])
+        for agent, events in result.emitted.items()
+    }
+    if result.batches:
+        sent[fragment] = tuple([vocabulary.check_any(event, fragment) for event in result.batches])
+    return sent
+
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 

@@ -134,6 +134,12 @@ GeneratedEvents: TypeAlias = Annotated[tuple[AnyEvent, ...], Mark.GENERATED]
 Saved: TypeAlias = Mapping[str, Any] | None
 Received: TypeAlias = Annotated[bytes, Mark.LOCAL]
 
+SAVED_VALUE: Final = "="
+"""Key of saved data that are not a mapping."""
+
+NOTHING_SAVED: Final[Mapping[str, Any]] = {SAVED_VALUE: None}
+"""Replaces a member's earlier data when it no longer saves any."""
+
 PROTOCOL_VERSION = 7
 
 NO_WHEN: Final = When()

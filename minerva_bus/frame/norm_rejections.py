@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition, Fragment, ids_of
-from minerva_bus.frame.inputs import PEOPLE, is_people, person_of, source_of
-from minerva_bus.frame.stimuli import Instructions
+from minerva_bus.frame.stimuli import PEOPLE, Instructions, is_people, person_of, source_of
 from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.digest import same_values

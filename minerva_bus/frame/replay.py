@@ -13,17 +13,15 @@ from typing import Protocol
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.algorithm import FrameAlgorithm, InputSteps, MemberAnswers, OutcomeSteps
 from minerva_bus.frame.collection import FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.evolution_step import frame_record
-from minerva_bus.frame.host_side import Host
 from minerva_bus.frame.in_flight import FrameInFlight, Phase, Progress
-from minerva_bus.frame.inputs import DEVICES, RecordedFrame
+from minerva_bus.frame.member import Host
 from minerva_bus.frame.members import Members
-from minerva_bus.frame.sources import InputSteps, MemberAnswers, OutcomeSteps
-from minerva_bus.frame.stimuli import Instructions
+from minerva_bus.frame.stimuli import DEVICES, Instructions, RecordedFrame
 from minerva_bus.frame.view_streams import due_views
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene

@@ -7,9 +7,9 @@ from typing import Protocol
 
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import Phase
-from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.members import Members
 from minerva_bus.frame.messages import ViewShown
+from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 

@@ -19,8 +19,8 @@ from minerva_bus.files import path_of_text
 from minerva_bus.frame.algorithm import GIVEN_UP, WorldGoal
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.inputs import HALTED, Checkpoint
 from minerva_bus.frame.messages import ViewShown
+from minerva_bus.frame.stimuli import HALTED, Checkpoint
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.toml_tables import Table, TomlError, read_toml

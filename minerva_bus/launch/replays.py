@@ -34,10 +34,10 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import Phase
-from minerva_bus.frame.inputs import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import incompatibility
 from minerva_bus.frame.replay import ReplayAlgorithm
+from minerva_bus.frame.stimuli import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.launch.past import (
     CODE,

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.frame.inputs import RecordedFrame
+from minerva_bus.frame.stimuli import RecordedFrame
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.printer import bits, shape_text, value_text

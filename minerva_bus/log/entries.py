@@ -51,8 +51,8 @@ from minerva_bus.errors import MinervaError, ProtocolError, RecordError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.inputs import Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.messages import Readings
+from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.events import AnyEvent, Event

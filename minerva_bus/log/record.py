@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any, Final, Self, cast
 
 from minerva_bus.errors import DamagedRecordWarning, MinervaError, ProtocolError, RecordError
-from minerva_bus.frame.inputs import Checkpoint, RecordedFrame
 from minerva_bus.frame.messages import Readings
+from minerva_bus.frame.stimuli import Checkpoint, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from minerva_bus.errors import RecordError
-from minerva_bus.frame.inputs import RecordedFrame
+from minerva_bus.frame.stimuli import RecordedFrame
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import kind_counts

@@ -26,10 +26,9 @@ from pathlib import Path
 from typing import IO, Final, TypeAlias
 
 from minerva_bus.errors import ProtocolError, RecordError
-from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.pace import BackOff
-from minerva_bus.frame.stimuli import FrameDone
+from minerva_bus.frame.stimuli import Checkpoint, FrameDone
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.channels import check_installed
 from minerva_bus.log.entries import Kept, RecordHeader

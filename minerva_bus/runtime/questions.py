@@ -35,7 +35,7 @@ import zenoh
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError, nearest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.collection import MAX_NAMES, unknown_agent
+from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, unknown_agent
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.members import MemberEntry
@@ -44,7 +44,6 @@ from minerva_bus.frame.orders import (
     listed,
 )
 from minerva_bus.frame.pace import Pace
-from minerva_bus.frame.work import MAX_SINGLE_EVENTS
 from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.measures import Of

@@ -24,8 +24,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member import Member, Outgoing, Refusal
+from minerva_bus.frame.stimuli import FrameInputs
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.runtime.runner import Notice, Runner, Sink, observers, receivers
 

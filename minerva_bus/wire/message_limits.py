@@ -14,9 +14,8 @@ from functools import cache
 from typing import Annotated, Any, Final, get_args, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.collection import MAX_WAITING
+from minerva_bus.frame.collection import MAX_HOST_EVENTS, MAX_SINGLE_EVENTS, MAX_WAITING
 from minerva_bus.frame.messages import Note, Wire
-from minerva_bus.frame.work import MAX_HOST_EVENTS, MAX_SINGLE_EVENTS
 
 OF_A_HOST: Final = 8
 """Times as many characters of conditions for a host, whose agents each have their own."""

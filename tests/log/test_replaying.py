@@ -8,9 +8,9 @@ from minerva_bus import Device
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.inputs import Checkpoint
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.replay import OVER, ReplayAlgorithm
+from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.launch.past import kinds_in
 from minerva_bus.launch.replays import recompute
 from minerva_bus.log.record import Cursor

@@ -9,7 +9,7 @@ import pytest
 from minerva_bus.errors import RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.inputs import Checkpoint
+from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.launch.past import read_resumed
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.typed_text import option_text, toml_value

@@ -12,7 +12,7 @@ from speaking import heard, plain_data, readings, recorded, spoken
 
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.inputs import Checkpoint, FrameInputs
+from minerva_bus.frame.stimuli import Checkpoint, FrameInputs
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.entries import (
     EntryDecoder,

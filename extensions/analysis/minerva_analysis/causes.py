@@ -27,7 +27,8 @@ from minerva_analysis.past_frames import (
 )
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.inputs import (
+from minerva_bus.frame.norm_rejections import Norms
+from minerva_bus.frame.stimuli import (
     AGENTS,
     PEOPLE,
     is_handed_over,
@@ -36,7 +37,6 @@ from minerva_bus.frame.inputs import (
     name_of,
     person_of,
 )
-from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of, single
 from minerva_bus.grammar.printer import shown_value

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.errors import RecordError, nearest
-from minerva_bus.frame.inputs import Checkpoint, RecordedFrame
+from minerva_bus.frame.stimuli import Checkpoint, RecordedFrame
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Value, agents

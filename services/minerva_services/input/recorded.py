@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.frame.inputs import RecordedFrame
+from minerva_bus.frame.stimuli import RecordedFrame
 from minerva_bus.grammar.events import AnyEvent, first_of
 from minerva_bus.log.record import Record
 from minerva_bus.world.services import Generator, Tick, WorldInfo
