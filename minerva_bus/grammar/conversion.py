@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.grammar.literals import DEPTH, MATRIX_CELLS
 from minerva_bus.grammar.measures import Quantity
-from minerva_bus.grammar.scene import Array, Scene, Value
+from minerva_bus.grammar.scene import DEPTH, MATRIX_CELLS, Array, Scene, Value
 from minerva_bus.grammar.traversal import walk
 
 INT_END: Final = 1 << 63

@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import GrammarError
 from minerva_bus.grammar.measures import Quantity
-from minerva_bus.grammar.scene import Array, Scene, Value
-
-DEPTH = 32
-MATRIX_CELLS = 32_000_000
+from minerva_bus.grammar.scene import DEPTH, MATRIX_CELLS, Array, Scene, Value
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 # Possessive quantifiers (++ and *+) do not backtrack: a long run of digits is scanned once.

@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.measures import Quantity
 
 if TYPE_CHECKING:
     from minerva_bus.grammar.columns import Columns
+    from minerva_bus.grammar.measures import Quantity
 
 Array: TypeAlias = NDArray[np.int16] | NDArray[np.float64]
 Value: TypeAlias = "bool | int | float | str | Quantity | tuple[Value, ...] | Array | Scene"
@@ -35,6 +35,12 @@ Piece: TypeAlias = "FigureNode | TransformationNode | AgentNode | Columns"
 
 # Bounded, because searching for ids takes time and memory for the longest of them.
 AGENT_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_:-]{0,1023}")
+
+DEPTH: Final = 32
+"""Levels of lists and strings within a value."""
+
+MATRIX_CELLS: Final = 32_000_000
+"""Cells of the largest matrix."""
 
 
 class Digested:

@@ -43,9 +43,8 @@ from minerva_bus.grammar.conversion import (
     to_string,
     to_text,
 )
-from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.measures import Of, Quantity, Range, Unit, parse_of, parse_range
-from minerva_bus.grammar.scene import Scene, Value
+from minerva_bus.grammar.scene import DEPTH, Scene, Value
 
 Metres = Annotated[float, Unit("m")]
 Degrees = Annotated[float, Unit("deg")]

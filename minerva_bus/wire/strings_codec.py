@@ -33,9 +33,9 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import Ids, repeated_id, same_id
-from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.scene import (
     AGENT_ID,
+    DEPTH,
     EMPTY,
     AgentNode,
     FigureNode,

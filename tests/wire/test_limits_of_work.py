@@ -11,8 +11,7 @@ from minerva_bus import Agent, EventType, Vocabulary
 from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.events import Events, in_columns, single
-from minerva_bus.grammar.literals import DEPTH
-from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.grammar.scene import DEPTH, AgentNode
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.message_limits import STRING, Limits, name_in, values_in
 from minerva_bus.wire.plain import pack, unpack

@@ -58,7 +58,7 @@ from minerva_agents.robot.robot import ALocalisingRobot, ARobot
 from minerva_agents.robot.vocabulary import PMap, PMarker, TPlace
 from minerva_bus import Cells, Scene, Vocabulary, portable
 from minerva_bus.errors import WorldFileError, nearest
-from minerva_bus.grammar.literals import MATRIX_CELLS
+from minerva_bus.grammar.scene import MATRIX_CELLS
 
 # --- options --------------------------------------------------------------------------------------
 
