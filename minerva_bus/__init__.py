@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from minerva_bus.grammar.events import Event, Events
     from minerva_bus.grammar.fields import Default
     from minerva_bus.grammar.ids import Ids
-    from minerva_bus.grammar.measures import Of, Range
     from minerva_bus.grammar.parser import parse
     from minerva_bus.grammar.scene import EMPTY, Scene
     from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
@@ -37,6 +36,8 @@ if TYPE_CHECKING:
         Degrees,
         Metres,
         MetresPerSecond,
+        Of,
+        Range,
         Reals,
         Seconds,
     )
@@ -69,11 +70,10 @@ _HOMES = {
     "grammar.fields": "Default",
     "grammar.appearance": "Disc Label Line Motion Raster",
     "grammar.ids": "Ids",
-    "grammar.measures": "Of Range",
     "grammar.parser": "parse",
     "grammar.scene": "EMPTY Scene",
     "grammar.symbols": "AgentKind EventType Primitive Transformation",
-    "grammar.types": "Cells Degrees Metres MetresPerSecond Reals Seconds",
+    "grammar.types": "Cells Degrees Metres MetresPerSecond Of Range Reals Seconds",
     "grammar.vocabulary": "Vocabulary",
     "semantics.geometry": "Geometry interpret",
     "world.agent": "Agent",

@@ -4,7 +4,7 @@
     ├── SceneError               a string is wrong
     │   ├── GrammarError         it is not in L(M) (Table 1)
     │   └── VocabularyError      its symbols or values are not those of the world
-    ├── Unfit                    a value does not fit its declared type          grammar.conversion
+    ├── Unfit                    a value does not fit its declared type          grammar.types
     ├── WorldFileError           a world file or an option that replaces its settings is wrong
     │   └── UnknownOption        a world has no option of this name
     ├── TomlError                a text is not TOML                              launch.toml_tables

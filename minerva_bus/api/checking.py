@@ -11,8 +11,7 @@ from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import file_text, find_world
 from minerva_bus.launch.specs import load

@@ -41,9 +41,9 @@ from minerva_bus.frame.orders import OrderRules
 from minerva_bus.frame.placement import Offers, Placement
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, Instructions, is_people, is_set_aside
 from minerva_bus.frame.view_streams import Views, due_views
-from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.types import Unfit
 from minerva_bus.wording import counted
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.priority import collect

@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError
-from minerva_bus.grammar.column import CHUNK
-from minerva_bus.grammar.columns import Columns, one_by_one, packed
-from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.columns import CHUNK, Columns, one_by_one, packed
 from minerva_bus.grammar.ids import LONGEST, Ids, repeated_id, same_id
-from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
-from minerva_bus.grammar.traversal import fill, fill_slots
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents, fill, fill_slots
+from minerva_bus.grammar.types import Unfit
 
 PART: Final = "~"
 """Prefix of the names of parts of populations; no agent's id begins with it."""

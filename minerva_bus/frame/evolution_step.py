@@ -30,10 +30,10 @@ from minerva_bus.frame.stimuli import (
 )
 from minerva_bus.frame.view_streams import Views, patch_all
 from minerva_bus.grammar.columns import Columns, packed
-from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
+from minerva_bus.grammar.types import Unfit
 from minerva_bus.world.population import copy_id
 
 _AGENT: Final[Callable[[tuple[str, str]], str]] = itemgetter(0)

@@ -26,14 +26,12 @@ from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition, Fragment, ids_of
 from minerva_bus.frame.stimuli import PEOPLE, Instructions, is_people, person_of, source_of
-from minerva_bus.grammar.column import Column, Rows
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.assignment import rested
+from minerva_bus.grammar.columns import Column, Columns, Rows, packed
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.ids import Ids, repeated_in
-from minerva_bus.grammar.neutral_values import rested
-from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents
-from minerva_bus.grammar.traversal import kind_counts
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import (
     EVENT,

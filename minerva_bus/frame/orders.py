@@ -15,7 +15,7 @@ from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.columns import values_of
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, single
-from minerva_bus.grammar.measures import Of
+from minerva_bus.grammar.types import Of
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import OrderStatus
 from minerva_bus.world.priority import Priority

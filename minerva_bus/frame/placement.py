@@ -19,8 +19,7 @@ from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.traversal import kind_counts
+from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wording import counted
 

@@ -14,9 +14,9 @@ from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.members import MemberIndex, Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.stimuli import Instructions, plain_form
-from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import check, patched
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
+from minerva_bus.grammar.types import Unfit
 
 _TYPE: Final = attrgetter("type")
 

@@ -1,21 +1,22 @@
 """Many nodes of one shape as columns: n rows instead of n nodes; strings with runs of such nodes.
 
-A string prints, compares and digests alike in either form; `packed` and `unfolded` convert it.
+A `Column` is n values of one name, digested by chunks; texts of few different values are numbers of
+these, so that few texts are compared and checked. A string prints, compares and digests alike as
+columns and as nodes; `packed` and `unfolded` convert it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, Final, TypeAlias, cast
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.column import Column, Rows
-from minerva_bus.grammar.ids import LONGEST, Ids, RowDelta, updated_ids
-from minerva_bus.grammar.measures import Of
+from minerva_bus.grammar.ids import LONGEST, Ids, Joinable, RowDelta, Rows, updated_ids
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
@@ -26,10 +27,365 @@ from minerva_bus.grammar.scene import (
     Scene,
     TransformationNode,
     Value,
+    of_pieces,
+    rebuild,
     rescoped,
+    walk,
     with_scope,
 )
-from minerva_bus.grammar.traversal import of_pieces, rebuild, walk
+from minerva_bus.grammar.types import Of, Type, Unfit
+
+CHUNK: Final = 4096
+
+_TEXTS: Final = np.dtype(object)
+_DTYPES: Final[dict[type, Any]] = {float: np.float64, int: np.int64, bool: np.bool_}
+
+
+class Column(Joinable):
+    """n values of one name: a read-only array of float64, int64, bool or, for texts, object.
+
+    Texts that are ids stay ids, and coded texts stay coded; both become an array on demand.
+    """
+
+    __slots__ = ("__weakref__", "_base", "_coded", "_given", "chunks", "ids", "kept")
+
+    def __init__(
+        self, array: NDArray[Any] | None, ids: Ids | None = None, coded: Coded | None = None
+    ) -> None:
+        super().__init__()
+        if array is not None:
+            # Strings of several frames share columns.
+            array.flags.writeable = False
+        self._given = array
+        self._coded = coded
+        self.ids = ids
+        """The texts as ids, if they were given as ids."""
+        self._base: tuple[ref[Column], Rows] | None = None
+        self.kept: Any = None
+        """Cache of a host of agents: objects that belong to these columns."""
+        self.chunks: list[bytes] | None = None
+        """Digest of each 4,096 values, once known; an empty one has to be computed."""
+
+    @staticmethod
+    def of(values: Sequence[Value]) -> Column:
+        """A column of scalars."""
+        kinds = set(map(type, values))
+        # Values of several types remain Python objects: 1, 1.0 and true are different values.
+        kind = kinds.pop() if len(kinds) == 1 else object
+        array: NDArray[Any] = np.empty(len(values), _DTYPES.get(kind, object))
+        if kind is tuple or kind is np.ndarray:
+            for row, value in enumerate(values):  # numpy would convert nested values to arrays.
+                array[row] = value
+        else:
+            array[:] = values  # pyright: ignore[reportArgumentType, reportCallIssue]
+        return Column(array)
+
+    @staticmethod
+    def of_ids(ids: Ids) -> Column:
+        """A column whose texts are these ids."""
+        return Column(None, ids=ids)
+
+    @staticmethod
+    def of_coded(coded: Coded) -> Column:
+        """A column whose texts are these."""
+        return Column(None, coded=coded)
+
+    @property
+    def array(self) -> NDArray[Any]:
+        """The values, shape (n,)."""
+        if self._given is None:
+            texts = self.ids.column if self.ids is not None else cast("Coded", self._coded).texts()
+            texts.flags.writeable = False
+            self._given = texts
+        return self._given
+
+    @property
+    def coded(self) -> Coded:
+        """The values, which are texts, as codes; computed once."""
+        if self._coded is None:
+            self._coded = Coded.of(self.array)
+        return self._coded
+
+    @property
+    def words(self) -> NDArray[Any] | None:
+        """The different texts, if the values are coded; otherwise None."""
+        if self._coded is None:
+            return None
+        self._coded = self._coded.used()
+        return self._coded.words
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type of the values."""
+        return self._given.dtype if self._given is not None else _TEXTS
+
+    def __len__(self) -> int:
+        for values in (self._given, self.ids):
+            if values is not None:
+                return len(values)
+        return len(cast("Coded", self._coded))
+
+    def list(self) -> list[Any]:
+        """The values as Python objects."""
+        return self.array.tolist()
+
+    def take(self, rows: Rows | slice) -> Column:
+        """The values of some rows."""
+        if self.ids is not None:
+            return Column.of_ids(self.ids.take(rows))
+        coded = None if self._coded is None else self._coded.take(rows)
+        return Column(self.array[rows]) if coded is None else Column.of_coded(coded)
+
+    def put(self, rows: Rows, values: NDArray[Any]) -> Column:
+        """A column with other values in some rows; digests of unchanged chunks are kept."""
+        array = self.array.copy()
+        array[rows] = values
+        return self.changed(rows, Column(array))
+
+    def changed(self, rows: Rows, column: Column) -> Column:
+        """As `put`, by a new column that already has the other values in these rows."""
+        if self.chunks is not None:
+            # The old column keeps its own digests.
+            chunks = column.chunks = self.chunks.copy()
+            touched = np.zeros(len(chunks), np.bool_)
+            touched[rows // CHUNK] = True
+            for chunk in np.flatnonzero(touched).tolist():
+                chunks[chunk] = b""
+        # A weak reference: a chain of strong ones would keep the columns of all earlier frames
+        # alive.
+        column._base = ref(self), rows
+        return column
+
+    def moved(self, source: Rows, rows: Rows, others: Column | None) -> Column:
+        """The values of the rows `source`, then those of another column in `rows`."""
+        if self.ids is not None:
+            taken = self.take(source)
+            return taken if others is None else taken.with_rows(rows, others)
+        coded = None if self._coded is None else self._coded.take(source)
+        if coded is not None and (others is None or are_texts(others.list())):
+            return Column.of_coded(coded if others is None else coded.put(rows, others.coded))
+        array = self.array[source]
+        if others is not None:
+            array[rows] = others.array
+        return Column(array)
+
+    def with_rows(self, rows: Rows, others: Column) -> Column:
+        """As `put`; if both columns are ids, so is the result."""
+        if self.ids is None or others.ids is None:
+            return self.put(rows, others.array)
+        return Column.of_ids(self.ids.put(rows, others.ids).known())
+
+    def rows_since(self, old: Column) -> Rows | None:
+        """The rows that `put` has replaced in an old column; None if it is not made by `put`."""
+        if self._base is None or self._base[0]() is not old:
+            return None
+        return self._base[1]
+
+    def differs(self, other: Column) -> Rows | None:
+        """The rows in which another column of this length prints differently; None: in all."""
+        if self.ids is not None and other.ids is not None:
+            return self.ids.differs(other.ids)
+        if self._coded is not None and other._coded is not None:
+            return self._coded.differs(other._coded)
+        if self.array is other.array:
+            return np.empty(0, np.intp)
+        if self.array.dtype != other.array.dtype:
+            return None
+        return np.flatnonzero(bits(self.array) != bits(other.array))
+
+    @classmethod
+    def _in_one(cls, parts: Sequence[Column]) -> Column:
+        ids = [part.ids for part in parts if part.ids is not None]
+        if len(ids) == len(parts):
+            return Column.of_ids(Ids.concatenated(ids))
+        coded = [part._coded for part in parts if part._coded is not None]
+        if len(coded) == len(parts):
+            return Column.of_coded(Coded.joined(coded))
+        arrays = [part.array for part in parts]
+        if any(array.dtype != arrays[0].dtype for array in arrays):
+            # numpy would convert ints to floats, which may lose digits and change types.
+            arrays = [array.astype(object) for array in arrays]
+        return Column(np.concatenate(arrays))
+
+
+def are_texts(values: Iterable[object]) -> bool:
+    """Whether all values are texts, and of no subclass."""
+    return set(map(type, values)) <= {str}
+
+
+def bits(array: NDArray[Any]) -> NDArray[Any]:
+    """Values that are equal exactly if those of an array print the same."""
+    return array.view(np.int64) if array.dtype == np.float64 else array
+
+
+_PART: Final = 4
+"""A selection of rows keeps the table of words if it has this many times as many rows."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coded:
+    """n texts: text k is `words[codes[k]]`. The words differ; some may have no row.
+
+    Both arrays have one dimension, of objects and of int64, and nobody writes to them.
+    """
+
+    words: NDArray[Any]
+    codes: NDArray[np.int64]
+
+    @staticmethod
+    def of(texts: NDArray[Any]) -> Coded:
+        """The codes of an array of texts."""
+        listed = texts.tolist()
+        numbers = {text: number for number, text in enumerate(dict.fromkeys(listed))}
+        return Coded(_array(list(numbers)), _looked_up(numbers, listed))
+
+    def __len__(self) -> int:
+        return len(self.codes)
+
+    def texts(self) -> NDArray[Any]:
+        """The texts, as an array of objects."""
+        return self.words[self.codes]
+
+    def used(self) -> Coded:
+        """The same texts without words that have no row."""
+        used = np.bincount(self.codes, minlength=len(self.words)) > 0
+        if used.all():
+            return self
+        return Coded(self.words[used], (np.cumsum(used) - 1)[self.codes])
+
+    def take(self, rows: NDArray[np.intp] | slice) -> Coded | None:
+        """The texts of some rows; None if these are few beside the words."""
+        codes = self.codes[rows]
+        return Coded(self.words, codes) if _PART * len(self.words) <= len(codes) else None
+
+    def put(self, rows: NDArray[np.intp], others: Coded) -> Coded:
+        """The texts with others in some rows."""
+        whole = Coded.joined([self, others])
+        codes = whole.codes[: len(self)].copy()
+        codes[rows] = whole.codes[len(self) :]
+        return Coded(whole.words, codes)
+
+    def differs(self, other: Coded) -> NDArray[np.intp]:
+        """The rows in which as many other texts differ."""
+        if self.words is other.words:
+            return np.flatnonzero(self.codes != other.codes)
+        numbers = {word: number for number, word in enumerate(self.words.tolist())}
+        own = np.array([numbers.get(word, -1) for word in other.words.tolist()], np.int64)
+        return np.flatnonzero(self.codes != own[other.codes])
+
+    @staticmethod
+    def joined(parts: Sequence[Coded]) -> Coded:
+        """The texts of all parts, one after another."""
+        numbers: dict[str, int] = {}
+        made: list[NDArray[np.int64]] = []
+        for part in parts:
+            words = part.words.tolist()
+            for word in words:
+                numbers.setdefault(word, len(numbers))
+            made.append(_looked_up(numbers, words)[part.codes])
+        return Coded(_array(list(numbers)), np.concatenate(made))
+
+
+def _array(texts: Sequence[str]) -> NDArray[Any]:
+    array = np.empty(len(texts), object)
+    array[:] = texts
+    return array
+
+
+def _looked_up(numbers: dict[str, int], texts: Sequence[str]) -> NDArray[np.int64]:
+    # Without a step of Python for each text.
+    return np.fromiter(map(numbers.__getitem__, texts), np.int64, len(texts))
+
+
+# --- arrays as columns of a type ---
+
+SCALARS: Final = frozenset(("real", "int", "bool", "text"))
+_KINDS = {"real": "fiub", "int": "iu", "bool": "b", "text": "OUT"}
+_NUMPY_TYPES = {"real": np.float64, "int": np.int64, "bool": np.bool_, "text": object}
+
+
+def is_array(value: object) -> bool:
+    """Whether a value has one element for each of many nodes."""
+    return (isinstance(value, np.ndarray) and value.ndim == 1) or isinstance(value, Ids)
+
+
+def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
+    """A column of this type with the values of an array of shape (n,), or the texts of ids.
+
+    With `finite=False`, the caller checks later that they are finite. Raises Unfit.
+    """
+    if kind.kind not in SCALARS:
+        raise Unfit(f"a {kind}, which cannot be a column")
+    if isinstance(value, Ids):
+        if kind.kind != "text":
+            raise Unfit(f"an array of {kind}, not of ids")
+        return _among(kind, Column.of_ids(value))
+    array = cast("NDArray[Any]", value)
+    letter = array.dtype.kind
+    if letter not in _KINDS[kind.kind] or (kind.kind == "real" and letter == "b"):
+        raise Unfit(f"an array of {kind}, not of {array.dtype}")
+    if kind.kind == "text":
+        return _among(kind, _texts(array))
+    # A writable array is copied, because its owner could change the string later.
+    fitted = array.astype(_NUMPY_TYPES[kind.kind], copy=array.flags.writeable)
+    # Unsigned integers of 2^63 and more have become negative.
+    if letter == "u" and kind.kind == "int" and (fitted < 0).any():
+        raise Unfit("an array of whole numbers of at most 64 bits")
+    if finite and kind.kind == "real" and not np.isfinite(fitted).all():
+        raise Unfit(f"an array of {kind} with finite numbers")
+    if kind.range is not None and fitted.size:
+        # If the extremes are in the range, all values are.
+        kind.check_range(fitted.min().item())
+        kind.check_range(fitted.max().item())
+    return Column(fitted)
+
+
+def _among(kind: Type, column: Column) -> Column:
+    """The column, if its texts are words of this type. Raises Unfit."""
+    for word in sorted({*column.list()}) if kind.words else ():
+        kind.fit(word)
+    return column
+
+
+def _texts(array: NDArray[Any]) -> Column:
+    texts = array.tolist()
+    if not are_texts(texts):
+        raise Unfit("an array of texts")
+    plain = np.empty(len(texts), object)
+    plain[:] = texts
+    return Column(plain)
+
+
+def repeated(kind: Type, value: Any, count: int) -> Column:
+    """A column of one value. Raises Unfit."""
+    if kind.kind not in SCALARS:
+        raise Unfit(f"a {kind}, which cannot be a column")
+    array = np.empty(count, _NUMPY_TYPES[kind.kind])
+    array[:] = kind.fit(value)
+    return Column(array)
+
+
+def fits(kind: Type, column: Column) -> bool:
+    """Whether the values of a column are of this type, without conversion."""
+    if kind.kind == "text" and column.ids is not None and not kind.words:
+        return True
+    if kind.kind == "text":
+        values = column.array if column.words is None else column.words
+        texts = values.tolist() if values.dtype == object else [None]
+        return are_texts(texts) and (not kind.words or {*texts} <= {*kind.words})
+    array = column.array
+    if kind.kind not in SCALARS or array.dtype != _NUMPY_TYPES[kind.kind]:
+        return False
+    if kind.range is not None and array.size:
+        # If the extremes are in the range, all values are; nan is an extreme that is in none.
+        extremes = array.min().item(), array.max().item()
+        if not all(map(kind.range.holds, extremes)):
+            return False
+    # Without the Python code of `all`, which takes longer for short arrays.
+    return kind.kind != "real" or bool(np.logical_and.reduce(np.isfinite(array)))
+
+
+# --- nodes in columns ---
 
 Level: TypeAlias = tuple[str, tuple[str, ...]]
 Shape: TypeAlias = tuple[Level, ...]

@@ -8,11 +8,10 @@ from typing import Final, cast
 
 import numpy as np
 
-from minerva_bus.grammar.column import Column, Rows
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.columns import Column, Columns, Rows
 from minerva_bus.grammar.ids import Ids, RowDelta, row_delta_of_ids, same_id, updated_ids
 from minerva_bus.grammar.scene import Piece
+from minerva_bus.grammar.types import Unfit
 
 MAX_PART: Final = 0.25
 """Maximum part of a column that is sent as rows; beyond it the complete column is shorter than

@@ -32,8 +32,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.column import CHUNK, Column
-from minerva_bus.grammar.columns import MANY, Columns, merged, runs, size
+from minerva_bus.grammar.columns import CHUNK, MANY, Column, Columns, merged, runs, size
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.printer import bits, number_text, shape_text, value_text
 from minerva_bus.grammar.scene import (

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.column import Column, Rows, are_texts, bits
+from minerva_bus.grammar.columns import Column, Rows, are_texts, bits
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.printer import value_text

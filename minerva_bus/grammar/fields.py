@@ -14,11 +14,10 @@ from operator import is_
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.column import Column, fit_array, is_array, repeated
-from minerva_bus.grammar.conversion import INT_END
+from minerva_bus.grammar.columns import Column, fit_array, is_array, repeated
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.scene import Value
-from minerva_bus.grammar.types import Type, Unfit, type_of
+from minerva_bus.grammar.types import INT_END, Type, Unfit, type_of
 
 NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 """Valid names of parameters and symbols."""

@@ -20,8 +20,8 @@ from weakref import WeakValueDictionary, ref
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.scene import AGENT_ID, Scene, agents
+from minerva_bus.grammar.types import Unfit
 
 Rows: TypeAlias = NDArray[np.intp]
 Hashes = NDArray[np.uint64]

@@ -6,9 +6,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.measures import Quantity
-from minerva_bus.grammar.scene import AgentNode, Array, FigureNode, Node, Scene, Value
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import AgentNode, Array, FigureNode, Node, Scene, Value, walk
+from minerva_bus.grammar.types import Quantity
 from minerva_bus.wording import short
 
 CONCATENATION = " · "

@@ -11,8 +11,7 @@ import numpy as np
 from minerva_bus.arguments import text
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.appearance import Form, Motion, Shape, parameters_of
-from minerva_bus.grammar.column import is_array
-from minerva_bus.grammar.columns import Columns, around_each
+from minerva_bus.grammar.columns import Columns, around_each, is_array
 from minerva_bus.grammar.condition import NUMBER, parse_condition, sort_of_kind
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.fields import NAME, Fields

@@ -1,50 +1,380 @@
-"""Types of parameters, attributes and event data, and conversion of values to them.
+"""Types of parameters, attributes and event data, with their units and limits.
 
-| text              | in Python                        | value                                   |
-|-------------------|----------------------------------|-----------------------------------------|
-| `bool`            | `bool`                           | True, False                             |
-| `int`             | `int`                            | 64 bits, signed                         |
-| `real`, `real m`  | `float`, `Metres`, ...           | a finite float64 in that unit           |
-| `text`            | `str`                            | UTF-8                                   |
-| `text a|b`        | `Literal["a", "b"]`              | one of these words                      |
-| `real m 0..`      | see `limits`                     | a number in a range                     |
-| `text of P.name`  | see `limits`                     | a text that occurs in the string        |
-| `list of TYPE`    | `tuple[X, ...]`                  | a tuple                                 |
-| `cells`           | `Cells`                          | a read-only int16 matrix (rows, columns)|
-| `matrix`          | `Reals`                          | a read-only float64 matrix              |
-| `string`          | `Scene`                          | a string of L(M)                        |
+| text              | in Python                                    | value                         |
+|-------------------|----------------------------------------------|-------------------------------|
+| `bool`            | `bool`                                       | True, False                   |
+| `int`             | `int`                                        | 64 bits, signed               |
+| `real`, `real m`  | `float`, `Metres`, ...                       | a finite float64 in that unit |
+| `text`            | `str`                                        | UTF-8                         |
+| `text a|b`        | `Literal["a", "b"]`                          | one of these words            |
+| `real m/s 0..`    | `Annotated[MetresPerSecond, Range(least=0)]` | a number from 0 up            |
+| `int 1..6`        | `Annotated[int, Range(1, 6)]`                | a number from 1 to 6          |
+| `text of P.name`  | `Annotated[str, Of("P", "name")]`            | a `name` of a P in the string |
+| `list of TYPE`    | `tuple[X, ...]`                              | a tuple                       |
+| `cells`           | `Cells`                                      | a read-only int16 matrix      |
+| `matrix`          | `Reals`                                      | a read-only float64 matrix    |
+| `string`          | `Scene`                                      | a string of L(M)              |
+
+A parameter is declared and stored in one unit; a text may use another unit of the same dimension
+(`dist=150cm` for a parameter in metres). Ranges and sources (`of`) are for data of event types. A
+range is checked wherever an event is created. Only the coordinator knows the string, so it checks
+sources, for orders of people.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, replace
 from itertools import chain, islice
+from numbers import Real
 from operator import is_
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar, cast, get_args, get_origin
+from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar, cast, get_args, get_origin
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.grammar.appearance import Form
-from minerva_bus.grammar.conversion import (
-    Unfit,
-    converted,
-    shallow,
-    shown,
-    to_bool,
-    to_cells,
-    to_float,
-    to_int,
-    to_reals,
-    to_string,
-    to_text,
-)
-from minerva_bus.grammar.measures import Of, Quantity, Range, Unit, parse_of, parse_range
-from minerva_bus.grammar.scene import DEPTH, Scene, Value
+from minerva_bus.grammar.scene import DEPTH, MATRIX_CELLS, Array, Scene, Value, walk
+
+# --- units and limits ---
+
+# unit → (dimension, a, b): one unit is a/b of the dimension's first unit. Two integers, so that
+# 57cm is the float64 nearest to 57/100 m, which 57·0.01 is not.
+_UNITS: dict[str, tuple[str, float, float]] = {
+    "m": ("length", 1, 1),
+    "km": ("length", 1000, 1),
+    "cm": ("length", 1, 100),
+    "mm": ("length", 1, 1000),
+    "deg": ("angle", 1, 1),
+    "°": ("angle", 1, 1),
+    "rad": ("angle", 180, math.pi),
+    "s": ("time", 1, 1),
+    "ms": ("time", 1, 1000),
+    "min": ("time", 60, 1),
+    "h": ("time", 3600, 1),
+    "m/s": ("speed", 1, 1),
+    "km/h": ("speed", 10, 36),
+    "cm/s": ("speed", 1, 100),
+    "deg/s": ("turning", 1, 1),
+    "rad/s": ("turning", 180, math.pi),
+    "Hz": ("frequency", 1, 1),
+    "kg": ("mass", 1, 1),
+    "g": ("mass", 1, 1000),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit of measure by its symbol, for `Annotated[float, Unit("m")]`."""
+
+    symbol: str
+
+    def __post_init__(self) -> None:
+        if self.symbol not in _UNITS:
+            raise MisuseError(f"unknown unit {self.symbol!r}; expected one of {', '.join(_UNITS)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number with a unit as in the text, not converted yet."""
+
+    number: float
+    unit: str
+
+    def into(self, unit: str) -> float | None:
+        """The number in another unit, or None if the dimensions differ."""
+        own, wanted = _UNITS.get(self.unit), _UNITS.get(unit)
+        if own is None or wanted is None or own[0] != wanted[0]:
+            return None
+        if self.unit == unit:
+            return self.number
+        return self.number * (own[1] * wanted[2]) / (own[2] * wanted[1])
+
+
+_BETWEEN: Final = ".."
+_SYMBOL: Final = re.compile(r"[PTA][A-Za-z0-9_]*")
+_PARAMETER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Numbers from `least` to `most`, both included, in the unit of the type.
+
+    Raises:
+        MisuseError: there is no such number, or no limit at all.
+
+    Example:
+        `eSpeed = EventType("eSpeed", speed=Annotated[MetresPerSecond, Range(least=0)])`
+
+    """
+
+    least: float = -math.inf
+    most: float = math.inf
+
+    def __post_init__(self) -> None:
+        for end in (self.least, self.most):
+            if isinstance(end, bool) or not isinstance(end, Real):  # pyright: ignore[reportUnnecessaryIsInstance]
+                raise MisuseError(f"an end of a range must be a number, not {end!r:.60}")
+        if not self.least <= self.most or (math.isinf(self.least) and math.isinf(self.most)):
+            raise MisuseError(
+                f"invalid range {self}; expected a minimum, a maximum, or both in this order"
+            )
+
+    def __str__(self) -> str:
+        least, most = (_end_text(end) for end in (self.least, self.most))
+        return f"{least}{_BETWEEN}{most}"
+
+    @property
+    def words(self) -> str:
+        """The range in words, for messages."""
+        if math.isinf(self.most):
+            return f"from {_end_text(self.least)} up"
+        if math.isinf(self.least):
+            return f"up to {_end_text(self.most)}"
+        return f"from {_end_text(self.least)} to {_end_text(self.most)}"
+
+    def holds(self, number: float) -> bool:
+        """Whether a number lies in it."""
+        return self.least <= number <= self.most
+
+
+def parse_range(text: str) -> Range | None:
+    """The range in a text such as `0..`; None for a text without `..`. Raises MisuseError."""
+    least, between, most = text.partition(_BETWEEN)
+    if not between:
+        return None
+    try:
+        return Range(float(least or "-inf"), float(most or "inf"))
+    except ValueError:
+        raise MisuseError(f"invalid range {text!r}; expected 0.., ..6 or 0..6") from None
+
+
+def _end_text(end: float) -> str:
+    return "" if math.isinf(end) else repr(float(end)).removesuffix(".0")
+
+
+@dataclass(frozen=True, slots=True)
+class Of:
+    """The values that a parameter of a symbol has in the world's string: a limit of texts.
+
+    Attributes:
+        symbol: name of a primitive, transformation or agent kind.
+        parameter: name of its parameter or attribute.
+
+    Raises:
+        MisuseError: one of them is not a name.
+
+    Example:
+        `eObjective = EventType("eObjective", marker=Annotated[str, Of("PMarker", "name")])`
+
+    """
+
+    symbol: str
+    parameter: str
+
+    def __post_init__(self) -> None:
+        if not (_SYMBOL.fullmatch(self.symbol) and _PARAMETER.fullmatch(self.parameter)):
+            raise MisuseError(
+                f"invalid source of texts {self}; expected SYMBOL.parameter, such as PMarker.name"
+            )
+
+    def __str__(self) -> str:
+        return f"{self.symbol}.{self.parameter}"
+
+
+def parse_of(text: str) -> Of:
+    """The source of texts that `SYMBOL.parameter` names. Raises MisuseError."""
+    symbol, _, parameter = text.partition(".")
+    return Of(symbol, parameter)
+
+
+# --- values from Python or from texts; each function returns the same object if it is final ---
+
+INT_END: Final = 1 << 63
+"""The first whole number above those of 64 bits."""
+
+
+class Unfit(MinervaError):
+    """A value does not fit a type: the message names what was expected, `attribute` the field."""
+
+    attribute: str = ""
+
+
+def to_float(value: Any) -> float | None:
+    """A float64; infinity for an int beyond its range, None if the value is not a number."""
+    # A bool is an int in Python, but not a number here.
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return None
+    try:
+        return float(cast("float", value))
+    except OverflowError:
+        return math.inf
+
+
+def to_int(value: Any) -> int:
+    """A whole number of 64 bits. Raises Unfit."""
+    # Below 2^53 every whole float64 is one exact integer.
+    if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
+        return int(value)
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise Unfit(f"a whole number, not {shown(value)}")
+    number = int(cast("int", value))
+    if not -INT_END <= number < INT_END:
+        raise Unfit("a whole number of at most 64 bits")
+    return number
+
+
+def to_text(value: Any) -> str:
+    """A text that can be encoded in UTF-8. Raises Unfit."""
+    if not isinstance(value, str):
+        raise Unfit(f"a text, not {shown(value)}")
+    if not value.isascii():
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            raise Unfit("a text without lone surrogates") from None
+    # A subclass of str may have its own comparison and text.
+    return value if type(value) is str else str.__str__(value)
+
+
+def to_bool(value: Any) -> bool:
+    """A bool, also from numpy. Raises Unfit."""
+    if not isinstance(value, bool | np.bool_):
+        raise Unfit(f"true or false, not {shown(value)}")
+    return bool(cast("bool", value))
+
+
+def converted(kind: str, items: tuple[Any, ...]) -> tuple[Value, ...] | None:
+    """Items of a type of numbers or texts; None if each has to be converted by itself.
+
+    Fast for long lists, and the same tuple if all items already are of the type.
+    """
+    types = set(map(type, items))
+    if not types:
+        return items
+    if kind == "text":
+        return items if types == {str} and all(map(str.isascii, items)) else None
+    if kind == "int":
+        fits = types == {int} and min(items) >= -INT_END and max(items) < INT_END
+        return items if fits else None
+    if kind != "real" or not types <= {float, int}:
+        return None
+    try:
+        reals = items if types == {float} else tuple(map(float, items))
+    except OverflowError:
+        return None
+    return reals if all(map(math.isfinite, reals)) else None
+
+
+def to_string(value: Any) -> Scene:
+    """A string of L(M) that is valid as a value in braces. Raises Unfit."""
+    if not isinstance(value, Scene):
+        raise Unfit(f"a string in braces, not {shown(value)}")
+    return shallow(value)
+
+
+_V = TypeVar("_V", bound=Value)
+
+
+def shallow(value: _V) -> _V:
+    """The value, if lists and strings are nested in it no deeper than a text may nest them.
+
+    Raises Unfit. Values are printed and compared recursively, so their depth is limited.
+    """
+    level: list[Value] = [value]
+    for _ in range(DEPTH):
+        # By identity: an item that occurs many times would otherwise be visited once for each path
+        # to it, and nesting makes these paths exponentially many.
+        within = {id(item): item for outer in level for item in _inside(outer)}
+        level = [item for item in within.values() if isinstance(item, tuple | Scene)]
+        if not level:
+            return value
+    raise Unfit(f"a value nested at most {DEPTH} deep")
+
+
+def _inside(value: Value) -> Iterable[Value]:
+    if isinstance(value, Scene):
+        return (item for opens, node in walk(value) if opens for item in node.values)
+    return value if isinstance(value, tuple) else ()
+
+
+def to_cells(value: Any) -> Array:
+    """A read-only int16 matrix. Raises Unfit."""
+    matrix = _matrix(value, "iub", "a matrix of whole numbers")
+    if matrix.dtype == np.int16:
+        return _frozen(matrix)
+    cells = matrix.astype(np.int16)
+    # Values beyond 16 bits have changed.
+    if not (cells == matrix).all():
+        raise Unfit("a matrix of whole numbers of 16 bits")
+    return _frozen(cells)
+
+
+def to_reals(value: Any) -> Array:
+    """A read-only float64 matrix. Raises Unfit."""
+    if _finite and _finite.get(id(value)) is value and not value.flags.writeable:
+        return cast("Array", value)
+    matrix = _matrix(value, "iubf", "a matrix of numbers")
+    reals = matrix if matrix.dtype == np.float64 else matrix.astype(np.float64)
+    if not np.isfinite(reals).all():
+        raise Unfit("a matrix of finite numbers")
+    frozen = _frozen(reals)
+    if frozen.size > _SMALL:
+        _finite[id(frozen)] = frozen
+    return frozen
+
+
+_finite: WeakValueDictionary[int, Array] = WeakValueDictionary()
+"""Large read-only matrices by their address: a frame may check each several times."""
+
+_SMALL: Final = 4096
+"""Numbers that take less time to check again than to remember."""
+
+
+def _matrix(value: Any, kinds: str, wanted: str) -> NDArray[Any]:
+    matrix: NDArray[Any] = value
+    if not isinstance(value, np.ndarray) or matrix.ndim != 2:
+        raise Unfit(f"a matrix RxC[...], not {shown(value)}")
+    if matrix.dtype.kind not in kinds:
+        raise Unfit(wanted)
+    # The text of a matrix has at most nine digits for its rows and its columns.
+    if matrix.size > MATRIX_CELLS or max(matrix.shape) >= 10**9:
+        raise Unfit(f"a matrix of at most {MATRIX_CELLS} cells")
+    return matrix
+
+
+def _frozen(matrix: NDArray[Any]) -> NDArray[Any]:
+    """The same matrix if its memory is read-only, otherwise a copy."""
+    # A read-only view can still be changed through the writable array that it views.
+    owner: object = matrix
+    while isinstance(owner, np.ndarray) and not owner.flags.writeable:
+        owner = owner.base
+    immutable = owner is None or isinstance(owner, bytes)
+    if immutable and type(matrix) is np.ndarray and matrix.flags.c_contiguous:
+        return matrix
+    copy = np.array(matrix, order="C")
+    copy.flags.writeable = False
+    return copy
+
+
+def shown(value: Any) -> str:
+    """A value as shown in messages."""
+    if isinstance(value, str | int | float | bool):
+        return repr(value)[:40]
+    if isinstance(value, Quantity):
+        return f"{value.number:g} {value.unit}"
+    if isinstance(value, Scene):
+        return "a string"
+    if isinstance(value, np.ndarray):
+        return "a matrix"
+    return "a list" if isinstance(value, tuple | list) else f"a {type(value).__name__}"
+
+
+# --- types ---
 
 Metres = Annotated[float, Unit("m")]
 Degrees = Annotated[float, Unit("deg")]

@@ -8,16 +8,22 @@ from operator import is_
 from typing import ClassVar, Protocol, TypeVar
 
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
-from minerva_bus.grammar.column import fits
-from minerva_bus.grammar.columns import Columns, packed, rewritten
+from minerva_bus.grammar.columns import Columns, fits, packed, rewritten
 from minerva_bus.grammar.condition import Scope, parse_condition
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import UniqueIds, invalid_id, no_id
 from minerva_bus.grammar.parser import Parsed, parse_located
-from minerva_bus.grammar.scene import AgentNode, FigureNode, Node, Scene, TransformationNode, Value
+from minerva_bus.grammar.scene import (
+    AgentNode,
+    FigureNode,
+    Node,
+    Scene,
+    TransformationNode,
+    Value,
+    rebuild,
+)
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
-from minerva_bus.grammar.traversal import rebuild
 from minerva_bus.grammar.types import Unfit
 
 

@@ -27,8 +27,16 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.appearance import Motion, Raster, Shape
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.scene import EMPTY, AgentNode, FigureNode, Piece, Scene, TransformationNode
-from minerva_bus.grammar.traversal import fill_slots, walk
+from minerva_bus.grammar.scene import (
+    EMPTY,
+    AgentNode,
+    FigureNode,
+    Piece,
+    Scene,
+    TransformationNode,
+    fill_slots,
+    walk,
+)
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry, after, raster_corner, resolve

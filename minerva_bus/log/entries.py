@@ -53,10 +53,10 @@ from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, RecordedFrame
-from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Scoped, with_scope
+from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.columns_codec import is_patch, plain_patch

@@ -13,8 +13,7 @@ from typing import Any
 from minerva_bus.errors import RecordError
 from minerva_bus.frame.stimuli import RecordedFrame
 from minerva_bus.grammar.events import AnyEvent, single
-from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.traversal import kind_counts
+from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.log.chunks import Losses
 from minerva_bus.log.entries import Dropped
 from minerva_bus.log.record import Cursor, Record

@@ -44,11 +44,10 @@ from minerva_bus.frame.orders import (
     listed,
 )
 from minerva_bus.frame.pace import Pace
-from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.events import Event, Events
-from minerva_bus.grammar.measures import Of
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.types import Of, Unfit
 from minerva_bus.runtime.admission import Admission
 from minerva_bus.runtime.metrics import Metrics, StatusMeter
 from minerva_bus.runtime.runner import Runner

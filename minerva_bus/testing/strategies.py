@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default, Fields
-from minerva_bus.grammar.measures import Quantity
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
@@ -38,11 +37,11 @@ from minerva_bus.grammar.scene import (
     TransformationNode,
     Value,
     agents,
+    rebuild,
     rescoped,
 )
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
-from minerva_bus.grammar.traversal import rebuild
-from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.types import Quantity, Type
 from minerva_bus.grammar.vocabulary import Entry, Vocabulary
 from minerva_bus.testing.family import FAMILY_VOCABULARY
 

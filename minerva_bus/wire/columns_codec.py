@@ -23,13 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import ProtocolError, VocabularyError
-from minerva_bus.grammar.column import Column, fits
-from minerva_bus.grammar.columns import CHAIN, MANY, Columns
-from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.columns import CHAIN, MANY, Column, Columns, fits
 from minerva_bus.grammar.delta import Change, Delta
 from minerva_bus.grammar.events import Events
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import LONGEST, Ids, RowDelta, same_id
+from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.message_limits import Limits
 from minerva_bus.wire.plain import as_int, as_list, as_text, as_texts, extension

@@ -30,14 +30,13 @@ import numpy as np
 
 from minerva_bus.arguments import text, text_list, whole_number
 from minerva_bus.errors import MinervaError, MisuseError, StateError, UserCodeError, nearest
-from minerva_bus.grammar.column import SCALARS
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.columns import SCALARS, Columns
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids, no_id
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.user_code import handler_name
 from minerva_bus.world.accelerator import Accelerator, accelerated

@@ -12,8 +12,16 @@ import numpy as np
 from minerva_bus.errors import MinervaError, MisuseError, StateError
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch
-from minerva_bus.grammar.scene import AgentNode, Node, Scene, agents, rescoped, scene_of
-from minerva_bus.grammar.traversal import identities, rebuild
+from minerva_bus.grammar.scene import (
+    AgentNode,
+    Node,
+    Scene,
+    agents,
+    identities,
+    rebuild,
+    rescoped,
+    scene_of,
+)
 from minerva_bus.user_code import assignments
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import ActivityError, Agent, Kinds

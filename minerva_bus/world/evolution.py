@@ -17,10 +17,11 @@ from minerva_bus.grammar.scene import (
     Scene,
     agents,
     checked_string,
+    rebuild,
     rescoped,
+    walk,
     with_scope,
 )
-from minerva_bus.grammar.traversal import rebuild, walk
 from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import ActivityError, Agent, Kinds, kinds_of
 from minerva_bus.world.agent_step import AgentStep, evolve_agent, process_all

@@ -32,14 +32,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.column import Coded, Column, fit_array, is_array, repeated
-from minerva_bus.grammar.columns import Columns, Rows
-from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.columns import Coded, Column, Columns, Rows, fit_array, is_array, repeated
 from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.types import Unfit
 from minerva_bus.world.class_declaration import TOGETHER
 from minerva_bus.world.context import Context
 

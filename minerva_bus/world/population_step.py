@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MinervaError, MisuseError, StateError
-from minerva_bus.grammar.column import Column, bits
-from minerva_bus.grammar.columns import Columns, Rows, packed, shape_of
+from minerva_bus.grammar.columns import Column, Columns, Rows, bits, packed, shape_of
 from minerva_bus.grammar.condition import holds_of_many
 from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch, first_of
 from minerva_bus.grammar.ids import RowDelta

@@ -38,8 +38,7 @@ from typing import Any, ClassVar, Final, Protocol, TypeAlias, cast
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.traversal import fill
+from minerva_bus.grammar.scene import Scene, fill
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.class_declaration import check_overridden
 from minerva_bus.world.context import Context

@@ -18,10 +18,10 @@ from minerva_bus.grammar.scene import (
     Scene,
     agents,
     checked_string,
+    identities,
     rescoped,
     with_scope,
 )
-from minerva_bus.grammar.traversal import identities
 from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import ActivityError, Agent, Kinds, kinds_of
 from minerva_bus.world.population import Population, PopulationState

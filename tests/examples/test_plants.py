@@ -10,8 +10,7 @@ import pytest
 from example_runs import EXAMPLES, Run, blocks
 
 from minerva_bus import Frame, evolve, visualize
-from minerva_bus.grammar.scene import AgentNode, FigureNode, agents
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import AgentNode, FigureNode, agents, walk
 
 FOLDER = EXAMPLES / "plants"
 WORLD = FOLDER / "plants.toml"

@@ -28,8 +28,7 @@ from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.placement import place
 from minerva_bus.frame.view_streams import ViewStream
 from minerva_bus.grammar.fields import Fields
-from minerva_bus.grammar.scene import AgentNode, agents, scene_of
-from minerva_bus.grammar.traversal import fill
+from minerva_bus.grammar.scene import AgentNode, agents, fill, scene_of
 from minerva_bus.grammar.types import Type
 from minerva_bus.runtime.waiting import Deadlines, Patience, Waits
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY, Mortal

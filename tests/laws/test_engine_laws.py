@@ -7,8 +7,7 @@ import hypothesis.strategies as st
 from hypothesis import HealthCheck, given, settings
 
 from minerva_bus.grammar.condition import holds
-from minerva_bus.grammar.scene import EMPTY, AgentNode, agents, rescoped, scene_of
-from minerva_bus.grammar.traversal import rebuild
+from minerva_bus.grammar.scene import EMPTY, AgentNode, agents, rebuild, rescoped, scene_of
 from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.testing import transcription
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY

@@ -30,9 +30,9 @@ from minerva_bus.frame.in_flight import FrameResult
 from minerva_bus.frame.member import Host
 from minerva_bus.frame.view_streams import patch_all
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.conversion import Unfit
 from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
+from minerva_bus.grammar.types import Unfit
 from minerva_bus.log.entries import apply_delta, delta_between
 from minerva_bus.wire.columns_codec import plain_columns, plain_patch
 from minerva_bus.wire.message_limits import Limits

@@ -1,8 +1,7 @@
 """Carts that a motor moves: each stores its own position and that of its body."""
 
 from minerva_bus import Agent, Device, EventType, Generator, Metres, Primitive, Vocabulary, on, view
-from minerva_bus.grammar.scene import FigureNode
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import FigureNode, walk
 
 PPush = Primitive("PPush", who=str, push=Metres)
 eStep, eBody = EventType("eStep"), EventType("eBody", x=Metres)

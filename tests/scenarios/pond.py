@@ -30,7 +30,7 @@ from minerva_bus import (
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Abandoned
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import walk
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.priority import Priority
 from minerva_bus.world.readings import Sighting, Sightings

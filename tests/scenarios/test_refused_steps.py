@@ -24,11 +24,10 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import WorldSpec
+from minerva_bus.grammar.assignment import rested
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.ids import LONGEST
-from minerva_bus.grammar.neutral_values import rested
-from minerva_bus.grammar.scene import FigureNode, agents
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import FigureNode, agents, walk
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.priority import Priority
 

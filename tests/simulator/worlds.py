@@ -35,7 +35,7 @@ from minerva_bus import (
 )
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import walk
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.world_settings import BusSettings

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus import Agent, Vocabulary
-from minerva_bus.grammar.column import Coded, Column, fits
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.columns import Coded, Column, Columns, fits, packed
 from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.digest import scene_digest
 from minerva_bus.grammar.ids import Ids

@@ -25,8 +25,7 @@ from minerva_bus import (
     parse,
 )
 from minerva_bus.errors import VocabularyError
-from minerva_bus.grammar.column import Column
-from minerva_bus.grammar.columns import one_by_one
+from minerva_bus.grammar.columns import Column, one_by_one
 from minerva_bus.grammar.events import Events, as_batch, first_of, in_columns, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.addressing import Addressed

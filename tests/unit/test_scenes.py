@@ -29,8 +29,16 @@ from minerva_bus import (
 from minerva_bus.errors import GrammarError, MisuseError, VocabularyError
 from minerva_bus.grammar.assignment import assigned, names_nodes, parameter_of
 from minerva_bus.grammar.digest import scene_digest
-from minerva_bus.grammar.scene import FigureNode, TransformationNode, agents, scene_of, with_scope
-from minerva_bus.grammar.traversal import identities, rebuild, walk
+from minerva_bus.grammar.scene import (
+    FigureNode,
+    TransformationNode,
+    agents,
+    identities,
+    rebuild,
+    scene_of,
+    walk,
+    with_scope,
+)
 from minerva_bus.testing.strategies import with_unique_ids
 
 

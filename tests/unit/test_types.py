@@ -23,12 +23,9 @@ from minerva_bus import (
     parse,
 )
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.column import Column, fits
-from minerva_bus.grammar.columns import values_of
-from minerva_bus.grammar.conversion import Unfit
+from minerva_bus.grammar.columns import Column, fits, values_of
 from minerva_bus.grammar.fields import Field, Fields
-from minerva_bus.grammar.measures import Quantity, Range
-from minerva_bus.grammar.types import Type, parse_type, type_of
+from minerva_bus.grammar.types import Quantity, Range, Type, Unfit, parse_type, type_of
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 
 
@@ -289,7 +286,7 @@ def test_texts_that_name_no_type(annotation):
 def test_only_reals_have_units():
     from typing import Annotated
 
-    from minerva_bus.grammar.measures import Unit
+    from minerva_bus.grammar.types import Unit
 
     with pytest.raises(MisuseError, match="m is for real, not for int"):
         type_of(Annotated[int, Unit("m")])

@@ -6,8 +6,7 @@ import hypothesis.strategies as st
 import numpy as np
 
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.scene import AgentNode, Scene, rescoped
-from minerva_bus.grammar.traversal import rebuild
+from minerva_bus.grammar.scene import AgentNode, Scene, rebuild, rescoped
 from minerva_bus.testing.strategies import (
     events_of,
     ids,

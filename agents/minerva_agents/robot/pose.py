@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.vocabulary import PRobot, TMove, TRotate
 from minerva_bus import Scene, portable
-from minerva_bus.grammar.scene import TransformationNode
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import TransformationNode, walk
 
 Cell: TypeAlias = tuple[int, int]
 Position: TypeAlias = tuple[float, float]

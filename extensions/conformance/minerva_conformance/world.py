@@ -13,9 +13,8 @@ from typing import Any, Final
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import AnyEvent, Event
-from minerva_bus.grammar.scene import EMPTY, Scene
+from minerva_bus.grammar.scene import EMPTY, Scene, walk
 from minerva_bus.grammar.symbols import EventType, Primitive
-from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.types import Metres
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.collect.rows import Rows
 from minerva_bus.grammar.fields import Field
-from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.world.readings import Battery, Odometry, Position, Reading, Scan
 
 _NUMBERS: Final = ("real", "int", "bool")

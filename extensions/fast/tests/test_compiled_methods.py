@@ -344,7 +344,7 @@ import sys
 from importlib import import_module
 from typing import Annotated
 from minerva_bus import Agent, EventType, on
-from minerva_bus.grammar.measures import Range
+from minerva_bus.grammar.types import Range
 WEIGHTS = (1, 0.5, 2)
 eDay = EventType("eDay", grass=float, name=str, wet=bool, count=int)
 
@@ -509,7 +509,7 @@ def test_arguments_are_evaluated_in_the_order_in_which_they_are_written():
 def test_texts_of_a_compiled_method_stay_coded():
     """Otherwise each frame codes, compares and checks a text for each agent."""
     from minerva_bus import evolve
-    from minerva_bus.grammar.column import Column
+    from minerva_bus.grammar.columns import Column
 
     class Person(Agent, symbol="APerson"):
         state: Literal["well", "ill", "immune"] = "well"

@@ -9,8 +9,7 @@ from typing import Any, Protocol
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import FigureNode
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import FigureNode, walk
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.event_factory import event_type
 from minerva_services.options import names_in

@@ -37,8 +37,7 @@ from minerva_bus import (
     portable,
     view,
 )
-from minerva_bus.grammar.scene import FigureNode, agents
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import FigureNode, agents, walk
 from minerva_bus.semantics.plane import PlaneGeometry, Pose
 from minerva_study.outcome import Outcome
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from minerva_bus.grammar.fields import Default
-from minerva_bus.grammar.measures import Range
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
-from minerva_bus.grammar.types import Reals, Seconds
+from minerva_bus.grammar.types import Range, Reals, Seconds
 
 # ruff: noqa: N816 - event types begin with e
 

@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.column import Coded, Column
-from minerva_bus.grammar.columns import Columns, Rows
+from minerva_bus.grammar.columns import Coded, Column, Columns, Rows
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, Node, Scene

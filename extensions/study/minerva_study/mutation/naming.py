@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from itertools import count
 
-from minerva_bus.grammar.scene import AgentNode, Node, Scene, rescoped
-from minerva_bus.grammar.traversal import rebuild
+from minerva_bus.grammar.scene import AgentNode, Node, Scene, rebuild, rescoped
 
 _COPY = re.compile(r"-[0-9]+$")
 

@@ -18,8 +18,8 @@ from minerva_bus.grammar.scene import (
     TransformationNode,
     Value,
     rescoped,
+    walk,
 )
-from minerva_bus.grammar.traversal import walk
 from minerva_study.mutation.mutable import Targets
 from minerva_study.mutation.naming import new_id
 from minerva_study.mutation.values import drawn, one_of

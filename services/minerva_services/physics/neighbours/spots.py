@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import Column, Columns, Shape, merged, runs
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import Piece, Scene
-from minerva_bus.grammar.traversal import walk
+from minerva_bus.grammar.scene import Piece, Scene, walk
 
 Array = NDArray[Any]
 
