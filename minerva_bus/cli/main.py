@@ -21,7 +21,6 @@ import typer
 
 from minerva_bus.cli.argument_order import TAKES_OTHERS, OtherOptionsCommand, WorldFirstCommand
 from minerva_bus.cli.commands import (
-    keys,
     observing,
     operating,
     records,
@@ -51,7 +50,7 @@ GROUPS: Final = {
     "Observe": ("list", "top", "logs", "echo", "metrics"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "Records": ("info", "replay", "seek", "export", "recover", "map"),
-    "Set up": ("schema", "doctor", "keys", "version"),
+    "Set up": ("schema", "doctor", "version"),
 }
 """The kernel's commands by topic, in the order of the help."""
 COMMANDS: Final = "minerva.commands"
@@ -150,7 +149,7 @@ def command_of(name: str) -> Callable[..., None] | typer.Typer:
 
 def _make(name: str) -> Any:
     """The command of a name."""
-    function = keys.app if name == "keys" else command_of(name)
+    function = command_of(name)
     if isinstance(function, typer.Typer):
         group = typer.main.get_group(function)
         group.name = name

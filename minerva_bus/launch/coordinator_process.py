@@ -478,7 +478,7 @@ def security(access: Access, world: str, started: Iterable[str] = ()) -> Securit
     """
     if access.keys is None:
         return None
-    from minerva_bus.security.authority import KeyFolder
+    from minerva_bus.security.certificates import KeyFolder
 
     keys = KeyFolder(access.keys)
     own = keys.credentials(COORDINATOR)

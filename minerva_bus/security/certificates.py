@@ -1,4 +1,9 @@
-"""Certificates of a world: contents, issuing (X.509, RFC 5280), and their PEM files.
+"""Certificates of a world (X.509, RFC 5280) in a folder, as their holders read them.
+
+    ca.pem                the authority
+    crl.pem               the certificate revocation list
+    NAME.pem, NAME.key    certificate and key of the member NAME, or of the family NAME-*
+    NAME.key.new          a key whose certificate is being written
 
 The common name is the member's (a family's is hosts-*). Roles are organizational units (OU).
 Alternative names hold restrictions as URIs (`minerva:kind/AFox`, `minerva:event/eNear`,
@@ -7,54 +12,38 @@ Alternative names hold restrictions as URIs (`minerva:kind/AFox`, `minerva:event
 
 from __future__ import annotations
 
-import ipaddress
 import os
-import socket
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.errors import KeysError
+from minerva_bus.errors import KeysError, nearest
 from minerva_bus.files import is_stream, read_bytes
-from minerva_bus.security.credentials import FAMILY, SERVERS, Rights
+from minerva_bus.security.credentials import (
+    FAMILY,
+    Credentials,
+    Rights,
+    covers,
+    family_start,
+    overlap,
+)
 from minerva_bus.wording import install
 
 try:
     from cryptography import x509
-    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.exceptions import InvalidSignature
+    from cryptography.hazmat.primitives import serialization
     from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+    from cryptography.x509.oid import NameOID
 except ImportError:
     raise KeysError(f"keys need cryptography: {install('tls')}") from None
 
-DAYS: Final = 365
 SCHEME = "minerva"
-_SKEW = timedelta(minutes=5)
-"""Allowed difference between the clocks of machines."""
-
-_HERE = ("localhost", "127.0.0.1", "::1")
-_MAX_DAYS = 365 * 7000
-"""Beyond this, the end would be after the year 9999, which datetime cannot represent."""
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """Contents of a new certificate; `family`: it is valid for all names that begin with it."""
-
-    roles: tuple[str, ...]
-    hosts: tuple[str, ...] = ()
-    kinds: tuple[str, ...] = ()
-    events: tuple[str, ...] = ()
-    topics: tuple[str, ...] = ()
-    days: int = DAYS
-    family: bool = False
-
-    @property
-    def serves(self) -> bool:
-        """Whether its holder accepts connections."""
-        return not SERVERS.isdisjoint(self.roles)
+AUTHORITY: Final = "ca"
+REVOKED: Final = "crl"
+STAGED: Final = "key.new"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,163 +69,9 @@ class Issued:
         return "valid" if now >= self.begins else "not yet valid"
 
 
-@dataclass(frozen=True, slots=True)
-class Authority:
-    """A certificate authority: its certificate and its key."""
-
-    certificate: x509.Certificate
-    key: ec.EllipticCurvePrivateKey
-
-    @property
-    def ends(self) -> datetime:
-        """The expiry date of the authority and everything that it signed."""
-        return self.certificate.not_valid_after_utc
-
-    @staticmethod
-    def new(now: datetime, days: int) -> Authority:
-        """An authority that can issue certificates of members, but none of other authorities."""
-        key = ec.generate_private_key(ec.SECP256R1())
-        name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "Minerva Bus authority")])
-        # The authority's key signs certificates and lists only, never a connection.
-        usage = _usage(key_cert_sign=True, crl_sign=True)
-        made = (
-            _builder(name, name, key.public_key(), now, days)
-            .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-            .add_extension(usage, critical=True)
-            .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), False)
-            .sign(key, hashes.SHA256())
-        )
-        return Authority(made, key)
-
-    def issue(
-        self, name: str, wanted: Wanted, now: datetime
-    ) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
-        """A certificate and its key; it expires with the authority at the latest.
-
-        Raises KeysError for contents that a certificate cannot have.
-        """
-        key = ec.generate_private_key(ec.SECP256R1())
-        subject, issuer = _subject(name, wanted), self.certificate.subject
-        purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
-        # Clients reject a server whose certificate lacks this purpose, so no
-        # member can pose as the coordinator.
-        if wanted.serves:
-            purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
-        signer = x509.AuthorityKeyIdentifier.from_issuer_public_key(self.key.public_key())
-        builder = (
-            _builder(subject, issuer, key.public_key(), now, wanted.days, self.ends)
-            .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-            .add_extension(_usage(digital_signature=True), critical=True)
-            .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
-            .add_extension(signer, critical=False)
-        )
-        names = _alternative_names(wanted)
-        if names:
-            builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
-        return builder.sign(self.key, hashes.SHA256()), key
-
-    def revocations(self, serials: Iterable[int], now: datetime) -> bytes:
-        """The certificate revocation list, as PEM."""
-        # Valid as long as the authority, so that a list without changes need not be renewed.
-        builder = x509.CertificateRevocationListBuilder(self.certificate.subject, now, self.ends)
-        for serial in sorted(serials):
-            revoked = x509.RevokedCertificateBuilder(serial, now).build()
-            builder = builder.add_revoked_certificate(revoked)
-        made = builder.sign(self.key, hashes.SHA256())
-        return made.public_bytes(serialization.Encoding.PEM)
-
-
-def _builder(
-    subject: x509.Name,
-    issuer: x509.Name,
-    key: ec.EllipticCurvePublicKey,
-    now: datetime,
-    days: int,
-    latest: datetime | None = None,
-) -> x509.CertificateBuilder:
-    ends = now + timedelta(days=min(days, _MAX_DAYS))
-    return x509.CertificateBuilder(
-        issuer_name=issuer,
-        subject_name=subject,
-        public_key=key,
-        serial_number=x509.random_serial_number(),
-        # Otherwise a machine whose clock is slightly slow would reject a new certificate.
-        not_valid_before=now - _SKEW,
-        # A certificate that outlives its authority cannot be verified.
-        not_valid_after=ends if latest is None else min(ends, latest),
-    )
-
-
-def _usage(**true: bool) -> x509.KeyUsage:
-    names = (
-        "digital_signature", "content_commitment", "key_encipherment", "data_encipherment",
-        "key_agreement", "key_cert_sign", "crl_sign", "encipher_only", "decipher_only",
-    )  # fmt: skip
-    return x509.KeyUsage(**{name: true.get(name, False) for name in names})
-
-
-def _subject(name: str, wanted: Wanted) -> x509.Name:
-    unit = NameOID.ORGANIZATIONAL_UNIT_NAME
-    roles = [x509.NameAttribute(unit, role) for role in sorted(set(wanted.roles))]
-    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name), *roles])
-
-
-def _alternative_names(wanted: Wanted) -> list[x509.GeneralName]:
-    # Clients compare the host they connect to with these names.
-    own = (*_HERE, socket.gethostname()) if wanted.serves else ()
-    hosts = [_host(host) for host in dict.fromkeys([*wanted.hosts, *own])]
-    limits = (("kind", wanted.kinds), ("event", wanted.events), ("topic", wanted.topics))
-    uris = [
-        x509.UniformResourceIdentifier(f"{SCHEME}:{what}/{_ascii(name)}")
-        for what, names in limits
-        for name in sorted(set(names))
-    ]
-    return [*hosts, *uris]
-
-
-def _host(host: str) -> x509.GeneralName:
-    try:
-        return x509.IPAddress(ipaddress.ip_address(host))
-    except ValueError:
-        pass
-    if not host or not {"/", ":"}.isdisjoint(host):
-        raise KeysError(f"--host: {host!r} is not a host name or address (without a port)")
-    return x509.DNSName(_ascii(host))
-
-
-def _ascii(text: str) -> str:
-    if not text.isascii() or not text.isprintable() or " " in text:
-        raise KeysError(f"{text!r}: a certificate has names in plain letters, digits and signs")
-    return text
-
-
 def now() -> datetime:
     """The current time."""
     return datetime.now(UTC)
-
-
-try:
-    from cryptography import x509
-    from cryptography.exceptions import InvalidSignature
-    from cryptography.hazmat.primitives import serialization
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.x509.oid import NameOID
-except ImportError:
-    raise KeysError(f"keys need cryptography: {install('tls')}") from None
-
-
-def key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
-    """A key as PEM, not encrypted, because Zenoh has to read it."""
-    return key.private_bytes(
-        serialization.Encoding.PEM,
-        serialization.PrivateFormat.PKCS8,
-        serialization.NoEncryption(),
-    )
-
-
-def certificate_pem(certificate: x509.Certificate) -> bytes:
-    """A certificate as PEM."""
-    return certificate.public_bytes(serialization.Encoding.PEM)
 
 
 def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
@@ -310,21 +145,6 @@ def read_issued(path: Path, authority: x509.Certificate, revoked: frozenset[int]
     return Issued(rights, hosts, made.serial_number, begins, ends, key)
 
 
-def write_file(path: Path, data: bytes, mode: int) -> None:
-    """Write a file atomically, with its mode from the first byte on. Raises KeysError."""
-    beside = path.with_suffix(f".{os.getpid()}.new")
-    try:
-        # May be left from a killed process with the same id, which is always 1 in a container.
-        beside.unlink(missing_ok=True)
-        # O_EXCL, so that a link at this path is not followed.
-        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        beside.replace(path)
-    except OSError as error:
-        raise KeysError(f"{path} cannot be written: {error.strerror}") from None
-
-
 def _content(path: Path) -> bytes:
     if is_stream(path):
         raise ValueError("it is a pipe or device")
@@ -350,3 +170,148 @@ def _read_alternative_names(made: x509.Certificate) -> tuple[tuple[str, ...], tu
 def _restricted(uris: Iterable[str], what: str) -> frozenset[str]:
     start = f"{SCHEME}:{what}/"
     return frozenset(uri.removeprefix(start) for uri in uris if uri.startswith(start))
+
+
+class KeyFolder:
+    """The keys in a folder. `at` replaces the current time, for tests."""
+
+    def __init__(self, folder: Path, at: datetime | None = None) -> None:
+        self.folder = folder
+        self.now = at or now()
+
+    def issued(self) -> Mapping[str, Issued]:
+        """All certificates of the folder except the authority's, by file. Raises KeysError."""
+        if not self.has(AUTHORITY):
+            raise KeysError(
+                f"{self.folder} has no authority (ca.pem); create one with minerva keys init, or"
+                " copy it together with the keys"
+            )
+        authority, revoked = read_certificate(self.path(AUTHORITY, "pem")), frozenset[int]()
+        if self.has(REVOKED):  # Only the world needs the list; members may lack it.
+            revoked = read_revoked(self.path(REVOKED, "pem"), authority)
+        files = sorted(self.folder.glob("*.pem"))
+        members = [file for file in files if file.stem not in (AUTHORITY, REVOKED)]
+        for file in members:
+            self._complete(file.stem)
+        return {file.stem: read_issued(file, authority, revoked) for file in members}
+
+    def rights(self) -> Mapping[str, Rights]:
+        """The rights by common name, including revoked ones.
+
+        Raises KeysError, also without a revocation list and for overlapping names.
+        """
+        # For the coordinator a missing list is an error, not an empty list.
+        if not self.has(REVOKED):
+            raise KeysError(f"{self.folder} lacks crl.pem: without it, revoked members could join")
+        rights = {issued.rights.name: issued.rights for issued in self.issued().values()}
+        valid = [name for name, holder in rights.items() if not holder.revoked]
+        for place, name in enumerate(valid):
+            check_alone(name, valid[:place], "revoke one of them")
+        return rights
+
+    def credentials(self, name: str = "", bearer: str = "") -> Credentials:
+        """Credentials of the member `name`; without one, of the certificate's name.
+
+        `bearer` names the certificate; by default that of `name` or its family, or the only one
+        whose key is in the folder. A family's member without a name is named after its process id.
+        Raises KeysError if there is no such certificate, or it is not valid.
+        """
+        bearer = bearer or (self._bearer(name) if name else self._only())
+        issued, key = self.named(bearer), self.path(bearer, "key")
+        if not issued.key:
+            raise KeysError(f"{key} is missing: the key to {bearer}.pem")
+        self._check_valid(bearer, issued)
+        start, pem = family_start(issued.rights.name), self.path(bearer, "pem")
+        if start and not (name or start).startswith(start):
+            raise KeysError(
+                f"{pem} is for the family {start}*, not for {name}; use --name {start}{name}"
+            )
+        check_pair(pem, key)
+        own = (name or f"{start}{os.getpid()}") if start else bearer
+        return Credentials(own, self.path(AUTHORITY, "pem"), pem, key, issued.rights.roles)
+
+    def stamp(self) -> tuple[tuple[str, int], ...]:
+        """A value that changes when a certificate is issued or revoked. Raises OSError."""
+        files = sorted(self.folder.glob("*.pem"))
+        return tuple([(file.name, file.stat().st_mtime_ns) for file in files])
+
+    # --- parts ---
+
+    def _complete(self, name: str) -> None:
+        """Move the staged key of a certificate into place. Raises KeysError if it cannot."""
+        staged = self.path(name, STAGED)
+        if not staged.exists():
+            return
+        try:
+            public = read_key(staged).public_key()
+        except KeysError:
+            return  # Another process has just moved it, or only its owner may read it.
+        # A key of another certificate is left over from an `issue` without a commit.
+        if public != read_certificate(self.path(name, "pem")).public_key():
+            return
+        try:
+            staged.replace(self.path(name, "key"))
+        except FileNotFoundError:
+            return  # Another process has moved it.
+        except OSError as error:
+            raise KeysError(
+                f"{staged} is the key to {name}.pem and cannot be renamed to {name}.key:"
+                f" {error.strerror}; rename it"
+            ) from None
+
+    def has(self, name: str) -> bool:
+        """Whether the folder has a certificate or list of this name.
+
+        Raises KeysError if the folder cannot be read: that is not the same problem as a missing
+        certificate.
+        """
+        try:
+            return self.path(name, "pem").exists()
+        except OSError as error:
+            raise KeysError(
+                f"{self.folder} cannot be read: {error.strerror}; the process needs the right to"
+                " search the folder and to read its files"
+            ) from None
+
+    def path(self, name: str, kind: str) -> Path:
+        return self.folder / f"{name}.{kind}"
+
+    def _check_valid(self, bearer: str, issued: Issued) -> None:
+        state = issued.state(self.now)
+        if state == "expired":
+            family = " --family" if family_start(issued.rights.name) else ""
+            raise KeysError(
+                f"the certificate of {bearer} expired on {issued.ends:%Y-%m-%d}; renew it with"
+                f" minerva keys issue {bearer} --renew{family}"
+            )
+        if state != "valid":
+            raise KeysError(f"the certificate of {bearer} is {state}; ask the owner of ca.key")
+
+    def _bearer(self, member: str) -> str:
+        """The file of a member's certificate, its own or its family's."""
+        files = self.issued().items()
+        return next((file for file, made in files if covers(made.rights.name, member)), member)
+
+    def _only(self) -> str:
+        own = [name for name, issued in self.issued().items() if issued.key]
+        if len(own) != 1:
+            raise KeysError(
+                f"{self.folder} has {len(own)} keys ({', '.join(own) or 'none'}), expected one;"
+                f" choose with --keys {self.folder}/NAME.pem"
+            )
+        return own[0]
+
+    def named(self, name: str) -> Issued:
+        issued, name = self.issued(), name.removesuffix(FAMILY)
+        if name not in issued:
+            there = ", ".join(made.rights.name for made in issued.values()) or "none"
+            hint = nearest(name, list(issued), f"there are {there}")
+            raise KeysError(f"{self.folder} has no certificate of {name!r}{hint}")
+        return issued[name]
+
+
+def check_alone(name: str, others: Iterable[str], otherwise: str) -> None:
+    """Raises KeysError if two certificates are valid for the same member."""
+    for other in others:
+        if overlap(name, other):
+            raise KeysError(f"{name} and {other} have names in common: {otherwise}")

@@ -9,8 +9,7 @@ pytest.importorskip("cryptography")
 import zenoh
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.security.authority import KeyFolder
-from minerva_bus.security.certificates import Wanted
+from minerva_certificates import AuthorityFolder, Wanted
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
@@ -21,7 +20,7 @@ from tests.runtime.running import eventually
 
 
 def keys_in(folder):
-    keys = KeyFolder(folder)
+    keys = AuthorityFolder(folder)
     keys.init()
     keys.issue("robot", Wanted(("operator",)))
     return keys

@@ -8,8 +8,7 @@ import signal
 import pytest
 
 from minerva_bus.runtime.operator_client import Client
-from minerva_bus.security.authority import KeyFolder
-from minerva_bus.security.certificates import Wanted
+from minerva_certificates import AuthorityFolder, Wanted
 from tests.deploy.deployed import PODS
 from tests.runtime.running import Run, World, eventually
 
@@ -30,7 +29,7 @@ def words(pod, **places):
 
 
 def test_pods_join_are_given_agents_and_go(tmp_path):
-    keys = KeyFolder(tmp_path / "keys")
+    keys = AuthorityFolder(tmp_path / "keys")
     keys.init()
     keys.issue("hosts", Wanted(("agent",), family=True))
     secret = tmp_path / "secret"

@@ -7,7 +7,7 @@ import subprocess
 import pytest
 import yaml
 
-from minerva_bus.security.authority import KeyFolder
+from minerva_bus.security.certificates import KeyFolder
 from minerva_bus.security.credentials import covers
 from minerva_bus.wire.keys import is_name
 from tests.deploy.commands import DEPLOY, in_markdown

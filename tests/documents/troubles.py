@@ -38,7 +38,7 @@ from minerva_bus.log.journal import Journal
 from minerva_bus.runtime.joining import Arrival
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_hub
-from minerva_bus.security.authority import KeyFolder
+from minerva_bus.security.certificates import KeyFolder
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_services.bridges.rosbag import open_bag

@@ -8,7 +8,7 @@ from pathlib import Path
 
 sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("runtime", "security")]
 from running import eventually, here, write_world
-from secured import KeyFolder, Wanted, goes_on
+from secured import AuthorityFolder, Wanted, goes_on
 
 HERE = """
 [process.steps]
@@ -45,7 +45,7 @@ class Spread:
         )
         settings = {"name": "spread", "string": STRING, "frames": 0, "rate": rate}
         self.path = write_world(hub.folder, members, bus=SECURED, **settings)
-        self.keys = KeyFolder(hub.folder / "keys")
+        self.keys = AuthorityFolder(hub.folder / "keys")
         self.keys.init(("hub", hub.address))
         wanted = {name: THERE[name][1] for name in hosts} | (more or {})
         for name, what in wanted.items():

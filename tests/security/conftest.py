@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip("minerva_certificates")  # It issues the certificates.
 sys.path.append(str(Path(__file__).parent))
-from secured import KeyFolder, secured_endpoint
+from secured import AuthorityFolder, secured_endpoint
 
 
 @pytest.fixture(scope="module")
@@ -18,4 +19,4 @@ def door(world):
 @pytest.fixture(scope="module")
 def keys(world):
     """The folder of its keys."""
-    return KeyFolder(world.folder / "keys")
+    return AuthorityFolder(world.folder / "keys")

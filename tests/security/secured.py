@@ -10,9 +10,8 @@ from running import MEMBERS, World, eventually, write_world
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.operator_client import Client
 from minerva_bus.runtime.participants import MemberProcess
-from minerva_bus.security.authority import KeyFolder
-from minerva_bus.security.certificates import Wanted
 from minerva_bus.security.credentials import Credentials
+from minerva_certificates import AuthorityFolder, Wanted
 from tests.patience import patience
 
 LISTEN = "tls/127.0.0.1:0"
@@ -20,7 +19,7 @@ LISTEN = "tls/127.0.0.1:0"
 
 def keyed_world(folder, issue, bus="", members=MEMBERS, listen=LISTEN, **world):
     """A world file with keys beside it; `issue` maps names to the requested certificates."""
-    keys = KeyFolder(folder / "keys")
+    keys = AuthorityFolder(folder / "keys")
     keys.init()
     for name, wanted in issue.items():
         keys.issue(name, Wanted(**wanted))
@@ -89,6 +88,17 @@ def goes_on(world):
 
 
 __all__ = [
-    "Client", "Joined", "KeyFolder", "Wanted", "World", "eventually", "goes_on", "keyed_world",
-    "present", "refused", "secured_endpoint", "status", "stolen",
+    "AuthorityFolder",
+    "Client",
+    "Joined",
+    "Wanted",
+    "World",
+    "eventually",
+    "goes_on",
+    "keyed_world",
+    "present",
+    "refused",
+    "secured_endpoint",
+    "status",
+    "stolen",
 ]  # fmt: skip

@@ -19,9 +19,9 @@ from tests.patience import patience
 from tests.runtime import yard
 from tests.runtime.running import Run, ends_as_alone, here
 from tests.security.secured import (
+    AuthorityFolder,
     Client,
     Joined,
-    KeyFolder,
     Wanted,
     World,
     eventually,
@@ -93,7 +93,7 @@ def test_the_rules_are_for_all_names_of_a_family_and_no_other(role):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    keys = KeyFolder(tmp_path_factory.mktemp("families") / "keys")
+    keys = AuthorityFolder(tmp_path_factory.mktemp("families") / "keys")
     keys.init()
     keys.issue("hosts", Wanted(**ISSUED["hosts"]))
     keys.issue("lone-a", Wanted(("view",)))
@@ -148,7 +148,7 @@ def test_one_of_a_family_shows_the_family_s_certificate_under_its_own_name(folde
 
 
 def test_a_folder_with_an_ambiguous_name_admits_no_member(folder, tmp_path):
-    keys = KeyFolder(tmp_path / "keys")
+    keys = AuthorityFolder(tmp_path / "keys")
     keys.init()
     keys.issue("a-b", Wanted(("view",)))
     aside = (keys.folder / "a-b.pem").rename(tmp_path / "a-b.pem")

@@ -18,9 +18,9 @@ sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 import yard
 from running import below, ends_as_alone, here, minerva, put
 from secured import (
+    AuthorityFolder,
     Client,
     Joined,
-    KeyFolder,
     Wanted,
     World,
     eventually,
@@ -63,10 +63,10 @@ def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sec")
     path, keys = keyed_world(folder, ISSUED, LIMITS, string=STRING, frames=0, rate=50)
     keys.revoke("revoked")
-    past = KeyFolder(folder / "keys", now() - timedelta(days=10))
+    past = AuthorityFolder(folder / "keys", now() - timedelta(days=10))
     past.issue("expired", Wanted(("generator",), days=1))
-    KeyFolder(folder / "foreign").init()
-    KeyFolder(folder / "foreign").issue("sensor", Wanted(("generator",)))
+    AuthorityFolder(folder / "foreign").init()
+    AuthorityFolder(folder / "foreign").issue("sensor", Wanted(("generator",)))
     with World(path) as world:
         world.runs("steps", "walkers")
         yield world

@@ -12,9 +12,9 @@ from minerva_bus.launch.coordinator_process import local_endpoint, security
 from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoint
-from minerva_bus.security.authority import KeyFolder
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.message_limits import DEFAULT
+from minerva_certificates import AuthorityFolder
 from minerva_services.views.page_access import page_url
 from tests.runtime.yard import Screen
 from tests.security.secured import Joined, World, goes_on, keyed_world, present, secured_endpoint
@@ -118,7 +118,7 @@ def test_limits_that_cannot_be(tmp_path, wrong):
 
 def test_the_coordinator_needs_the_list_of_revoked_names(tmp_path, monkeypatch):
     own = 'listen = "tls/0.0.0.0:0"\nkeys = "keys"\n'
-    path, keys = write_world(tmp_path, bus=own), KeyFolder(tmp_path / "keys")
+    path, keys = write_world(tmp_path, bus=own), AuthorityFolder(tmp_path / "keys")
     keys.init()
     runtime = tmp_path / "runtime"
     runtime.mkdir(mode=0o700)

@@ -14,9 +14,9 @@ from secured import stolen
 from minerva_bus.errors import BusError
 from minerva_bus.runtime.session import Secured, listening_at, open_client, open_hub
 from minerva_bus.security.access import access_control
-from minerva_bus.security.authority import KeyFolder
-from minerva_bus.security.certificates import Wanted, now
+from minerva_bus.security.certificates import now
 from minerva_bus.wire.keys import Keys as WorldKeys
+from minerva_certificates import AuthorityFolder, Wanted
 
 GENERATOR = Wanted(("generator",))
 ANYWHERE = "tls/127.0.0.1:0"
@@ -24,11 +24,13 @@ ANYWHERE = "tls/127.0.0.1:0"
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
-    keys = KeyFolder(tmp_path_factory.mktemp("u") / "keys")
+    keys = AuthorityFolder(tmp_path_factory.mktemp("u") / "keys")
     keys.init()
     keys.issue("sensor", GENERATOR)
-    KeyFolder(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("generator",), days=1))
-    foreign = KeyFolder(keys.folder.parent / "foreign")
+    AuthorityFolder(keys.folder, now() - timedelta(days=9)).issue(
+        "old", Wanted(("generator",), days=1)
+    )
+    foreign = AuthorityFolder(keys.folder.parent / "foreign")
     foreign.init()
     foreign.issue("sensor", GENERATOR)
     return keys
@@ -94,7 +96,7 @@ def test_a_certificate_that_the_world_does_not_take(hub, keys):
 
 
 def test_a_member_rejects_a_world_with_an_untrusted_certificate(hub, keys):
-    foreign = KeyFolder(keys.folder.parent / "foreign").credentials("sensor")
+    foreign = AuthorityFolder(keys.folder.parent / "foreign").credentials("sensor")
     assert "its certificate is not of your authority" in told(hub, foreign)
     port = hub.rpartition(":")[2]
     said = told(f"tls/127.0.0.2:{port}", keys.credentials("sensor"))

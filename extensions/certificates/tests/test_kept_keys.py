@@ -3,13 +3,12 @@
 import pytest
 
 from minerva_bus.errors import KeysError
-from minerva_bus.security.authority import KeyFolder
-from minerva_bus.security.certificates import Wanted
+from minerva_certificates import AuthorityFolder, Wanted
 
 
 @pytest.fixture
 def keys(tmp_path):
-    keys = KeyFolder(tmp_path / "keys")
+    keys = AuthorityFolder(tmp_path / "keys")
     keys.init(["lab.example"])
     keys.issue("sensor", Wanted(("generator",)))
     return keys
@@ -20,7 +19,7 @@ def test_an_authority_does_not_replace_a_key(tmp_path, name):
     key = tmp_path / f"{name}.key"
     key.write_text("of another authority")
     with pytest.raises(KeysError, match=f"{name}.key exists, but not {name}.pem; move"):
-        KeyFolder(tmp_path).init(["lab.example"])
+        AuthorityFolder(tmp_path).init(["lab.example"])
     assert key.read_text() == "of another authority"
     assert [path.name for path in tmp_path.iterdir()] == [key.name]
 

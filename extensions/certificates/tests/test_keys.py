@@ -4,24 +4,21 @@ import json
 import os
 import ssl
 import stat
-import sys
 from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "runtime"))
-from running import here, minerva
-
 from minerva_bus.errors import KeysError
-from minerva_bus.security.authority import KeyFolder
-from minerva_bus.security.certificates import Wanted, now
+from minerva_bus.security.certificates import now
 from minerva_bus.security.credentials import ROLES
+from minerva_certificates import AuthorityFolder, Wanted
+from tests.runtime.running import here, minerva
 
 
 @pytest.fixture
 def keys(tmp_path):
-    keys = KeyFolder(tmp_path / "keys")
+    keys = AuthorityFolder(tmp_path / "keys")
     keys.init(["lab.example", "10.1.2.3"])
     keys.issue("sensor", Wanted(("generator",), events=("eNear",), topics=("scan",)))
     return keys
@@ -123,7 +120,7 @@ def test_a_revoked_name_cannot_return_with_another_certificate(keys):
 
 
 def test_an_expired_certificate_is_reported_before_any_connection(keys):
-    KeyFolder(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("view",), days=2))
+    AuthorityFolder(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("view",), days=2))
     with pytest.raises(KeysError, match=r"expired on .*minerva keys issue old --renew"):
         keys.credentials("old")
     keys.issue("old", Wanted(("view",)), renew=True)
@@ -131,12 +128,12 @@ def test_an_expired_certificate_is_reported_before_any_connection(keys):
 
 
 def test_nothing_is_valid_for_longer_than_its_authority(tmp_path):
-    keys = KeyFolder(tmp_path / "keys", now() - timedelta(days=9))
+    keys = AuthorityFolder(tmp_path / "keys", now() - timedelta(days=9))
     keys.init(days=3)
     ends = keys.issue("sensor", Wanted(("generator",), days=30)).ends
     assert ends == keys.issued()["coordinator"].ends
     assert keys.now + timedelta(days=2) < ends < keys.now + timedelta(days=4)
-    late = KeyFolder(tmp_path / "keys")
+    late = AuthorityFolder(tmp_path / "keys")
     assert late.issued()["sensor"].state(late.now) == "expired"
     for attempt in (lambda: late.issue("x", Wanted(("view",))), lambda: late.revoke("sensor")):
         with pytest.raises(KeysError, match=r"the authority of .* expired on .*"):
@@ -144,7 +141,7 @@ def test_nothing_is_valid_for_longer_than_its_authority(tmp_path):
 
 
 def test_certificates_of_another_authority_are_rejected(keys, tmp_path):
-    foreign = KeyFolder(tmp_path / "foreign")
+    foreign = AuthorityFolder(tmp_path / "foreign")
     foreign.init()
     foreign.issue("spy", Wanted(("operator",)))
     (keys.folder / "spy.pem").write_bytes((foreign.folder / "spy.pem").read_bytes())
@@ -171,9 +168,9 @@ def test_a_member_s_folder_has_only_its_own(keys, tmp_path):
     own.mkdir()
     for name in ("ca.pem", "sensor.pem", "sensor.key"):
         (own / name).write_bytes((keys.folder / name).read_bytes())
-    assert KeyFolder(own).credentials().name == "sensor"
+    assert AuthorityFolder(own).credentials().name == "sensor"
     with pytest.raises(KeysError, match="issue and revoke where the authority was made"):
-        KeyFolder(own).issue("other", Wanted(("view",)))
+        AuthorityFolder(own).issue("other", Wanted(("view",)))
     with pytest.raises(KeysError, match="expected one; choose with"):
         keys.credentials()
 
@@ -186,14 +183,14 @@ def test_a_key_that_does_not_belong_to_its_certificate_is_named(keys, tmp_path):
     key = own / "sensor.key"
     key.write_bytes((keys.folder / "coordinator.key").read_bytes())
     with pytest.raises(KeysError, match=r"sensor\.key is not the key to .*sensor\.pem"):
-        KeyFolder(own).credentials()
+        AuthorityFolder(own).credentials()
     key.write_text("junk")
     with pytest.raises(KeysError, match=r"sensor\.key cannot be read"):
-        KeyFolder(own).credentials("sensor")
+        AuthorityFolder(own).credentials("sensor")
     key.unlink()
     os.mkfifo(key)
     with pytest.raises(KeysError, match=r"sensor\.key cannot be read: it is a pipe"):
-        KeyFolder(own).credentials()
+        AuthorityFolder(own).credentials()
 
 
 def test_a_renewed_certificate_keeps_all_that_is_not_overridden(keys):
@@ -227,7 +224,7 @@ def test_an_interrupted_renewal_leaves_a_pair_that_belongs_together(keys, monkey
         patched.setattr(Path, "replace", interrupted)
         with pytest.raises(KeysError, match="No space left on device"):
             keys.issue("sensor", wanted, renew=True)
-    own = KeyFolder(keys.folder).credentials("sensor")
+    own = AuthorityFolder(keys.folder).credentials("sensor")
     ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(own.certificate, own.key)
     assert (keys.issued()["sensor"].serial != serial) == (step == "move the key")
     # The remains of the interruption do not prevent another attempt.
@@ -240,7 +237,7 @@ def test_an_interrupted_renewal_leaves_a_pair_that_belongs_together(keys, monkey
 @pytest.mark.parametrize("written", range(5))
 def test_a_killed_init_leaves_nothing_that_the_next_one_keeps(tmp_path, monkeypatch, written):
     """The folder has an authority only if all of its files are complete."""
-    keys, replace, left = KeyFolder(tmp_path / "keys"), Path.replace, iter(range(written))
+    keys, replace, left = AuthorityFolder(tmp_path / "keys"), Path.replace, iter(range(written))
 
     class Killed(BaseException):
         pass
@@ -332,7 +329,7 @@ def test_a_folder_that_cannot_be_read_is_reported(tmp_path):
     """A name too long for any file serves, because root can read every folder."""
     folder = tmp_path / ("x" * 300)
     with pytest.raises(KeysError, match="cannot be read: File name too long; the process needs"):
-        KeyFolder(folder).rights()
+        AuthorityFolder(folder).rights()
     done = minerva(tmp_path, "run", "robot", "--listen", "tls/127.0.0.1:0", "--keys", folder)
     assert done.returncode == 1
     assert f"{folder} cannot be read" in done.stderr

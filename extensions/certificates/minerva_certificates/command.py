@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -14,10 +14,12 @@ from minerva_bus.cli.output import print_json, print_result, print_table
 from minerva_bus.cli.shells import Command, Group
 
 if TYPE_CHECKING:
-    from minerva_bus.security.authority import KeyFolder
     from minerva_bus.security.certificates import Issued
+    from minerva_certificates.issuing import AuthorityFolder
 
-app = typer.Typer(
+TOPIC: Final = "Set up"
+
+keys = typer.Typer(
     cls=Group,
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -33,7 +35,7 @@ Days = Annotated[int, typer.Option(help="Days of validity.")]
 _HERE = Path("keys")
 
 
-@app.command(cls=Command)
+@keys.command(cls=Command)
 def init(
     dir: Dir = _HERE,
     host: Hosts = None,
@@ -41,19 +43,19 @@ def init(
     json: Json = False,
 ) -> None:
     """Create a certificate authority and the coordinator's certificate."""
-    keys = _keys(dir)
-    made = keys.init(_split(host), days)
-    until = _day(keys.now, days)
+    folder = _folder(dir)
+    made = folder.init(_split(host), days)
+    until = _day(folder.now, days)
     if json:
-        print_json({"folder": str(dir), "until": until, "coordinator": _plain(made, keys.now)})
+        print_json({"folder": str(dir), "until": until, "coordinator": _plain(made, folder.now)})
         return
-    print_result(f"{dir}: an authority until {until}, and {_shown(made, keys.now)}")
+    print_result(f"{dir}: an authority until {until}, and {_shown(made, folder.now)}")
     print_result(
         f"keep {dir / 'ca.key'} secret: whoever has it can issue certificates for this world"
     )
 
 
-@app.command(cls=Command)
+@keys.command(cls=Command)
 def issue(
     name: Annotated[str, typer.Argument(help="Name of the member or person.")],
     role: Annotated[
@@ -83,46 +85,46 @@ def issue(
     json: Json = False,
 ) -> None:
     """Issue a certificate: copy NAME.pem, NAME.key and ca.pem to the member's machine."""
-    from minerva_bus.security.certificates import Wanted
+    from minerva_certificates.issuing import Wanted
 
-    keys = _keys(dir)
+    folder = _folder(dir)
     given = (role, host, kinds, events, topics)
-    before = keys.issued().get(name) if renew else None
+    before = folder.issued().get(name) if renew else None
     # A renewed certificate must not grant more than before, so rights that are not given are kept.
     kept = [()] * len(given) if before is None else _purposes(before)
     fields = [
         old if words is None else _split(words) for words, old in zip(given, kept, strict=True)
     ]
     wanted = Wanted(*fields, days=days, family=family)
-    _print_issued(keys.issue(name, wanted, renew=renew), keys.now, json)
+    _print_issued(folder.issue(name, wanted, renew=renew), folder.now, json)
 
 
-@app.command(cls=Command)
+@keys.command(cls=Command)
 def revoke(
     name: Annotated[str, typer.Argument(help="Name in the certificate.")],
     dir: Dir = _HERE,
     json: Json = False,
 ) -> None:
     """Revoke a certificate, also in worlds that are running."""
-    keys = _keys(dir)
-    _print_issued(keys.revoke(name), keys.now, json)
+    folder = _folder(dir)
+    _print_issued(folder.revoke(name), folder.now, json)
 
 
-@app.command("list", cls=Command)
+@keys.command("list", cls=Command)
 def list_(
     dir: Dir = _HERE,
     json: Json = False,
 ) -> None:
     """List certificates with their roles, state and validity."""
-    keys = _keys(dir)
-    issued = keys.issued().values()
+    folder = _folder(dir)
+    issued = folder.issued().values()
     if json:
-        print_json([_plain(each, keys.now) for each in issued])
+        print_json([_plain(each, folder.now) for each in issued])
         return
-    print_table([_TITLES, *[_cells(each, keys.now) for each in issued]])
+    print_table([_TITLES, *[_cells(each, folder.now) for each in issued]])
 
 
-@app.command(cls=Command)
+@keys.command(cls=Command)
 def router(
     name: Annotated[str, typer.Argument(help="Name of the router's certificate.")],
     world: Annotated[str, typer.Argument(help="Name of the world.")],
@@ -140,13 +142,13 @@ def router(
     from minerva_bus.wire.keys import Keys
 
     check_listening(listen, keys=True, insecure=False)
-    keys = _keys(dir)
-    own = keys.credentials(name)
+    folder = _folder(dir)
+    own = folder.credentials(name)
     if ROUTER not in own.roles:
         raise KeysError(
             f"the certificate of {name} is not for a router; issue one with --role router"
         )
-    access = access_control(Keys(world), keys.rights().values(), [], carrier=True)
+    access = access_control(Keys(world), folder.rights().values(), [], carrier=True)
     print_result(dumps(router_config(own, listen, access), indent=2))
 
 
@@ -207,10 +209,10 @@ def _day(now: datetime, days: int) -> str:
     return datetime.fromtimestamp(ends, UTC).date().isoformat()
 
 
-def _keys(folder: Path) -> KeyFolder:
-    from minerva_bus.security.authority import KeyFolder
+def _folder(path: Path) -> AuthorityFolder:
+    from minerva_certificates.issuing import AuthorityFolder
 
-    return KeyFolder(folder)
+    return AuthorityFolder(path)
 
 
 def _split(words: list[str] | None) -> tuple[str, ...]:
