@@ -179,7 +179,7 @@ def watch_world(target: WorldTarget, as_json: bool) -> None:
 def serve_metrics(listen: str, target: WorldTarget, as_json: bool) -> None:
     """Serve the metrics of a world until Ctrl-C; a world that ends is reported as down."""
     from minerva_bus.launch.child_processes import end_signals
-    from minerva_bus.launch.metrics_server import Exporter
+    from minerva_monitoring.metrics_server import Exporter
 
     stop = threading.Event()
 

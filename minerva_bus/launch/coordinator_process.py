@@ -26,7 +26,6 @@ from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.placement import kinds_of
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.child_processes import LineBuffer, ReportPipe
-from minerva_bus.launch.metrics_server import exported
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.registry import runtime_folder
 from minerva_bus.launch.run_outputs import (
@@ -48,6 +47,7 @@ from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import FileStatus
+from minerva_monitoring.metrics_server import exported
 
 MAX_BYTES: Final = DEFAULT.message_bytes
 """Size of the largest message that a member reads."""

@@ -32,7 +32,6 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.launch.captured_output import MEMBERS, inherited, printed
 from minerva_bus.launch.child_processes import interrupts_deferred
 from minerva_bus.launch.console import Console, RunSummary, live_line
-from minerva_bus.launch.metrics_server import exported
 from minerva_bus.launch.process_specs import compile_agents
 from minerva_bus.launch.run_outputs import CollectSink, RunRecord, collect_sink, recording
 from minerva_bus.launch.world_files import WorldFile
@@ -57,6 +56,7 @@ from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import PersonOperation
 from minerva_bus.world.services import Generator as EventGenerator
+from minerva_monitoring.metrics_server import exported
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""

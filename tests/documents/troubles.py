@@ -32,7 +32,6 @@ from minerva_bus.frame.member import Member
 from minerva_bus.frame.pace import Overruns
 from minerva_bus.launch.coordinator_process import find_past
 from minerva_bus.launch.registry import WorldLock
-from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.journal import Journal
 from minerva_bus.runtime.joining import Arrival
@@ -45,6 +44,7 @@ from minerva_services.bridges.rosbag import open_bag
 from minerva_services.sensors.carmen.log import CarmenLog
 from minerva_services.views.opengl.canvas import without_window
 from minerva_services.views.sprites import Sprites
+from minerva_services.web_access import WebAccess
 
 eTick = EventType("eTick")
 eAdd = EventType("eAdd", amount=float)

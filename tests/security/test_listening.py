@@ -9,13 +9,13 @@ from running import MEMBERS, Run, write_world
 
 from minerva_bus.errors import BusError, KeysError, WorldFileError
 from minerva_bus.launch.coordinator_process import local_endpoint, security
-from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoint
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.message_limits import DEFAULT
 from minerva_certificates import AuthorityFolder
 from minerva_services.views.page_access import page_url
+from minerva_services.web_access import WebAccess
 from tests.runtime.yard import Screen
 from tests.security.secured import Joined, World, goes_on, keyed_world, present, secured_endpoint
 

@@ -273,7 +273,7 @@ def test_a_world_with_keys_serves_other_machines_over_tls_only(tmp_path, keys):
 
 
 def test_the_token_lasts_for_one_run(tmp_path, monkeypatch):
-    from minerva_bus.launch.web_access import token_for
+    from minerva_services.web_access import token_for
 
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "runtime"))
     first = token_for(9000, "17")

@@ -17,8 +17,8 @@ from page_run import eventually
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from minerva_bus.launch.web_access import WebAccess, forget_token, token_for
 from minerva_services.views.web.serving import serve, stop, url
+from minerva_services.web_access import WebAccess, forget_token, token_for
 from tests.patience import patience
 
 HERE = WebAccess("127.0.0.1", 8080, "secret")

@@ -11,8 +11,8 @@ from contextlib import closing, contextmanager
 from typing import Any, TypeVar
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.runtime.endpoints import is_wildcard, loopback
+from minerva_services.web_access import WebAccess
 
 
 def silent_logger(name: str) -> logging.Logger:

@@ -12,9 +12,9 @@ from minerva_bus.cli.output import Done, print_message, print_report
 from minerva_bus.cli.places import client
 from minerva_bus.errors import BusError, MinervaError
 from minerva_bus.launch.registry import find
-from minerva_bus.launch.web_access import new_token
 from minerva_bus.settings.kinds import address
 from minerva_bus.wording import install
+from minerva_services.web_access import new_token
 
 
 def serve_assistants(

@@ -18,7 +18,7 @@ from starlette.responses import PlainTextResponse
 from minerva_assistants.mcp.server import WorldServer
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.child_processes import end_signals
-from minerva_bus.launch.web_access import WebAccess
+from minerva_services.web_access import WebAccess
 
 PATH: Final = "/mcp"
 END_SECONDS: Final = 1.5

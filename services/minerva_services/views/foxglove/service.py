@@ -18,11 +18,11 @@ from http.client import HTTPException, parse_headers
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
 from minerva_services.views.overlay import Overlay
 from minerva_services.views.page_access import listen
+from minerva_services.web_access import WebAccess
 
 if TYPE_CHECKING:
     from foxglove.websocket import WebSocketServer

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Final
 from urllib.parse import parse_qs
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.web_access import WebAccess
 from minerva_services.views.page.guard import BusGuard
 from minerva_services.views.page.names import PageNames
 from minerva_services.views.page.people import People
 from minerva_services.views.page.relay import BATCH, relay
 from minerva_services.views.page.site import PageSite
 from minerva_services.views.page_access import silent_logger
+from minerva_services.web_access import WebAccess
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection

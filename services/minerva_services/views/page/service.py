@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.web_access import WebAccess, forget_token, token_for
 from minerva_bus.runtime.endpoints import is_wildcard
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
@@ -20,6 +19,7 @@ from minerva_services.views.page.relay import check_relayed
 from minerva_services.views.page.site import PageSite
 from minerva_services.views.page_access import address_in_network, listen, page_url
 from minerva_services.views.window.order_types import check_named
+from minerva_services.web_access import WebAccess, forget_token, token_for
 
 if TYPE_CHECKING:
     from minerva_services.views.page.server import MemberPageServer

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.launch.web_access import forget_token
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
 from minerva_services.views.overlay import Overlay
 from minerva_services.views.window.order_types import check_named
+from minerva_services.web_access import forget_token
 
 if TYPE_CHECKING:
     from minerva_services.views.web.controller import PageController

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any, Final, Self, cast
 
 from minerva_bus.errors import BusError, MinervaError
 from minerva_bus.frame.in_flight import Phase
-from minerva_bus.launch.web_access import WebAccess
 from minerva_bus.runtime.metrics import read_totals
 from minerva_bus.settings.kinds import address
 from minerva_bus.wire.status_codec import read_status
 from minerva_bus.wording import install
 from minerva_bus.world.operator import WorldStatus
+from minerva_services.web_access import WebAccess
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
@@ -132,7 +132,7 @@ class Exporter:
 
     def collect(self) -> Iterator[Metric]:
         """Collect metrics, as Prometheus requires of a collector."""
-        from minerva_bus.launch.prometheus_metrics import down_metrics, world_metrics
+        from minerva_monitoring.prometheus_metrics import down_metrics, world_metrics
 
         try:
             status, totals = self._status(), read_totals(self._ask("totals").get("totals"))

@@ -18,7 +18,7 @@ RULES = yaml.safe_load((DEPLOY / "prometheus" / "rules.yaml").read_text(encoding
 def exported():
     """Names and labels of all samples that a world exports."""
     pytest.importorskip("prometheus_client")
-    from minerva_bus.launch.prometheus_metrics import world_metrics
+    from minerva_monitoring.prometheus_metrics import world_metrics
 
     totals = Totals(1, {"frame": Durations()}, {"eStep": 1}, 1, 1)
     status = WorldStatus("pond", 1, 0.1, "events", members=(MemberStatus("a", "present"),),

@@ -9,11 +9,11 @@ from urllib.error import HTTPError
 import pytest
 
 from minerva_bus.errors import BusError, MisuseError, ProtocolError
-from minerva_bus.launch.metrics_server import Exporter, address, live, ready
 from minerva_bus.runtime.metrics import BOUNDS, Durations, Totals, read_totals
 from minerva_bus.wire.plain import pack, unpack
 from minerva_bus.wire.status_codec import plain_status
 from minerva_bus.world.operator import MemberStatus, WorldStatus
+from minerva_monitoring.metrics_server import Exporter, address, live, ready
 
 pytest.importorskip("prometheus_client")
 from prometheus_client.parser import text_string_to_metric_families
@@ -195,7 +195,7 @@ def test_a_port_in_use_is_reported(world):
 
 
 def test_a_missing_library_names_its_extra(monkeypatch, world):
-    monkeypatch.setattr("minerva_bus.launch.metrics_server.find_spec", lambda _: None)
+    monkeypatch.setattr("minerva_monitoring.metrics_server.find_spec", lambda _: None)
     with pytest.raises(Exception, match=r"pip install 'minerva-bus\[metrics\]'"):
         Exporter("pond", "127.0.0.1:0", world.ask)
 
