@@ -1,12 +1,9 @@
-"""Operating a running world: pace, processes, logs, the dashboard and metrics."""
+"""Operating a running world: pace, processes, logs and the dashboard."""
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
 import time
-from types import FrameType
 from typing import Any, Final
 
 from minerva_bus.cli.list_and_echo import listing
@@ -16,7 +13,6 @@ from minerva_bus.cli.output import (
     print_answer,
     print_json,
     print_message,
-    print_report,
     print_result,
 )
 from minerva_bus.cli.places import client
@@ -174,21 +170,3 @@ def watch_world(target: WorldTarget, as_json: bool) -> None:
         except ImportError:
             raise MinervaError(f"top needs textual: {install('top')}") from None
         Dashboard(world.operator).run()
-
-
-def serve_metrics(listen: str, target: WorldTarget, as_json: bool) -> None:
-    """Serve the metrics of a world until Ctrl-C; a world that ends is reported as down."""
-    from minerva_bus.launch.child_processes import end_signals
-    from minerva_monitoring.metrics_server import Exporter
-
-    stop = threading.Event()
-
-    def end(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    with client(target) as world, Exporter(world.world, listen, world.ask) as exporter:
-        for number in end_signals():
-            signal.signal(number, end)
-        text = f"{world.world}: metrics at {exporter.url}"
-        print_report(Done(text, {"world": world.world, "url": exporter.url}), as_json)
-        stop.wait()

@@ -31,6 +31,7 @@ from minerva_bus.launch.registry import runtime_folder
 from minerva_bus.launch.run_outputs import (
     collect_sink,
     description_of,
+    monitored,
     recording,
 )
 from minerva_bus.launch.world_files import Access, WorldFile
@@ -47,7 +48,6 @@ from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.message_limits import DEFAULT
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import FileStatus
-from minerva_monitoring.metrics_server import exported
 
 MAX_BYTES: Final = DEFAULT.message_bytes
 """Size of the largest message that a member reads."""
@@ -76,8 +76,7 @@ def run_coordinator(start: CoordinatorStart, reports: ReportPipe, commands: int)
     run = CoordinatorRun(start, reports)
     # A daemon, because its read returns only when the launcher closes the pipe.
     threading.Thread(target=_read_commands, args=(commands, run.coordinator), daemon=True).start()
-    name, listen, ask = start.file.world.name, start.file.watch.metrics, run.coordinator.ask
-    with exported(name, listen, ask, lambda text: reports.send("note", text=text)):
+    with monitored(start.file, run.coordinator.ask, lambda text: reports.send("note", text=text)):
         return run_through(run.life())
 
 

@@ -33,7 +33,13 @@ from minerva_bus.launch.captured_output import MEMBERS, inherited, printed
 from minerva_bus.launch.child_processes import interrupts_deferred
 from minerva_bus.launch.console import Console, RunSummary, live_line
 from minerva_bus.launch.process_specs import compile_agents
-from minerva_bus.launch.run_outputs import CollectSink, RunRecord, collect_sink, recording
+from minerva_bus.launch.run_outputs import (
+    CollectSink,
+    RunRecord,
+    collect_sink,
+    monitored,
+    recording,
+)
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.metrics import Metrics, StatusMeter, WorldLog
 from minerva_bus.runtime.operator_client import AskingOperator
@@ -56,7 +62,6 @@ from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import PersonOperation
 from minerva_bus.world.services import Generator as EventGenerator
-from minerva_monitoring.metrics_server import exported
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""
@@ -164,8 +169,8 @@ class InProcessRun(Sink):
         """
         end = None if frames is None else self.algorithm.frame + frames
         with self._questions.deferred(), printed(self._print, self._threads), self._reporting():
-            world, listen = self._file.world.name, self._file.watch.metrics
-            with exported(world, listen, self.ask, self._note), interrupts_deferred() as pending:
+            metrics = monitored(self._file, self.ask, self._note)
+            with metrics, interrupts_deferred() as pending:
                 self._loop(end, lambda: interrupted() or pending())
                 # Those that arrived during the last frame.
                 self._questions.answer()

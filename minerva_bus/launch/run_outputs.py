@@ -1,14 +1,16 @@
-"""What a run writes: its record, and the tables of the data that it collects."""
+"""Outputs of a run: its record, tables of the data that it collects, and metrics over HTTP."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from minerva_bus.errors import RecordError
+from minerva_bus.entry_points import entries
+from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import text_of_path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.messages import Readings
@@ -30,6 +32,27 @@ if TYPE_CHECKING:
 
 SAVE_SECONDS: Final = 5.0
 """Time after which rows are written that still wait for more."""
+
+MONITORS: Final = "minerva.monitors"
+"""The entry points of servers of metrics; the first one by name serves those of `--metrics`."""
+
+
+def monitored(
+    file: WorldFile, ask: Callable[..., Mapping[str, Any]], note: Callable[[str], None]
+) -> AbstractContextManager[None]:
+    """Serve metrics of a run during the block if its file has an address for them.
+
+    `ask` sends a question of an operator to the coordinator, from any thread; `note` logs the
+    address. Raises MisuseError without an extension that serves metrics.
+    """
+    if not file.watch.metrics:
+        return nullcontext()
+    for _, monitor in sorted(entries(MONITORS).items()):
+        return monitor.load()(file.world.name, file.watch.metrics, ask, note)
+    raise MisuseError(
+        f"metrics at {file.watch.metrics} need an extension that serves them ({MONITORS}); install"
+        " it, or leave out --metrics and [metrics]"
+    )
 
 
 class RunRecord(Sink):
@@ -215,8 +238,6 @@ def recording(
     """
     record = RunRecord()
     if file.record.path:
-        from minerva_bus.errors import RecordError
-
         try:
             record.open(file, algorithm, log, again)
         except RecordError as error:

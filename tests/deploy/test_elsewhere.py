@@ -4,12 +4,16 @@ import json
 import re
 import signal
 import urllib.request
+from types import SimpleNamespace
 from urllib.error import HTTPError
 
 import pytest
 
+from minerva_bus.errors import MisuseError
+from minerva_bus.launch import run_outputs
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import WatchSettings
 from tests.runtime.running import Run, World, eventually, here, write_world
 
 pytest.importorskip("prometheus_client")
@@ -154,3 +158,10 @@ def test_errors_at_the_start_are_json_lines_too(tmp_path):
     assert run.returncode == 2
     done = here(tmp_path, "run", path, "--in-process", "--log-format", "json")
     assert json.loads(done.stdout)["frames"] == 3
+
+
+def test_metrics_need_an_extension_that_serves_them(monkeypatch):
+    monkeypatch.setattr(run_outputs, "entries", lambda group: {})
+    file = SimpleNamespace(watch=WatchSettings("127.0.0.1:9464"))
+    with pytest.raises(MisuseError, match="need an extension"):
+        run_outputs.monitored(file, None, None)

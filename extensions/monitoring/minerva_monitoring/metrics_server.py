@@ -156,10 +156,7 @@ class Exporter:
 
 @contextmanager
 def exported(world: str, listen: str, ask: Ask, note: Callable[[str], None]) -> Generator[None]:
-    """Serve the metrics of a world during the block if an address is given; `note` logs it."""
-    if not listen:
-        yield
-        return
+    """Serve the metrics of a world at an address during the block; `note` logs it."""
     with Exporter(world, listen, ask) as exporter:
         note(f"metrics at {exporter.url}")
         yield

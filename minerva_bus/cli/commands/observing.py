@@ -85,23 +85,3 @@ def top(
     from minerva_bus.cli.operation import watch_world
 
     watch_world(target, json)
-
-
-@examples(
-    "minerva metrics",
-    "minerva metrics robot --listen 0.0.0.0:9464",
-)
-@grouped
-def metrics(
-    listen: Annotated[str, typer.Option(help="Serve at HOST:PORT.")] = "127.0.0.1:9464",
-    json: Json = False,
-    *,
-    target: NamedTarget,
-) -> None:
-    """Serve /metrics, /live and /ready of a running world.
-
-    The server is a separate process.
-    """
-    from minerva_bus.cli.operation import serve_metrics
-
-    serve_metrics(listen, target, json)

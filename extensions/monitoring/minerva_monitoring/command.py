@@ -1,0 +1,44 @@
+"""`minerva metrics`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+import typer
+
+from minerva_bus.cli.grouping import grouped
+from minerva_bus.cli.options import Json, NamedTarget, examples
+
+TOPIC: Final = "Observe"
+
+
+@examples(
+    "minerva metrics",
+    "minerva metrics robot --listen 0.0.0.0:9464",
+)
+@grouped
+def metrics(
+    listen: Annotated[str, typer.Option(help="Serve at HOST:PORT.")] = "127.0.0.1:9464",
+    json: Json = False,
+    *,
+    target: NamedTarget,
+) -> None:
+    """Serve /metrics, /live and /ready of a running world.
+
+    The server is a separate process, until Ctrl-C; a world that ends is reported as down.
+    """
+    import signal
+    import threading
+
+    from minerva_bus.cli.output import Done, print_report
+    from minerva_bus.cli.places import client
+    from minerva_bus.launch.child_processes import end_signals
+    from minerva_monitoring.metrics_server import Exporter
+
+    stop = threading.Event()
+    with client(target) as world, Exporter(world.world, listen, world.ask) as exporter:
+        for number in end_signals():
+            signal.signal(number, lambda *_: stop.set())
+        text = f"{world.world}: metrics at {exporter.url}"
+        print_report(Done(text, {"world": world.world, "url": exporter.url}), json)
+        stop.wait()
