@@ -1,20 +1,58 @@
-"""Records in the formats of other tools: `export_dataset`, which `minerva export` calls."""
+"""Records in the formats of other tools: `export_dataset`, which `minerva export` calls.
+
+An exporter is a function with the signature `Exporter`. Installed ones are entry points of the
+group `minerva.exporters`, by the name of their format.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from minerva_bus.arguments import path_of, text
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import note_read
 from minerva_bus.launch.specs import load
-from minerva_bus.log.exporters import ExportChoice, Exporter, ExportProgress
 
 EXPORTERS: Final = "minerva.exporters"
+
+
+@dataclass(frozen=True, slots=True)
+class ExportChoice:
+    """What to export of records. Raises MisuseError.
+
+    Attributes:
+        begin, end: the first and last frame; None: the end of the record.
+        every: frames from one pose or row to the next.
+        agents: ids or kinds of the agents whose lives are episodes; empty: those of the only kind.
+        act: what is an action: types of events that the agents receive, or their attributes.
+
+    """
+
+    begin: int = 0
+    end: int | None = None
+    every: int = 1
+    agents: tuple[str, ...] = ()
+    act: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise MisuseError(f"every {self.every} frames; expected at least 1")
+
+
+ExportProgress: TypeAlias = Callable[[int, int], None]
+"""Called with the number of frames done and the total."""
+
+Exporter: TypeAlias = Callable[
+    [Sequence[Path], Path, ExportChoice, ExportProgress], Mapping[str, int]
+]
+"""Writes records into a file or a folder; returns numbers of what it wrote, by name.
+
+Raises RecordError, and MisuseError if the output cannot be written or a library is missing.
+"""
 
 
 @dataclass(frozen=True, slots=True)

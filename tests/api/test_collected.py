@@ -13,7 +13,7 @@ from minerva_bus.api.run_result import pick_table
 from minerva_bus.collect.data_tables import DataTable, open_writer, read_columns
 from minerva_bus.collect.plans import read_entries
 from minerva_bus.errors import MisuseError, VocabularyError
-from minerva_bus.log.record import Record, RecordFrames
+from minerva_bus.log.record import Record
 from minerva_bus.log.record_summary import info_of, moment_of
 from minerva_bus.world.expressions import Expression, read_expression
 
@@ -354,7 +354,8 @@ def test_events_that_agents_send_in_the_last_frame_count(tmp_path, racer, settin
     with Record(path) as record:
         assert info_of(record).events == done.events
         assert [event.type for event in moment_of(record, None).events] == ["eCross"]
-        assert [len(frame.events) for frame in RecordFrames(record)] == [1] * 4
+        events = *(frame.events for frame in record.frames()), record.closing_events()
+        assert [len(each) for each in events] == [1] * 4
 
 
 def test_they_count_in_a_world_that_is_stopped():

@@ -29,7 +29,6 @@ from minerva_bus.launch.installed import declared_options, file_text
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log import chunks
 from minerva_bus.log.chunks import Chunks
-from minerva_bus.log.exporters import new_folder
 from minerva_bus.security.certificates import read_certificate
 from minerva_services.options import read_password
 
@@ -126,16 +125,12 @@ def test_an_error_of_writing_names_the_file_and_leaves_none(tmp_path, monkeypatc
         with replacing(tmp_path / "a.svg"):
             fail(None)
 
-    def in_folder():
-        with new_folder(tmp_path / "bag", "rosbag"):
-            fail(None)
-
     def exported():
         with TableFiles(tmp_path / "a.csv", several=False, sparse=False) as files:
             files.open(TablePlan("t", 1, {"n": "int64"})).close()
 
     monkeypatch.setattr(CsvWriter, "finish", fail)
-    for write, name in ((written, "a.svg"), (in_folder, "bag"), (exported, "a.csv")):
+    for write, name in ((written, "a.svg"), (exported, "a.csv")):
         with pytest.raises(OSError, match="No space") as caught:
             write()
         assert caught.value.filename == str(tmp_path / name)

@@ -21,13 +21,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.api.datasets import ExportChoice, ExportProgress
 from minerva_bus.collect.data_tables import needed, texts
 from minerva_bus.collect.rows import agent_rows
-from minerva_bus.log.exporters import ExportChoice, ExportProgress, new_folder
-from minerva_bus.log.record import FrameContents, Record, RecordFrames
+from minerva_bus.log.record import Record
 from minerva_bus.world.readings import Image
 from minerva_exporters.episode_file import EpisodeFile
 from minerva_exporters.lerobot_meta import FeatureLayout, write_meta
+from minerva_exporters.sources import FrameContents, RecordFrames, new_folder
 from minerva_exporters.survey import Episode, Survey, survey
 from minerva_exporters.vectors import reading_vector
 from minerva_services.options import require

@@ -7,17 +7,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from minerva_bus.api.datasets import ExportChoice
 from minerva_bus.collect.data_tables import texts
 from minerva_bus.collect.rows import agent_rows
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.exporters import ExportChoice
-from minerva_bus.log.record import FrameContents, Record, RecordFrames
+from minerva_bus.log.record import Record
 from minerva_bus.log.record_summary import kinds_in
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.world.readings import Image, Reading
 from minerva_exporters.actions import Actions
+from minerva_exporters.sources import FrameContents, RecordFrames
 from minerva_exporters.vectors import RowVectors, is_numeric, reading_names
 
 MAX_EPISODES: Final = 500

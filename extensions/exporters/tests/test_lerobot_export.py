@@ -12,7 +12,8 @@ from PIL import Image as Pillow
 
 from minerva_bus import MinervaError, export_dataset
 from minerva_bus.cli.main import app
-from minerva_bus.log.record import Record, RecordFrames
+from minerva_bus.log.record import Record
+from minerva_exporters.sources import RecordFrames
 from tests.services.rover_yard import readings, record_yard
 
 STATE = ["x", "y", "angle", "gear=low", "gear=high", "moves"]

@@ -11,8 +11,8 @@ from rosbags.interfaces import QosDurability
 
 from minerva_bus import MinervaError, export_dataset
 from minerva_bus.cli.main import app
-from minerva_bus.log.record import RecordFrames
 from minerva_bus.wire.readings_codec import plain_reading
+from minerva_exporters.sources import RecordFrames, new_folder
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.rosbag import Bag
 from tests.services.rover_yard import readings
@@ -127,6 +127,13 @@ def test_what_cannot_be_exported_is_refused_with_a_line(recorded, tmp_path, caps
     with pytest.raises(MinervaError, match="frames 0 to 4"):
         export_dataset(recorded[1], tmp_path / "new", "rosbag", begin=9)
     assert [path.name for path in tmp_path.iterdir()] == ["full"]
+
+
+def test_an_error_of_writing_names_the_folder_and_leaves_none(tmp_path):
+    with pytest.raises(OSError, match="No space") as caught, new_folder(tmp_path / "bag", "rosbag"):
+        raise OSError(28, "No space left on device")
+    assert caught.value.filename == str(tmp_path / "bag")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_prints_what_it_wrote(recorded, tmp_path, capsys):
