@@ -1,7 +1,9 @@
 """Turns output of members without a process of their own into lines of the log.
 
 Standard output belongs to the whole process, in which other threads print, and other worlds run. So
-it is replaced by a stream that passes on what a thread writes to the run of this thread.
+it is replaced by a stream that passes on what a thread writes to the run of this thread. A thread
+belongs to the run of the thread that has started it, which `Thread.start` notes while there are
+runs; threads that start otherwise (`_thread`, C code) belong to none.
 """
 
 from __future__ import annotations
@@ -9,12 +11,10 @@ from __future__ import annotations
 import io
 import sys
 import threading
-from collections.abc import Callable, Generator, Set
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from typing import Any, Final, ParamSpec, TextIO
+from typing import Any, Final, TextIO
 from weakref import WeakSet
-
-_P = ParamSpec("_P")
 
 MEMBERS: Final = "in-process"
 """The name before such lines: all members share one output, so the member is unknown."""
@@ -23,14 +23,13 @@ MEMBERS: Final = "in-process"
 class _Lines(io.TextIOBase):
     """A text stream that passes on whole lines; any thread may write to it.
 
-    `others` are threads that are not of its run; `thread` runs it.
+    `own` are the threads that those of its run have started.
     """
 
     encoding = "utf-8"
 
-    def __init__(self, tell: Callable[[str], None], others: Set[threading.Thread]) -> None:
-        self.others = others
-        self.thread = threading.current_thread()
+    def __init__(self, tell: Callable[[str], None], own: WeakSet[threading.Thread]) -> None:
+        self.own = own
         self._tell = tell
         self._begun = ""
         # Reentrant, because `close` writes while it holds the lock.
@@ -63,6 +62,26 @@ class _Output(io.TextIOBase):
     def __init__(self, original: TextIO) -> None:
         self.original = original
         self.runs: dict[threading.Thread, list[_Lines]] = {}
+        self._start = start = threading.Thread.start
+
+        def noted(thread: threading.Thread) -> None:
+            for lines in self._of_this_thread():
+                lines.own.add(thread)
+            start(thread)
+
+        self._noted = noted
+
+    def begin(self) -> None:
+        """Replace standard output and `Thread.start`."""
+        sys.stdout = self
+        threading.Thread.start = self._noted  # type: ignore[method-assign]
+
+    def end(self) -> None:
+        """Restore what nothing else has replaced meanwhile."""
+        if sys.stdout is self:
+            sys.stdout = self.original
+        if threading.Thread.start is self._noted:
+            threading.Thread.start = self._start  # type: ignore[method-assign]
 
     def __getattribute__(self, name: str) -> Any:
         # The base class has these of its own.
@@ -87,17 +106,14 @@ class _Output(io.TextIOBase):
 
     def lines(self) -> _Lines | None:
         """The lines of this thread's run; None if it has none."""
+        return next(reversed(self._of_this_thread()), None)
+
+    def _of_this_thread(self) -> list[_Lines]:
+        """The lines of this thread's run, and before them those of runs that contain it."""
         thread = threading.current_thread()
-        runs = self.runs.get(thread)
-        if runs is None:
-            # While the main thread runs a world, only code of this world starts threads.
-            runs = self.runs.get(threading.main_thread())
-            if runs and thread in runs[-1].others:
-                return None
-        elif runs[-1].closed:  # Its thread was started in an earlier block of the run.
-            runs = self.runs.get(runs[-1].thread)
-        # Threads of a run may live longer.
-        return runs[-1] if runs and not runs[-1].closed else None
+        # A copy, because runs begin and end in other threads.
+        every = [lines for runs in [*self.runs.values()] for lines in [*runs]]
+        return [*self.runs.get(thread, ())] or [each for each in every if thread in each.own]
 
 
 _installing: Final = threading.Lock()
@@ -108,48 +124,24 @@ _installing: Final = threading.Lock()
 def printed(tell: Callable[[str], None], own: WeakSet[threading.Thread]) -> Generator[None]:
     """Pass to `tell`, line by line, what this thread prints, and the threads that it starts.
 
-    `own` are those that the main thread has started in earlier blocks of the same run; new ones are
-    added.
+    `own` are those that earlier blocks of the same run have started; new ones are added. Between
+    two blocks they print as others do.
     """
-    others = {*threading.enumerate()} - {*own}
-    with _Lines(tell, others) as lines, _printing(lines):
+    thread = threading.current_thread()
+    with _Lines(tell, own) as lines:
+        with _installing:
+            output: Any = sys.stdout
+            # A program may have replaced it since another run began.
+            if not isinstance(output, _Output):
+                output = _Output(output)
+                output.begin()
+            output.runs.setdefault(thread, []).append(lines)
         try:
             yield
         finally:
-            # Beside another thread, anything may have started them.
-            if threading.current_thread() is threading.main_thread():
-                own.update({*threading.enumerate()} - others)
-
-
-def inherited(call: Callable[_P, None]) -> Callable[_P, None]:
-    """`call` for a thread that this one starts: what it prints is of the same run."""
-    output = sys.stdout
-    lines = output.lines() if isinstance(output, _Output) else None
-    if lines is None:
-        return call
-
-    def inheriting(*args: _P.args, **options: _P.kwargs) -> None:
-        with _printing(lines):
-            call(*args, **options)
-
-    return inheriting
-
-
-@contextmanager
-def _printing(lines: _Lines) -> Generator[None]:
-    thread = threading.current_thread()
-    with _installing:
-        # A program may have replaced it since another run began.
-        if not isinstance(sys.stdout, _Output):
-            sys.stdout = _Output(sys.stdout)
-        output = sys.stdout
-        output.runs.setdefault(thread, []).append(lines)
-    try:
-        yield
-    finally:
-        with _installing:
-            output.runs[thread].remove(lines)
-            if not output.runs[thread]:
-                del output.runs[thread]
-            if not output.runs and sys.stdout is output:
-                sys.stdout = output.original
+            with _installing:
+                output.runs[thread].remove(lines)
+                if not output.runs[thread]:
+                    del output.runs[thread]
+                if not output.runs:
+                    output.end()

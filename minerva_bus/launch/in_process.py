@@ -29,7 +29,7 @@ from minerva_bus.frame.in_flight import Phase
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.norm_rejections import NORMS
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.launch.captured_output import MEMBERS, inherited, printed
+from minerva_bus.launch.captured_output import MEMBERS, printed
 from minerva_bus.launch.child_processes import interrupts_deferred
 from minerva_bus.launch.console import Console, RunSummary, live_line
 from minerva_bus.launch.process_specs import compile_agents
@@ -494,8 +494,7 @@ class FreeRunning:
         for member in self._members:
             if isinstance(member.service, EventGenerator) and not member.when.is_awaited:
                 arguments = member, member.service
-                generate = inherited(self._generate)
-                threading.Thread(target=generate, args=arguments, daemon=True).start()
+                threading.Thread(target=self._generate, args=arguments, daemon=True).start()
 
     def stop(self) -> None:
         """Request the end of all generators, without a join: their threads are daemons."""

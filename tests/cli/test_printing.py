@@ -15,7 +15,7 @@ import pytest
 
 import minerva_bus
 from minerva_bus.cli.main import main
-from minerva_bus.launch.captured_output import inherited, printed
+from minerva_bus.launch.captured_output import printed
 from tests.runtime.running import MEMBERS, here, minerva, write_world
 
 SCREEN = MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n'
@@ -98,12 +98,12 @@ def in_thread(call):
 
 
 def test_other_threads_keep_their_output(capsys):
-    lines, inside, go_on = [], threading.Event(), threading.Event()
+    lines, other, inside, go_on = [], [], threading.Event(), threading.Event()
 
     def run():
         with printed(lines.append, WeakSet()):
             print("of the run")
-            in_thread(inherited(lambda: print("of its thread")))
+            in_thread(lambda: in_thread(lambda: print("of a thread of its thread")))
             inside.set()
             go_on.wait()
 
@@ -111,18 +111,21 @@ def test_other_threads_keep_their_output(capsys):
     running.start()
     inside.wait()
     print("of another thread")
+    with printed(other.append, WeakSet()):
+        in_thread(lambda: print("of another run"))
     in_thread(lambda: print("of a thread of that"))
     with redirect_stdout(io.StringIO()) as own:
         print("elsewhere")
     go_on.set()
     running.join()
     print("later")
-    assert lines == ["of the run", "of its thread"]
+    assert lines == ["of the run", "of a thread of its thread"]
+    assert other == ["of another run"]
     assert own.getvalue() == "elsewhere\n"
     assert capsys.readouterr().out == "of another thread\nof a thread of that\nlater\n"
 
 
-def test_a_run_in_the_main_thread_has_what_its_threads_print_in_all_its_blocks(capsys):
+def test_a_run_has_what_its_threads_print_in_all_its_blocks(capsys):
     lines, own, ready, end = [], WeakSet(), threading.Event(), threading.Event()
 
     def wait(text):
@@ -135,22 +138,33 @@ def test_a_run_in_the_main_thread_has_what_its_threads_print_in_all_its_blocks(c
         thread.start()
         return thread
 
-    other = started("of another")
+    other, threads, begun = started("of another"), [], threading.Event()
+
+    def starts():
+        begun.wait()
+        threads.append(started("of a thread of another"))
+
+    starter = threading.Thread(target=starts)
+    starter.start()
     with printed(lines.append, own):
         service = started("of a service")
+        begun.set()
+        starter.join()
     between = started("of one between two blocks")
     with printed(lines.append, own):
         ready.set()
         end.set()
-        for thread in (other, service, between):
+        for thread in (other, service, between, *threads):
             thread.join()
     assert lines == ["of a service"]
     printed_elsewhere = capsys.readouterr().out.splitlines()
-    assert sorted(printed_elsewhere) == ["of another", "of one between two blocks"]
+    assert sorted(printed_elsewhere) == [
+        "of a thread of another", "of another", "of one between two blocks",
+    ]  # fmt: skip
 
 
 def test_concurrent_runs_leave_standard_output_as_it_was():
-    before, lines = sys.stdout, [[] for _ in range(40)]
+    before, lines = (sys.stdout, threading.Thread.start), [[] for _ in range(40)]
 
     def run(number):
         with printed(lines[number].append, WeakSet()):
@@ -159,7 +173,7 @@ def test_concurrent_runs_leave_standard_output_as_it_was():
 
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(run, range(40)))
-    assert sys.stdout is before
+    assert (sys.stdout, threading.Thread.start) == before
     assert lines == [[str(number)] * 20 for number in range(40)]
 
 
