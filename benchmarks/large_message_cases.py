@@ -27,8 +27,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.runtime.questions import MAX_VALUES
 from minerva_bus.wire.columns_codec import plain_ids
 from minerva_bus.wire.keys import Keys
-from minerva_bus.wire.message_limits import DEFAULT
-from minerva_bus.wire.plain import pack
+from minerva_bus.wire.plain import DEFAULT, pack
 
 AGENTS = 200
 FRAGMENT = "~AFox.1"

@@ -26,8 +26,7 @@ from minerva_bus.runtime.session import open_client
 from minerva_bus.runtime.session_inbox import CAPACITY
 from minerva_bus.wire.codec import stamped
 from minerva_bus.wire.keys import Keys
-from minerva_bus.wire.message_limits import name_in
-from minerva_bus.wire.plain import pack
+from minerva_bus.wire.plain import name_in, pack
 
 NAME, RATE = "large-messages", 20.0
 

@@ -18,7 +18,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import Mark
 from minerva_bus.wire.codec import FOR_ALL, FROM_MEMBER, TO_MEMBER, MessageCodec, message_codec
 from minerva_bus.wire.field_codecs import DeclaredField, field_codec
-from minerva_bus.wire.message_limits import DEFAULT, configurable_limits, limit_notes
+from minerva_bus.wire.plain import DEFAULT, configurable_limits, limit_notes
 from tools import blocks
 from tools.protocol_vectors import FILES
 

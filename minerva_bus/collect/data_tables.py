@@ -19,14 +19,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final, Protocol, Self, TextIO
+from typing import IO, TYPE_CHECKING, Any, Final, Protocol, Self, TextIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.arguments import path_of, text, text_list
 from minerva_bus.collect.plans import TablePlan
-from minerva_bus.collect.rows import DTYPES, Data
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import MARK, check_output, is_stream, name_file, note_read, target_of
 from minerva_bus.grammar.ids import Ids
@@ -36,10 +35,15 @@ if TYPE_CHECKING:
     from minerva_bus.plotting import Plot
 
 
-ARRAY_TYPES: Final = {
-    "float64": DTYPES["real"], "int64": DTYPES["int"], "bool": DTYPES["bool"],
-    "text": DTYPES["text"],
-}  # fmt: skip
+Data: TypeAlias = NDArray[Any] | Ids
+"""A column; ids are spelled only if a writer needs texts."""
+
+ARRAY_TYPES: Final[Mapping[str, Any]] = {
+    "float64": np.float64,
+    "int64": np.int64,
+    "bool": np.bool_,
+    "text": object,
+}
 SHOWN_ROWS: Final = 10
 SEED: Final = "seed"
 """The column of a sweep's table that distinguishes runs of the same options."""

@@ -30,6 +30,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.collect.data_tables import (
     ARRAY_TYPES,
+    Data,
     FileWriter,
     ParquetWriter,
     chunks_in,
@@ -38,7 +39,6 @@ from minerva_bus.collect.data_tables import (
     table_path,
 )
 from minerva_bus.collect.plans import TablePlan
-from minerva_bus.collect.rows import Data
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_file, is_forced, replacing, target_of
 

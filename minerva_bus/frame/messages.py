@@ -46,7 +46,7 @@ class Wire:
     """Form of a message: `[name, item, ...]`, or `[name, {field: value}]` if `keyed`.
 
     `on`: keys on which it is published. `answers`: the message to which it replies.
-    `max_bytes`, `max_values`: names of the limits (`wire/message_limits.py`) if a member sends it.
+    `max_bytes`, `max_values`: names of the limits (`wire/plain.py`) if a member sends it.
     `awaited`: a frame may wait for it, so it is exempt from limits per second.
     """
 

@@ -301,7 +301,13 @@ def _looked_up(numbers: dict[str, int], texts: Sequence[str]) -> NDArray[np.int6
 
 SCALARS: Final = frozenset(("real", "int", "bool", "text"))
 _KINDS = {"real": "fiub", "int": "iu", "bool": "b", "text": "OUT"}
-_NUMPY_TYPES = {"real": np.float64, "int": np.int64, "bool": np.bool_, "text": object}
+NUMPY_TYPES: Final[dict[str, Any]] = {
+    "real": np.float64,
+    "int": np.int64,
+    "bool": np.bool_,
+    "text": object,
+}
+"""The array types of columns, by the kind of a type."""
 
 
 def is_array(value: object) -> bool:
@@ -327,7 +333,7 @@ def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
     if kind.kind == "text":
         return _among(kind, _texts(array))
     # A writable array is copied, because its owner could change the string later.
-    fitted = array.astype(_NUMPY_TYPES[kind.kind], copy=array.flags.writeable)
+    fitted = array.astype(NUMPY_TYPES[kind.kind], copy=array.flags.writeable)
     # Unsigned integers of 2^63 and more have become negative.
     if letter == "u" and kind.kind == "int" and (fitted < 0).any():
         raise Unfit("an array of whole numbers of at most 64 bits")
@@ -360,7 +366,7 @@ def repeated(kind: Type, value: Any, count: int) -> Column:
     """A column of one value. Raises Unfit."""
     if kind.kind not in SCALARS:
         raise Unfit(f"a {kind}, which cannot be a column")
-    array = np.empty(count, _NUMPY_TYPES[kind.kind])
+    array = np.empty(count, NUMPY_TYPES[kind.kind])
     array[:] = kind.fit(value)
     return Column(array)
 
@@ -374,7 +380,7 @@ def fits(kind: Type, column: Column) -> bool:
         texts = values.tolist() if values.dtype == object else [None]
         return are_texts(texts) and (not kind.words or {*texts} <= {*kind.words})
     array = column.array
-    if kind.kind not in SCALARS or array.dtype != _NUMPY_TYPES[kind.kind]:
+    if kind.kind not in SCALARS or array.dtype != NUMPY_TYPES[kind.kind]:
         return False
     if kind.range is not None and array.size:
         # If the extremes are in the range, all values are; nan is an extreme that is in none.

@@ -45,7 +45,7 @@ from minerva_bus.runtime.transport import overhear
 from minerva_bus.security.credentials import Rights, family_start, rights_of
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.keys import COORDINATOR
-from minerva_bus.wire.message_limits import DEFAULT
+from minerva_bus.wire.plain import DEFAULT
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import FileStatus
 

@@ -70,7 +70,7 @@ from minerva_bus.settings.world_settings import (
     WorldSettings,
 )
 from minerva_bus.wire.keys import is_name
-from minerva_bus.wire.message_limits import DEFAULT, Limits, configurable_limits
+from minerva_bus.wire.plain import DEFAULT, Limits, configurable_limits
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.evolution import Policy

@@ -60,8 +60,9 @@ from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.columns_codec import is_patch, plain_patch
-from minerva_bus.wire.message_limits import ON_DISK
+from minerva_bus.wire.field_codecs import plain_reading, read_reading
 from minerva_bus.wire.plain import (
+    ON_DISK,
     as_bool,
     as_bytes,
     as_int,
@@ -74,7 +75,6 @@ from minerva_bus.wire.plain import (
     pack,
     unpack,
 )
-from minerva_bus.wire.readings_codec import plain_reading, read_reading
 from minerva_bus.wire.strings_codec import Reader, plain_event, plain_event_list, plain_scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_bus.world.evolution import Policy

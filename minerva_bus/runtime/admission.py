@@ -40,7 +40,7 @@ from minerva_bus.security.credentials import (
     rights_of,
 )
 from minerva_bus.wire.keys import COORDINATOR, Keys, is_name
-from minerva_bus.wire.message_limits import DEFAULT, Limits, values_in
+from minerva_bus.wire.plain import DEFAULT, Limits, values_in
 
 # --- secured links, with the names of their certificates ---
 

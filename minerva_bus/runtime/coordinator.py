@@ -31,7 +31,7 @@ from minerva_bus.runtime.transport import ZenohTransport
 from minerva_bus.runtime.waiting import MAX_NAMED, Deadlines, Waits
 from minerva_bus.security.credentials import covers
 from minerva_bus.wire.keys import COORDINATOR, Keys
-from minerva_bus.wire.message_limits import DEFAULT, Limits
+from minerva_bus.wire.plain import DEFAULT, Limits
 from minerva_bus.wording import duration, named_some
 from minerva_bus.world.operator import FileStatus, PersonOperation
 

@@ -55,8 +55,19 @@ from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import System
 from minerva_bus.runtime.session_inbox import Question, question
 from minerva_bus.wire.keys import is_name, who_asks
-from minerva_bus.wire.message_limits import DEFAULT, Limits, check, values_in
-from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text, pack, unpack
+from minerva_bus.wire.plain import (
+    DEFAULT,
+    Limits,
+    as_int,
+    as_list,
+    as_map,
+    as_number,
+    as_text,
+    check,
+    pack,
+    unpack,
+    values_in,
+)
 from minerva_bus.wire.status_codec import plain_lines, plain_orders, plain_series, plain_status
 from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary

@@ -26,7 +26,7 @@ from minerva_bus.runtime.metrics import MICRO
 from minerva_bus.runtime.session import System
 from minerva_bus.wire.codec import Decoder, declaration, stamped
 from minerva_bus.wire.keys import COORDINATOR, MAX_NAME, last_part
-from minerva_bus.wire.message_limits import Limits, values_in
+from minerva_bus.wire.plain import Limits, values_in
 
 if TYPE_CHECKING:
     from minerva_bus.runtime.coordinator import Coordinator

@@ -40,7 +40,7 @@ from minerva_bus.runtime.endpoints import (
     why_unreachable,
 )
 from minerva_bus.security.credentials import Credentials
-from minerva_bus.wire.message_limits import DEFAULT
+from minerva_bus.wire.plain import DEFAULT
 
 _AT_ONCE: Final = struct.pack("ii", 0, 0)
 _BEYOND_LEASE: Final = 1.0

@@ -15,8 +15,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.wire.codec import encode, stamp
 from minerva_bus.wire.keys import Keys, is_name
-from minerva_bus.wire.message_limits import DEFAULT
-from minerva_bus.wire.plain import pack
+from minerva_bus.wire.plain import DEFAULT, pack
 
 _GROUPS: Final = frozenset({s.EVERYONE, s.TICKED, s.HOSTS})
 _DROP = zenoh.CongestionControl.DROP

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from minerva_bus.settings.kinds import TOPICS, Setting, settings_of, whole
 from minerva_bus.settings.world_settings import TABLES, PatienceSettings
-from minerva_bus.wire.message_limits import DEFAULT, configurable_limits
+from minerva_bus.wire.plain import DEFAULT, configurable_limits
 
 _TEXT: Final = {"type": "string"}
 _REFERENCE: Final = {"type": "string", "pattern": r"\$\{[^}]+\}"}

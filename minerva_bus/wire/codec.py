@@ -26,8 +26,19 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import Mark, Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.field_codecs import DeclaredField, FieldCodec, Write, field_codec
-from minerva_bus.wire.message_limits import DEFAULT, Limits, check_weight, lightest, name_in
-from minerva_bus.wire.plain import as_list, as_map, as_text, pack, uncollected, unpack
+from minerva_bus.wire.plain import (
+    DEFAULT,
+    Limits,
+    as_list,
+    as_map,
+    as_text,
+    check_weight,
+    lightest,
+    name_in,
+    pack,
+    uncollected,
+    unpack,
+)
 from minerva_bus.wire.strings_codec import Reader
 
 # --- epochs ---

@@ -30,8 +30,7 @@ from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import LONGEST, Ids, RowDelta, same_id
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.message_limits import Limits
-from minerva_bus.wire.plain import as_int, as_list, as_text, as_texts, extension
+from minerva_bus.wire.plain import Limits, as_int, as_list, as_text, as_texts, extension
 
 PATCH: Final = "patch"
 

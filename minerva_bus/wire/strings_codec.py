@@ -50,8 +50,16 @@ from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.columns_codec import ColumnsReader, plain_columns
 from minerva_bus.wire.columns_codec import plain_events as plain_batch
-from minerva_bus.wire.message_limits import DEFAULT, STRING, Limits
-from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
+from minerva_bus.wire.plain import (
+    DEFAULT,
+    STRING,
+    Limits,
+    as_int,
+    as_list,
+    as_text,
+    name_of,
+    unpack,
+)
 
 MATRIX = 1
 """Extension type of a matrix."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from recorded import INTEL, Passed, flaser, needs_intel, odom, raw_laser, robot_laser, write
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.wire.readings_codec import plain_reading, read_reading
+from minerva_bus.wire.field_codecs import plain_reading, read_reading
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.sensors.carmen import Carmen, CarmenLog

@@ -12,7 +12,7 @@ from sweeping import drive, place_at, spread, swept, without_path
 from minerva_agents.robot.mapping import draw_map
 from minerva_agents.robot.trajectories import ScanMotion, located_scans
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.wire.readings_codec import plain_reading, read_reading
+from minerva_bus.wire.field_codecs import plain_reading, read_reading
 from minerva_bus.world.readings import Odometry, Scan, hits
 from minerva_bus.world.recordings import Compensator, MapChoice, Recorded, path_of
 from minerva_services.bridges.ros2.mobile_base import scanned_from

@@ -12,7 +12,7 @@ pytest.importorskip("rosbags")
 from recorded import DEMO, Passed, messages, needs_demo, write_bag
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.wire.readings_codec import plain_reading, read_reading
+from minerva_bus.wire.field_codecs import plain_reading, read_reading
 from minerva_bus.world.readings import Battery, Image, Odometry, Position
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.bridges.rosbag import Bag, Rosbag

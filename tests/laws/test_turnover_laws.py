@@ -35,7 +35,7 @@ from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.log.entries import apply_delta, delta_between
 from minerva_bus.wire.columns_codec import plain_columns, plain_patch
-from minerva_bus.wire.message_limits import Limits
+from minerva_bus.wire.plain import Limits
 from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy

@@ -10,8 +10,7 @@ from minerva_bus.log import channels as c
 from minerva_bus.log.chunks import CHUNK_FLOOR, FEWEST_MESSAGES, FLOOR, RATIO, Chunks
 from minerva_bus.log.record_writer import KEY_AFTER, SHOWN, SHOWN_EVERY
 from minerva_bus.log.recorder import PATIENCE, WAITING
-from minerva_bus.wire.message_limits import ON_DISK
-from minerva_bus.wire.plain import unpack
+from minerva_bus.wire.plain import ON_DISK, unpack
 from tests.log.recorded_runs import bytes_of, happened, strings_of
 
 mcap = pytest.importorskip("mcap")

@@ -24,7 +24,7 @@ from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.log.recorder import Recorder
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.codec import encode
-from minerva_bus.wire.readings_codec import plain_reading
+from minerva_bus.wire.field_codecs import plain_reading
 from minerva_bus.world.readings import (
     Battery,
     Image,

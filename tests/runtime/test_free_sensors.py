@@ -15,7 +15,7 @@ from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.in_process import MAX_WAITING, WaitingOutput
 from minerva_bus.runtime.participants import Outlet, OwnThreads
 from minerva_bus.runtime.session import REAL
-from minerva_bus.wire.readings_codec import plain_reading, read_reading
+from minerva_bus.wire.field_codecs import plain_reading, read_reading
 from minerva_bus.world.readings import Battery, Image, Mount, Odometry, Position, Scan
 from tests.patience import patience
 

@@ -14,8 +14,7 @@ from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.receiver import IN_COLUMNS, MAX_BEHIND, Receiver
 from minerva_bus.runtime.session import REAL
-from minerva_bus.wire.message_limits import DEFAULT
-from minerva_bus.wire.plain import pack
+from minerva_bus.wire.plain import DEFAULT, pack
 from minerva_bus.world.services import Participation, When
 
 PStone, eDrop = Primitive("PStone"), EventType("eDrop")

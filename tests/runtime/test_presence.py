@@ -7,7 +7,7 @@ import pytest
 from minerva_bus.frame.stimuli import Appeared, Vanished
 from minerva_bus.runtime.admission import STRANGERS, AdmissionRules
 from minerva_bus.runtime.receiver import GONE, HERE, TokenChanges, successor
-from minerva_bus.wire.message_limits import Limits
+from minerva_bus.wire.plain import Limits
 from tests.simulator.sessions import Bytes, Sample
 
 

@@ -24,7 +24,7 @@ from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.wire import codec
 from minerva_bus.wire.columns_codec import plain_patch
-from minerva_bus.wire.message_limits import DEFAULT
+from minerva_bus.wire.plain import DEFAULT
 from minerva_bus.wire.strings_codec import Reader, plain_event, plain_scene, plain_value
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_bus.world.context import Context, Frame

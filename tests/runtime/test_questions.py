@@ -9,8 +9,7 @@ from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.questions import Answers
 from minerva_bus.runtime.session import REAL
 from minerva_bus.wire.keys import Keys, who_asks
-from minerva_bus.wire.message_limits import Limits
-from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.wire.plain import Limits, pack, unpack
 from tests.simulator.sessions import Query
 
 STATUS = pack({"ask": "status"})

@@ -30,8 +30,7 @@ from minerva_bus.runtime.receiver import (
 from minerva_bus.runtime.session import System, open_client
 from minerva_bus.wire.codec import Decoder, encode, stamp
 from minerva_bus.wire.keys import Keys
-from minerva_bus.wire.message_limits import DEFAULT
-from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.wire.plain import DEFAULT, pack, unpack
 from minerva_bus.world.services import Participation, When
 from tests.patience import patience
 

@@ -23,8 +23,7 @@ from minerva_bus.runtime.admission import (
 from minerva_bus.security.credentials import Rights
 from minerva_bus.wire.codec import declaration, encode
 from minerva_bus.wire.keys import Keys
-from minerva_bus.wire.message_limits import Limits
-from minerva_bus.wire.plain import pack
+from minerva_bus.wire.plain import Limits, pack
 
 
 class Clock:

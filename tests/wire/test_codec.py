@@ -31,8 +31,8 @@ from minerva_bus.grammar.appearance import Disc, Motion
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.testing.strategies import vocabularies, worlds
 from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.field_codecs import read_reading
 from minerva_bus.wire.plain import COLLECTED, unpack
-from minerva_bus.wire.readings_codec import read_reading
 from minerva_bus.wire.status_codec import read_status
 from minerva_bus.wire.vocabulary_codec import plain_kind, plain_vocabulary, read_vocabulary
 

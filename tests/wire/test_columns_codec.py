@@ -29,7 +29,7 @@ from minerva_bus.grammar.delta import Delta, difference
 from minerva_bus.grammar.events import Events
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.columns_codec import plain_columns, plain_events, plain_ids, plain_patch
-from minerva_bus.wire.message_limits import Limits
+from minerva_bus.wire.plain import Limits
 from minerva_bus.wire.strings_codec import Reader, plain_scene
 
 PDot = Primitive("PDot", size=float, name=str)

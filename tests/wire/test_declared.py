@@ -13,8 +13,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import AtLeast, AtMost, Mark, Note, Wire
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.wire.codec import Decoder, by_name, encode, message_codec
-from minerva_bus.wire.message_limits import Limits
-from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.wire.plain import Limits, pack, unpack
 from tools.protocol_tables import messages
 
 eNear = EventType("eNear", distance=float)

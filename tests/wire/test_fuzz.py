@@ -26,8 +26,7 @@ from minerva_bus.log.entries import (
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import Keys, checked_name
-from minerva_bus.wire.message_limits import Limits
-from minerva_bus.wire.plain import unpack
+from minerva_bus.wire.plain import Limits, unpack
 from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 

@@ -13,8 +13,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.grammar.events import Events, in_columns, single
 from minerva_bus.grammar.scene import DEPTH, AgentNode
 from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.message_limits import STRING, Limits, name_in, values_in
-from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.wire.plain import STRING, Limits, name_in, pack, unpack, values_in
 
 eNear = EventType("eNear", distance=float)
 eText = EventType("eText", text=str)

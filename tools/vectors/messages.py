@@ -9,9 +9,9 @@ import msgpack
 
 from minerva_bus.frame import messages as m
 from minerva_bus.wire.codec import FROM_MEMBER, encode, stamp
+from minerva_bus.wire.field_codecs import plain_reading
 from minerva_bus.wire.keys import is_name
 from minerva_bus.wire.plain import pack
-from minerva_bus.wire.readings_codec import plain_reading
 from tools import golden_messages as golden
 from tools.vectors.notation import Cases, packed_hex, tagged
 

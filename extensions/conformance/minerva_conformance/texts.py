@@ -16,7 +16,7 @@ from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Unfit
-from minerva_bus.wire.readings_codec import plain_reading
+from minerva_bus.wire.field_codecs import plain_reading
 
 
 class KnownState:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.collect.collector import agent_rows, event_rows
 from minerva_bus.collect.data_tables import texts
-from minerva_bus.collect.rows import agent_rows, event_rows
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import AgentNode, Scene, walk

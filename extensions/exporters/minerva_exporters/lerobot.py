@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.api.datasets import ExportChoice, ExportProgress
+from minerva_bus.collect.collector import agent_rows
 from minerva_bus.collect.data_tables import needed, texts
-from minerva_bus.collect.rows import agent_rows
 from minerva_bus.log.record import Record
 from minerva_bus.world.readings import Image
 from minerva_exporters.episode_file import EpisodeFile

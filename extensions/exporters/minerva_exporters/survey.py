@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.api.datasets import ExportChoice
+from minerva_bus.collect.collector import agent_rows
 from minerva_bus.collect.data_tables import texts
-from minerva_bus.collect.rows import agent_rows
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary

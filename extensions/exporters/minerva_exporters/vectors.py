@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.collect.rows import Rows
+from minerva_bus.collect.collector import Rows
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.world.readings import Battery, Odometry, Position, Reading, Scan

@@ -11,7 +11,7 @@ from rosbags.interfaces import QosDurability
 
 from minerva_bus import MinervaError, export_dataset
 from minerva_bus.cli.main import app
-from minerva_bus.wire.readings_codec import plain_reading
+from minerva_bus.wire.field_codecs import plain_reading
 from minerva_exporters.sources import RecordFrames, new_folder
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.rosbag import Bag

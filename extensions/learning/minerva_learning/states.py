@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.collect.rows import agent_rows
+from minerva_bus.collect.collector import agent_rows
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.symbols import AgentKind
