@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from minerva_bus.api.records import (
         record,
         replay,
-        replay_swapped,
         replay_views,
         resume,
     )
@@ -60,7 +59,7 @@ _HOMES = {
     "api.exporting": "Export export",
     "api.live": "Live connect",
     "api.checking": "check",
-    "api.records": "record replay replay_swapped replay_views resume",
+    "api.records": "record replay replay_views resume",
     "api.run_result": "Interrupted Run",
     "api.running": "run",
     "api.service_specs": "each service",
@@ -153,7 +152,6 @@ __all__ = [
     "parse",
     "record",
     "replay",
-    "replay_swapped",
     "replay_views",
     "resume",
     "run",

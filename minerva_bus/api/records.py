@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,15 +11,12 @@ from minerva_bus.api.requests import ContinuedRecord, request_of
 from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import check_film, run_request
 from minerva_bus.api.world import World, world_of
-from minerva_bus.arguments import path_of, text, text_list
+from minerva_bus.arguments import path_of, text_list
 from minerva_bus.launch.past import WorldSource, find_file
-from minerva_bus.launch.replays import Swap, Swapped, recomputed, run_swapped
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.replays import recomputed
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.log.comparison import Difference
 from minerva_bus.log.record import Record
-from minerva_bus.world.agent import Agent
-from minerva_bus.world.services import Service
 
 
 def replay(
@@ -88,51 +85,6 @@ def replay_views(
     # The record is replayed, not the collected data of its world file.
     request = replace(request, file=replace(request.file, collect=Collecting()))
     return run_request(request, bus=True, quiet=quiet)
-
-
-def replay_swapped(
-    record: str | Path,
-    member: str,
-    replacement: type[Agent] | type[Service] | str,
-    world: World | str | Path = "",
-    *,
-    options: Mapping[str, Any] | None = None,
-    into: str | Path = "",
-    progress: Callable[[int, int], None] | None = None,
-) -> Swapped:
-    """Run a recorded world again with one member replaced, up to the end of its record.
-
-    All agents run again; all other members repeat what was recorded. Time is simulated, and
-    everything runs in this process.
-
-    Args:
-        record: the file, .mcap.
-        member: the name of a process; `rabbits` is `rabbits-1`, `rabbits-2` and so on.
-        replacement: a class of agents, generators or devices, an installed name, or
-            `module:Class`. Of several kinds of agents, it replaces that with the same symbol.
-        world: the world with the code of all other members; "": the world file that the record
-            names.
-        options: of the new generator or device.
-        into: records this run in another file, .mcap; default: none.
-        progress: called with the number of completed frames and the total.
-
-    Returns:
-        The end of the run (`frames`, `digest`, `ended`, `figures`), and the first `difference` from
-        the record.
-
-    Raises:
-        RecordError: the record cannot be read.
-        MisuseError: the member or its replacement cannot be used.
-        WorldFileError: there is no such class, option or world file.
-        WorldStopped: code of a member failed.
-
-    Example:
-        `replay_swapped("run.mcap", "weather", Storm, options={"wind": 20.0}).difference.frame`
-
-    """
-    texts = {name: option_text(value) for name, value in (options or {}).items()}
-    swap, path = Swap(text("member", member), replacement, texts), path_of("record", record)
-    return run_swapped(path, _source(world), swap, str(into), progress or _no_progress)
 
 
 def record(world: World | str | Path, path: str | Path, **settings: Any) -> Run:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import typer
-
-from minerva_bus.api.records import replay, replay_swapped
+from minerva_bus.api.records import replay
 from minerva_bus.cli.output import (
     FAILED,
     INTERRUPTED,
@@ -17,9 +15,8 @@ from minerva_bus.cli.output import (
     print_result,
     progress_bar,
 )
-from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.replays import Swap, read_replay
+from minerva_bus.launch.replays import read_replay
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.settings.overrides import Overrides
 
@@ -61,21 +58,3 @@ def recompute_record(path: Path, world: str, as_json: bool) -> int:
     else:
         print_answer(result, as_json)
     return 0 if result.same else FAILED
-
-
-def replay_with(path: Path, world: str, swap: Swap, into: str, as_json: bool) -> int:
-    """Run a record again with one member replaced; returns the exit code.
-
-    Raises RecordError and WorldFileError, and MisuseError for an invalid swap.
-    """
-    try:
-        with progress_bar("recompute") as report:
-            result = replay_swapped(
-                path, swap.member, swap.spec, world,
-                options=swap.options, into=into, progress=report,
-            )  # fmt: skip
-    except WorldStopped as stopped:
-        print_message(f"minerva: {stopped}")
-        raise typer.Exit(FAILED) from stopped
-    print_answer(result, as_json)
-    return 0 if result.difference.same else FAILED

@@ -1,4 +1,4 @@
-"""Replays a record: in any view, recomputed, or with one member replaced (`minerva replay FILE`).
+"""Replays a record: in any view, or recomputed (`minerva replay FILE`).
 
 In a view (`--view svg`), bus, views and launcher are those of any world; only the coordinator reads
 its frames from a record. The world file provides the code of agents, which their views need.
@@ -6,16 +6,12 @@ its frames from a record. The world file provides the code of agents, which thei
 A recomputed run (`--recompute`) feeds a frame algorithm with the logged inputs of each frame,
 except those of members that take part here; the hosts here compute the evolution. Each frame is
 compared with the recorded one. Time is simulated, and everything runs in this process.
-
-With one member replaced (`--swap MEMBER=SPEC`), agents run again, too, and the new member generates
-its own events. Thus two planners, or two views, can be compared in the same world.
 """
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -25,8 +21,6 @@ from minerva_bus.errors import (
     MisuseError,
     ProtocolError,
     RecordError,
-    WorldStopped,
-    nearest,
 )
 from minerva_bus.files import text_of_path
 from minerva_bus.frame import messages as m
@@ -35,7 +29,6 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import Phase
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.members import incompatibility
 from minerva_bus.frame.replay import ReplayAlgorithm
 from minerva_bus.frame.stimuli import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent, Events
@@ -47,26 +40,20 @@ from minerva_bus.launch.past import (
     no_frame,
     world_file_of,
 )
-from minerva_bus.launch.process_specs import ProcessSpec
-from minerva_bus.launch.run_outputs import recording
-from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
-from minerva_bus.launch.typed_text import typed_options
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference, apart, same_events
-from minerva_bus.log.record import Cursor, Record, RecordedReadings
+from minerva_bus.log.record import Cursor, Record
 from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.questions import COMMANDS, Operated, status_of
 from minerva_bus.runtime.runner import InProcessRunner, Notice
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.settings.world_settings import RecordSettings
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
 from minerva_bus.wire.status_codec import plain_status
 from minerva_bus.wording import frames_up_to
-from minerva_bus.world.agent import Agent, Kinds
+from minerva_bus.world.agent import Kinds
 from minerva_bus.world.operator import FileStatus
 from minerva_bus.world.priority import collect
-from minerva_bus.world.services import Generator, Service
 
 if TYPE_CHECKING:
     from minerva_bus.log.entries import RecordHeader
@@ -76,9 +63,6 @@ RECORDED: Final = "~record"
 """Source of recorded events if the record does not have the inputs of each member."""
 
 _HOST: Final = "~host"
-
-READERS: Final = ("record", "recorded", "~record")
-"""Names for the member that publishes recorded readings; the first free one is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,59 +166,45 @@ def recomputed(path: Path, world: WorldSource, progress: Callable[[int, int], No
         return recompute(record, kinds_in(file), lambda done: progress(done, last))
 
 
-@dataclass(frozen=True, slots=True)
-class Without:
-    """The inputs that are not fed: those of `members`, and views that only they request.
+def recorded_inputs(frame: RecordedFrame) -> FrameInputs:
+    """The inputs of the algorithm for a recorded frame, of any version of records.
 
-    A record without inputs does not name the sender of an event, so `types` are left out.
+    A record without the inputs of each member has the events of all: those that no agent sent are
+    inputs, because agents run again.
     """
+    if frame.inputs is not None:
+        return frame.inputs
+    sent = [rest for event in frame.events for rest in _of_members(event)]
+    return FrameInputs(frame.number, (), {}, {RECORDED: sent} if sent else {}, (), (), {})
 
-    members: frozenset[str] = frozenset()
-    draws: frozenset[str] = frozenset()
-    types: frozenset[str] = frozenset()
 
-    def inputs(self, frame: RecordedFrame) -> FrameInputs:
-        """The inputs of the algorithm for a recorded frame."""
-        inputs = frame.inputs
-        if inputs is None:
-            sent = [rest for event in frame.events for rest in self._of_members(event)]
-            return FrameInputs(frame.number, (), {}, {RECORDED: sent} if sent else {}, (), (), {})
-        return replace(
-            inputs,
-            due=tuple(name for name in inputs.due if name not in self.draws),
-            ticked={k: reply for k, reply in inputs.ticked.items() if k not in self.members},
-            taken={k: events for k, events in inputs.taken.items() if k not in self.members},
-        )
-
-    def _of_members(self, event: AnyEvent) -> Collection[AnyEvent]:
-        """The part of an event, or batch, that no agent sent: agents run again."""
-        if event.type in self.types:
-            return ()
-        if not isinstance(event, Events):
-            return () if event.sender else (event,)
-        if event.senders is None:
-            return (event,)
-        return [row for row in event if not row.sender]
+def _of_members(event: AnyEvent) -> Collection[AnyEvent]:
+    """The part of an event, or batch, that no agent sent."""
+    if not isinstance(event, Events):
+        return () if event.sender else (event,)
+    if event.senders is None:
+        return (event,)
+    return [row for row in event if not row.sender]
 
 
 class Rerun:
     """A recorded run that is computed again, frame by frame, from its beginning.
 
-    `compare` is a sink of the runner that runs `algorithm`. `difference` describes the first frame
-    that differs. Raises RecordError if a frame is missing.
+    `compare` is a sink of the runner that runs `algorithm`, which gets the `inputs` of each frame.
+    `difference` describes the first frame that differs. Raises RecordError if a frame is missing.
     """
 
     def __init__(
         self,
         record: Record,
         algorithm: FrameAlgorithm,
-        without: Without | None = None,
+        inputs: Callable[[RecordedFrame], FrameInputs] = recorded_inputs,
     ) -> None:
         self.algorithm = algorithm
         self.difference: Difference | None = None
         self._record = record
         self._cursor = Cursor(record, state=True, inputs=True)
-        self._without = without or Without()
+        self._inputs = inputs
 
     def run(self, runner: InProcessRunner, *, to_difference: bool = False) -> None:
         """Compute all frames, or those up to the first that differs; raises as `step`."""
@@ -252,7 +222,7 @@ class Rerun:
                 f"{self._record.path}: frame {algorithm.frame} is not in the record, so the run"
                 " cannot be computed beyond it"
             )
-        runner.handle(s.Begin(inputs=self._without.inputs(frame)))
+        runner.handle(s.Begin(inputs=self._inputs(frame)))
         # All members reply within `handle`, so a frame that is incomplete now stays incomplete.
         if algorithm.frame == frame.number and runner.ended is None:
             awaited = ", ".join(algorithm.waiting_for()) or "agents that no process here runs"
@@ -325,216 +295,3 @@ def _deliver_without_views(
     if isinstance(message, m.EvolveRequest):
         message = replace(message, visual=())
     return member.receive(message)
-
-
-@dataclass(frozen=True, slots=True)
-class Swap:
-    """The member to replace, its replacement, and the options of that.
-
-    `spec` is a class, an installed name or `module:Class`; `options` are texts, as on a command
-    line.
-    """
-
-    member: str
-    spec: str | type[Agent] | type[Service]
-    options: Mapping[str, str] = field(default_factory=dict[str, str])
-
-    @classmethod
-    def read(cls, text: str, options: Mapping[str, str]) -> Swap:
-        """`MEMBER=SPEC`. Raises MisuseError."""
-        member, equals, spec = text.partition("=")
-        if not (member and equals and spec):
-            raise MisuseError(f"--swap {text}: expected MEMBER=SPEC, such as planner=module:Class")
-        return cls(member.strip(), spec.strip(), options)
-
-    def __str__(self) -> str:
-        return self.spec if isinstance(self.spec, str) else self.spec.__name__
-
-    def find(self, folder: Path) -> type[Agent] | type[Service]:
-        """The new class; the world file's `folder` is searched, too. Raises WorldFileError."""
-        if not isinstance(self.spec, str):
-            return _checked(self.spec)
-        folder = folder_of(self.spec, folder)
-        if names_agents(self.spec, folder):
-            return find_agent(self.spec, folder)
-        return find_service(self.spec, folder)
-
-
-@dataclass(frozen=True, slots=True)
-class Swapped:
-    """Result of a run with a replaced member: its first difference, and its end."""
-
-    difference: Difference
-    frames: int
-    digest: str
-    ended: str
-    recorded: int
-    figures: Mapping[str, bool | int | float | str]
-
-    def plain(self) -> dict[str, Any]:
-        """The result as a JSON object."""
-        ended = {"frames": self.frames, "digest": self.digest, "ended": self.ended}
-        compared = {"recorded": self.recorded, "figures": dict(self.figures)}
-        return {**ended, **compared, "difference": self.difference.plain()}
-
-    def lines(self) -> list[str]:
-        """The result as lines of text."""
-        over = f"{self.ended}: {self.frames:,} frames of {self.recorded:,}, digest {self.digest}"
-        figures = [f"{name} {value}" for name, value in self.figures.items()]
-        return [*self.difference.lines(), over, *([", ".join(figures)] if figures else [])]
-
-
-def _checked(cls: object) -> type[Agent] | type[Service]:
-    """A class that was given in Python. Raises MisuseError if it is not that of a member."""
-    if inspect.isclass(cls) and issubclass(cls, Agent | Service):
-        return cls
-    raise MisuseError(f"{cls!r:.60} is not a class of agents, generators or devices")
-
-
-def run_swapped(
-    path: Path, world: WorldSource, swap: Swap, into: str, progress: Callable[[int, int], None]
-) -> Swapped:
-    """Compute a recorded run again with one member replaced; `into` names a record of it.
-
-    Raises RecordError and WorldFileError; MisuseError if the member or its replacement cannot be
-    used; WorldStopped if user code fails.
-    """
-    # The new record would replace the file while it is read.
-    if into and Path(into).resolve() == path.resolve():
-        raise MisuseError(f"--record {into}: it is the record that is replayed; name another file")
-    with Record(path) as record:
-        description = record.description
-        file = world_file_of(path, world, description, Overrides())
-        last = record.last()[0]
-        if not last:
-            raise no_frame(record)
-        members, without = _members(record, file, swap)
-        expected = frozenset(member.name for member in members)
-        played = replace(description.world, frames=last, expected=expected)
-        settings = RecordSettings(into) if into else RecordSettings()
-        if into and not into.endswith(".mcap"):
-            raise MisuseError(f"a record is a file .mcap, not {into!r}")
-        again = replace(
-            file, world=played, record=settings, text=description.file, rate=description.rate
-        )
-        return _run(record, again, members, without, progress)
-
-
-# --- members ---
-
-
-def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member], Without]:
-    """Hosts, the new member and recorded readings; and the inputs that they replace."""
-    old = _replaced(file, swap.member)
-    others = [process for process in file.processes if process not in old]
-    # A command has none of these: what it offers is known only when it joins.
-    hellos = [process.make_member().hello() for process in old]
-    # The member that publishes recorded readings needs a name that no process has.
-    names = {process.name for process in file.processes}
-    reader = Member(next(name for name in READERS if name not in names), RecordedReadings(record))
-    new = [_new_member(process, swap, file) for process in old]
-    for member in new:
-        _check_new(member, file, reader.hello().publishes, swap)
-    hosts = [process.make_member() for process in others if process.agents]
-    drawn = {event for process in others for event in process.make_member().hello().draws}
-    without = Without(
-        frozenset(process.name for process in old),
-        frozenset(event for hello in hellos for event in hello.draws) - drawn,
-        frozenset(event for hello in hellos for event in hello.generates),
-    )
-    return [reader, *new, *hosts], without
-
-
-def _replaced(file: WorldFile, member: str) -> list[ProcessSpec]:
-    """The processes of that name, or NAME-1, NAME-2 ... Raises MisuseError if there are none."""
-    processes = [process for process in file.processes if process.name == member]
-    processes = processes or [
-        process
-        for process in file.processes
-        if process.name.rpartition("-")[0] == member and process.name.rpartition("-")[2].isdecimal()
-    ]
-    if not processes:
-        known = [process.name for process in file.processes]
-        hint = nearest(member, known, f"it has {', '.join(known)}")
-        raise MisuseError(f"swap {member}: {file.path.name} has no process {member!r}{hint}")
-    return processes
-
-
-def _new_member(old: ProcessSpec, swap: Swap, file: WorldFile) -> Member:
-    cls = swap.find(file.path.parent)
-    if issubclass(cls, Service):
-        options = typed_options(cls, swap.options)
-        return Member(old.name, bind(cls, options, old.name)())
-    if swap.options:
-        raise MisuseError(f"swap {swap.member}: {swap} names agents, which have no options")
-    kept = [agent for agent in old.agents if agent.kind.name != cls.kind.name]
-    if len(kept) == len(old.agents):
-        kinds = ", ".join(agent.kind.name for agent in old.agents) or "no agents"
-        raise MisuseError(f"swap {swap.member}: {old.name} runs {kinds}, not {cls.kind.name}")
-    return Member(old.name, None, (*kept, cls))
-
-
-def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:
-    """Raises MisuseError if a member cannot take part."""
-    where, service = f"swap {swap.member}", new.service
-    reason = incompatibility(new.hello(), file.world.vocabulary)
-    if reason:
-        raise MisuseError(f"{where}: {swap}: {reason}")
-    if isinstance(service, Generator) and not new.when.is_awaited:
-        raise MisuseError(f"{where}: {swap} runs freely, by the clock; here time is simulated")
-    for topic in sorted(set(new.topics).difference(topics, new.hello().publishes)):
-        raise MisuseError(
-            f"{where}: {swap} listens to {topic!r}, which is not in the record; record it with"
-            " --record-topics"
-        )
-
-
-# --- the run ---
-
-
-def _run(
-    record: Record,
-    file: WorldFile,
-    members: list[Member],
-    without: Without,
-    progress: Callable[[int, int], None],
-) -> Swapped:
-    algorithm = FrameAlgorithm(file.world)
-    rerun = Rerun(record, algorithm, without)
-    problems: list[str] = []
-    again = recording(file, algorithm, problems.append)
-
-    def watch(notice: Notice) -> None:
-        if isinstance(notice, s.Notify):
-            again.said(notice.member, notice.text)
-        elif isinstance(notice, s.FrameDone):
-            progress(notice.frame + 1, file.world.frames)
-
-    on_readings = again.sensed if again.topics else None
-    runner = InProcessRunner(
-        algorithm, members, rerun.compare, again, watch, on_readings=on_readings
-    )
-    try:
-        rerun.run(runner)
-    except Exception as error:
-        own = isinstance(error, MinervaError)
-        problem = error if own else f"{type(error).__name__}: {error}"
-        raise WorldStopped(f"frame {algorithm.frame}: {problem}") from error
-    finally:
-        # Services may hold files or devices, so they are closed after a failure, too.
-        again.close()
-        for member in members:
-            if member.service is not None:
-                member.service.close()
-    # The run and its comparison are complete, but the requested record is not.
-    if problems:
-        raise MinervaError(problems[0])
-    ended = runner.ended
-    return Swapped(
-        rerun.result(),
-        algorithm.frame,
-        algorithm.scene.digest.hex(),
-        ended.reason if ended is not None else "",
-        file.world.frames,
-        dict(ended.figures) if ended is not None else {},
-    )

@@ -3,7 +3,7 @@
 import pytest
 from frogs import Frog, pond
 
-from minerva_analysis import diff, explain, graph
+from minerva_analysis import diff, explain, graph, replay_swapped
 from minerva_bus import (
     EMPTY,
     EventType,
@@ -22,7 +22,6 @@ from minerva_bus import (
     interpret,
     record,
     replay,
-    replay_swapped,
     replay_views,
     resume,
     run,

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from frogs import Frog, eTick, pond
 
+from minerva_analysis import replay_swapped
 from minerva_bus import (
     Agent,
     Generator,
@@ -15,7 +16,6 @@ from minerva_bus import (
     on,
     record,
     replay,
-    replay_swapped,
     replay_views,
     resume,
     run,
@@ -151,7 +151,7 @@ def test_a_replaced_member_gives_the_run_of_the_command(
     )  # fmt: skip
     spec = f"{member}={replacement.__module__}:{replacement.__name__}"
     words = [word for name, value in options.items() for word in (f"--{name}", value)]
-    command = here(folder, "replay", path, "--swap", spec, *words, "--json")
+    command = here(folder, "swap", path, spec, *words, "--json")
     assert json.loads(command.stdout) == done.plain()
     assert done.difference.same == (replacement is Frog)
     assert steps == [*range(1, 11)]

@@ -128,7 +128,7 @@ def test_a_record_is_shown_without_its_code(folder):
 
 
 def test_a_check_that_needs_code_is_rejected(folder):
-    for words in (("--recompute",), ("--swap", "a=b:C"), ("--view", "svg")):
+    for words in (("--recompute",), ("--view", "svg")):
         done = minerva(folder, "replay", "r.mcap", "--no-code", *words)
         assert done.returncode == 2
         assert "runs code" in done.stderr

@@ -1,18 +1,15 @@
 """The cursor restores the state before any frame, and its inputs lead to the next frames."""
 
-import json
 from dataclasses import replace
 
 import pytest
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.replays import Rerun, Without
-from minerva_bus.log.record import Cursor, Record
+from minerva_bus.launch.replays import Rerun
+from minerva_bus.log.record import Cursor
 from minerva_bus.runtime.runner import InProcessRunner
 from tests.log.recorded_runs import CHECKPOINTS, bytes_of, happened, record_of, strings_of
-from tests.log.test_swapping import LOCKSTEP, OTHERS, swapped
 from tests.one_process import run_world
-from tests.runtime.running import here, summary, write_world
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
@@ -50,48 +47,6 @@ def test_a_run_has_more_than_one_future(tmp_path):
         assert futures(record, 20, file, file.world.seed) == digests
         assert futures(record, 20, file, file.world.seed + 1) != digests
         assert futures(record, 20, file, file.world.seed) == digests
-
-
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory):
-    """A recorded world in which two members generate events of the same type."""
-    folder = tmp_path_factory.mktemp("shared")
-    members = LOCKSTEP + '\n[process.fast]\nservice = "others:Slow"\nstride = 1000\n'
-    path = write_world(folder, members, frames=8)
-    (folder / "others.py").write_text(OTHERS)
-    words = ("run", path, "--in-process", "--json", "--record", "run.mcap")
-    return folder, summary(here(folder, *words))
-
-
-def test_inputs_name_the_sender_of_an_event(shared):
-    folder, _ = shared
-    with Record(folder / "run.mcap") as record:
-        cursor = Cursor(record, inputs=True)
-        while cursor.ahead is not None:
-            ticked = cursor.ahead.inputs.ticked
-            number = cursor.ahead.number
-            assert [e.count for e in ticked["fast"].events] == [1000 * number]
-            fed = Without(frozenset({"fast"})).inputs(cursor.ahead)
-            assert "steps" in fed.ticked
-            assert "fast" not in fed.ticked
-            assert not fed.replies
-            cursor.advance()
-
-
-@pytest.mark.parametrize("what", ["steps=yard:Steps", "fast=others:Slow"])
-def test_one_of_two_members_that_make_the_same_events_is_swapped(shared, what):
-    folder, whole = shared
-    options = ("--stride", 1000) if what.startswith("fast") else ()
-    code, result = swapped(folder, what, *options)
-    assert code == 0, result
-    assert result["digest"] == whole["digest"]
-
-
-def test_another_member_makes_the_difference_alone(shared):
-    code, result = swapped(shared[0], "fast=others:Slow", "--stride", 7)
-    assert code == 1
-    assert result["difference"]["frame"] == 1
-    assert json.dumps(result["difference"]["events"]).count("eStep") == 2
 
 
 def test_a_missing_frame_ends_a_rerun(tmp_path):

@@ -95,7 +95,7 @@ def test_it_is_recomputed_and_swapped(recorded):
     folder, *_ = recorded
     done = here(folder, "replay", "one.mcap", "--recompute")
     assert done.returncode == 0, done.stdout
-    done = here(folder, "replay", "one.mcap", "--swap", "cook=yeast:Cook")
+    done = here(folder, "swap", "one.mcap", "cook=yeast:Cook")
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -142,3 +142,10 @@ def test_a_record_without_frames_is_refused(recorded):
     recording(file, FrameAlgorithm(file.world), print).close()
     done = here(path.parent, "replay", "empty.mcap")
     assert (done.returncode, "there is no frame in it" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("option", [("--from", 5), ("--view", "svg"), ("--speed", 2)])
+def test_options_that_would_be_ignored_are_rejected(tmp_path, option):
+    done = here(tmp_path, "replay", "run.mcap", "--recompute", *option)
+    assert done.returncode == 2
+    assert f"{option[0]} cannot be combined with --recompute" in done.stderr

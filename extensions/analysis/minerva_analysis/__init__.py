@@ -2,6 +2,7 @@
 
 records, explaining, causes   `explain`: how a value came about; `diff`
 past_frames                   frames of a record that are computed again
+swapping                      `swap`: a recorded run again with one member replaced
 halts                         why a running world does not advance
 record_plot, tracks           pictures of runs
 graphs, emitted               `graph`: who publishes and who receives which event types
@@ -13,7 +14,9 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from minerva_analysis.graphs import Graph, graph
     from minerva_analysis.records import diff, explain
+    from minerva_analysis.swapping import replay_swapped
 
-__getattr__ = imported_at_first_use(__name__, {"graphs": "Graph graph", "records": "diff explain"})
+_HOMES = {"graphs": "Graph graph", "records": "diff explain", "swapping": "replay_swapped"}
+__getattr__ = imported_at_first_use(__name__, _HOMES)
 
-__all__ = ["Graph", "diff", "explain", "graph"]
+__all__ = ["Graph", "diff", "explain", "graph", "replay_swapped"]

@@ -212,7 +212,7 @@ def test_frames_can_wait_for_answers(tmp_path):
 def test_a_recorded_run_can_be_repeated_with_another_model(tmp_path):
     path = write_town(tmp_path, "town:decide", "wait = true")
     summary(here(tmp_path, "run", path, "--in-process", "--record", "w.mcap", "--json"))
-    swap = "replay", "w.mcap", "--swap", "llm=llm", "--record", "s.mcap"
+    swap = "swap", "w.mcap", "llm=llm", "--record", "s.mcap"
     done = here(tmp_path, *swap, "--backend", "town:RULES")
     assert done.returncode == 1, done.stderr
     assert 'fate=["eat 2", "eat 2"]' in town_of(tmp_path, "s.mcap")["ben"]

@@ -20,7 +20,6 @@ from minerva_bus.cli.options import (
     QuietRun,
     Record,
     examples,
-    options_of,
 )
 from minerva_bus.cli.startup import uncollected
 from minerva_bus.settings.overrides import Overrides
@@ -96,10 +95,6 @@ def replay(
     recompute: Annotated[
         bool, typer.Option("--recompute", help="Run the agents again and compare each frame.")
     ] = False,
-    swap: Annotated[
-        str, typer.Option(help="MEMBER=SPEC: run the world again with this member replaced.")
-    ] = "",
-    record: Annotated[str, typer.Option(help="Record the run of --swap, .mcap.")] = "",
     no_code: Annotated[
         bool, typer.Option("--no-code", help="Run no code: print the frames of the record.")
     ] = False,
@@ -114,35 +109,21 @@ def replay(
     prints the events, agents and digest of each frame (--json: also its string); info, diff and
     plot run no code either.
 
-    --recompute shows nothing; its exit code is 0 if all frames are the same, otherwise 1. So is
-    that of --swap, which runs in simulated time: the agents and the new member run again, all
-    other members repeat what was recorded. Other options are passed to the new member.
+    --recompute shows nothing; its exit code is 0 if all frames are the same, otherwise 1.
     """
     with uncollected():
         from minerva_bus.cli.recording import show_frames
-        from minerva_bus.cli.replaying import recompute_record, replay_record, replay_with
-        from minerva_bus.launch.replays import Swap
+        from minerva_bus.cli.replaying import recompute_record, replay_record
 
     if no_code:
-        code = {"--swap": swap, "--recompute": recompute, "--view": overrides.views, "WORLD": world}
+        code = {"--recompute": recompute, "--view": overrides.views, "WORLD": world}
         _refuse(context, code, "runs code, which --no-code forbids; minerva plot runs none")
         show_frames(file, begin, json)
         return
-    words = context.args
-    # As in `run`: an unknown option may be in place of WORLD.
-    if world.startswith("--"):
-        words, world = [world, *words], ""
-    if swap or recompute:
-        # These would be ignored without a word, or be meant for the new member, which has its own.
-        played = {"--view": overrides.views, "--from": begin != 0, "--speed": speed != 1.0}
-        _refuse(context, played, f"cannot be combined with --{'swap' if swap else 'recompute'}")
-    if swap and recompute:
-        context.fail("--swap and --recompute exclude each other")
-    if swap:
-        raise typer.Exit(replay_with(file, world, Swap.read(swap, options_of(words)), record, json))
-    if words or record:
-        context.fail(f"{words[0] if words else '--record'} requires --swap")
     if recompute:
+        # These would be ignored without a word.
+        played = {"--view": overrides.views, "--from": begin != 0, "--speed": speed != 1.0}
+        _refuse(context, played, "cannot be combined with --recompute")
         raise typer.Exit(recompute_record(file, world, json))
     code = replay_record(
         file, world, overrides, startup.BEGAN, begin=begin, speed=speed, as_json=json, quiet=quiet

@@ -1,4 +1,4 @@
-"""`minerva diff` and `minerva plot`."""
+"""`minerva diff`, `minerva plot` and `minerva swap`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Final
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.options import Collect, Force, Json, Record, examples
+from minerva_bus.cli.options import Collect, Force, Json, MovedWorld, Record, examples, options_of
 
 TOPIC: Final = "Records"
 
@@ -63,3 +63,46 @@ def plot(
     from minerva_analysis.plot_command import plot_file
 
     plot_file(file, output, tuple(collect or ()), series, x, bars=bars, as_json=json)
+
+
+@examples(
+    "minerva swap run.mcap robots=planners:Careful --record careful.mcap",
+    "minerva swap run.mcap weather=storms:Storm --wind 20",
+)
+def swap(
+    context: typer.Context,
+    file: Record,
+    member: Annotated[
+        str, typer.Argument(metavar="MEMBER=SPEC", help="A process, and what takes its place.")
+    ],
+    world: MovedWorld = "",
+    record: Annotated[str, typer.Option(help="Record this run, .mcap.")] = "",
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Run a recorded world again with one member replaced.
+
+    The agents and the new member run again, in simulated time; all other members repeat what was
+    recorded. The exit code is 0 if all frames are the same, otherwise 1. Other options are passed
+    to the new member. This runs the Python code of the world file that the record names.
+    """
+    from minerva_analysis.swapping import Swap, replay_swapped
+    from minerva_bus.cli.output import FAILED, print_answer, print_message, progress_bar
+    from minerva_bus.errors import WorldStopped
+
+    words = context.args
+    # The parser takes unknown options for arguments, so the first may be in place of WORLD.
+    if world.startswith("--"):
+        words, world = [world, *words], ""
+    wanted = Swap.read(member, options_of(words))
+    try:
+        with progress_bar("recompute") as report:
+            result = replay_swapped(
+                file, wanted.member, wanted.spec, world,
+                options=wanted.options, into=record, progress=report,
+            )  # fmt: skip
+    except WorldStopped as stopped:
+        print_message(f"minerva: {stopped}")
+        raise typer.Exit(FAILED) from stopped
+    print_answer(result, json)
+    raise typer.Exit(0 if result.difference.same else FAILED)

@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from minerva_analysis.swapping import Without
+from minerva_bus.log.record import Cursor, Record
 from tests.runtime.running import ALL_KINDS, here, summary, write_world
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
@@ -65,7 +67,7 @@ def recorded(tmp_path_factory):
 
 
 def swapped(folder, what, *words, record="run.mcap"):
-    done = here(folder, "replay", record, "--swap", what, "--json", *words)
+    done = here(folder, "swap", record, what, "--json", *words)
     return done.returncode, json.loads(done.stdout)
 
 
@@ -87,7 +89,7 @@ def test_a_class_is_searched_in_the_current_folder_too(recorded, tmp_path, besid
     if not beside:
         (tmp_path / "elsewhere.py").write_text("from yard import Steps\n")
     where, module = (folder, "yard") if beside else (tmp_path, "elsewhere")
-    done = here(where, "replay", folder / "run.mcap", "--swap", f"steps={module}:Steps", "--json")
+    done = here(where, "swap", folder / "run.mcap", f"steps={module}:Steps", "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["digest"] == whole["digest"]
 
@@ -119,7 +121,7 @@ def test_emitted_events_are_not_sent_again(recorded):
 
 def test_another_generator_with_options_recorded_and_compared(recorded):
     folder, _ = recorded
-    done = here(folder, "replay", "run.mcap", "--swap", "steps=others:Slow", "--stride", 3,
+    done = here(folder, "swap", "run.mcap", "steps=others:Slow", "--stride", 3,
                 "--record", "slow.mcap")  # fmt: skip
     assert done.returncode == 1, done.stderr
     assert "events of this run alone:\n    eStep<count=0>" in done.stdout
@@ -142,46 +144,31 @@ def test_subscribers_receive_recorded_readings(recorded):
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (("run.mcap", "--swap", "steps"), "expected MEMBER=SPEC"),
+        (("run.mcap", "steps"), "expected MEMBER=SPEC"),
         (
-            ("run.mcap", "--swap", "stepz=yard:Steps"),
+            ("run.mcap", "stepz=yard:Steps"),
             "has no process 'stepz'; did you mean 'steps'?",
         ),
-        (("run.mcap", "--swap", "steps=yard:Stepz"), "yard has no Stepz"),
-        (("run.mcap", "--swap", "steps=nothing"), "no service 'nothing' is installed"),
-        (("run.mcap", "--swap", "steps=yard:Steps", "--pace", 3), "no option 'pace'"),
-        (("run.mcap", "--swap", "walkers=yard:Walker", "--pace", 3), "agents, which have no opt"),
-        (("run.mcap", "--swap", "walkers=yard:Fragile"), "runs AWalker, not AFragile"),
-        (("run.mcap", "--swap", "steps=others:Free"), "runs freely, by the clock"),
-        (("deaf.mcap", "--swap", "eye=yard:Eye"), "listens to 'sight', which is not in the record"),
-        (("run.mcap", "--swap", "eye=yard:Eye", "--record", "run.mcap"), "name another file"),
-        (("run.mcap", "--swap", "eye=yard:Eye", "--record", "run.txt"), "is a file .mcap"),
-        (("run.mcap", "--pace", 3), "--pace requires --swap"),
-        (("run.mcap", "--record", "b.mcap"), "--record requires --swap"),
+        (("run.mcap", "steps=yard:Stepz"), "yard has no Stepz"),
+        (("run.mcap", "steps=nothing"), "no service 'nothing' is installed"),
+        (("run.mcap", "steps=yard:Steps", "--pace", 3), "no option 'pace'"),
+        (("run.mcap", "walkers=yard:Walker", "--pace", 3), "agents, which have no opt"),
+        (("run.mcap", "walkers=yard:Fragile"), "runs AWalker, not AFragile"),
+        (("run.mcap", "steps=others:Free"), "runs freely, by the clock"),
+        (("deaf.mcap", "eye=yard:Eye"), "listens to 'sight', which is not in the record"),
+        (("run.mcap", "eye=yard:Eye", "--record", "run.mcap"), "name another file"),
+        (("run.mcap", "eye=yard:Eye", "--record", "run.txt"), "is a file .mcap"),
     ],
 )
 def test_an_invalid_swap_is_reported_in_one_line(recorded, words, problem):
-    done = here(recorded[0], "replay", *words)
+    done = here(recorded[0], "swap", *words)
     assert done.returncode == 2
     assert problem in done.stderr
-    if "requires --swap" not in problem:
-        assert len(done.stderr.splitlines()) == 1
-
-
-@pytest.mark.parametrize(("words", "problem"), [
-    (("--swap", "a=b", "--speed", 2), "--speed cannot be combined with --swap"),
-    (("--recompute", "--from", 5), "--from cannot be combined with --recompute"),
-    (("--recompute", "--view", "svg"), "--view cannot be combined with --recompute"),
-    (("--recompute", "--swap", "a=b"), "--swap and --recompute exclude each other"),
-])  # fmt: skip
-def test_names_that_would_be_ignored_are_rejected(recorded, words, problem):
-    done = here(recorded[0], "replay", "run.mcap", *words)
-    assert done.returncode == 2
-    assert problem in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_the_member_of_failing_code_is_named(recorded):
-    done = here(recorded[0], "replay", "run.mcap", "--swap", "steps=others:Broken")
+    done = here(recorded[0], "swap", "run.mcap", "steps=others:Broken")
     assert done.returncode == 1
     assert done.stderr == "minerva: frame 0: Broken.generate: ZeroDivisionError: its own fault\n"
 
@@ -238,3 +225,45 @@ def test_norms_for_people_apply_to_a_new_panel_in_any_frame(tmp_path):
     assert code == 0, answer
     assert answer["difference"]["same"]
     assert answer["figures"] == {"norm_quiet": 1}
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    """A recorded world in which two members generate events of the same type."""
+    folder = tmp_path_factory.mktemp("shared")
+    members = LOCKSTEP + '\n[process.fast]\nservice = "others:Slow"\nstride = 1000\n'
+    path = write_world(folder, members, frames=8)
+    (folder / "others.py").write_text(OTHERS)
+    words = ("run", path, "--in-process", "--json", "--record", "run.mcap")
+    return folder, summary(here(folder, *words))
+
+
+def test_inputs_name_the_sender_of_an_event(shared):
+    folder, _ = shared
+    with Record(folder / "run.mcap") as record:
+        cursor = Cursor(record, inputs=True)
+        while cursor.ahead is not None:
+            ticked = cursor.ahead.inputs.ticked
+            number = cursor.ahead.number
+            assert [e.count for e in ticked["fast"].events] == [1000 * number]
+            fed = Without(frozenset({"fast"})).inputs(cursor.ahead)
+            assert "steps" in fed.ticked
+            assert "fast" not in fed.ticked
+            assert not fed.replies
+            cursor.advance()
+
+
+@pytest.mark.parametrize("what", ["steps=yard:Steps", "fast=others:Slow"])
+def test_one_of_two_members_that_make_the_same_events_is_swapped(shared, what):
+    folder, whole = shared
+    options = ("--stride", 1000) if what.startswith("fast") else ()
+    code, result = swapped(folder, what, *options)
+    assert code == 0, result
+    assert result["digest"] == whole["digest"]
+
+
+def test_another_member_makes_the_difference_alone(shared):
+    code, result = swapped(shared[0], "fast=others:Slow", "--stride", 7)
+    assert code == 1
+    assert result["difference"]["frame"] == 1
+    assert json.dumps(result["difference"]["events"]).count("eStep") == 2
