@@ -14,7 +14,7 @@ from minerva_bus.runtime.operator_client import Client
 from minerva_bus.world.operator import OrderStatus
 
 POLL_SECONDS: Final = 0.1
-NOT_DONE: Final = ("rejected", "failed", "replaced")
+NOT_DONE: Final = ("rejected", "dropped", "failed", "replaced")
 """States of orders that end `pub --wait` with FAILED."""
 
 
@@ -103,4 +103,4 @@ def _expected(order: OrderStatus, is_paused: bool) -> str:
     """The state of an open order, and what `pub` waits for."""
     if order.state == "waiting":
         return "the world is paused: minerva resume" if is_paused else "waiting for the next frame"
-    return f"{order.fate}; waiting until an agent reports that it is done"
+    return f"{order.fate}; waiting for what becomes of it"

@@ -203,6 +203,18 @@ def counting(source: str, event: AnyEvent) -> str:
     return f"{event.count} {event.type} of {person_of(source)} count"
 
 
+def report_dropped(
+    out: Instructions, sources: Iterable[str], allowed: OrdersBySource, frame: int, host: str = ""
+) -> None:
+    """Report people's orders that no longer count in a frame, because it ended a host twice."""
+    for source in filter(is_people, sources):
+        for event in allowed.get(source, ()):
+            ended = f"in frame {frame}, which ended {host or 'a host'} twice"
+            out.log(ORDERS, f"{counting(source, event)} no more {ended}")
+            if isinstance(event, Event):
+                out.add(s.OrderJudged(event, name_of(source), frame, "dropped", host))
+
+
 def _receivers(event: AnyEvent) -> list[str]:
     return list(event.receivers or ())
 
@@ -683,6 +695,7 @@ class CollectionStep:
             ordered = collect(self._world.order, allowed)
             events.split(ordered, self._world.vocabulary.events)
         if events.dropped:
+            report_dropped(self._out, events.dropped, allowed, self._now.frame)
             self._now.in_flight.leave_out(
                 events.dropped, self._world.order, self._world.vocabulary.events
             )
@@ -738,7 +751,7 @@ class CollectionStep:
         """Report the orders that norms reject, which norms log, and those that count."""
         frame, out = self._now.frame, self._out
         for source, event, norm in self._norms.take_rejected_orders():
-            out.add(s.OrderJudged(event, name_of(source), frame, norm))
+            out.add(s.OrderJudged(event, name_of(source), frame, "rejected", norm))
         for source in sorted(filter(is_people, permitted)):
             for event in permitted[source]:
                 out.log(ORDERS, f"{counting(source, event)} in frame {frame}")

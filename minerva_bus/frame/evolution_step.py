@@ -13,7 +13,7 @@ import numpy as np
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import FrameInbox, are_light
+from minerva_bus.frame.collection import FrameInbox, are_light, report_dropped
 from minerva_bus.frame.composition import Composition, first_in, ids_of
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import FrameResult, Phase, Progress
@@ -323,6 +323,7 @@ class EvolutionStep:
         for name in guests:
             if not is_people(name):
                 self._members.get(name).dropped += sum(map(len, allowed[name]))
+        report_dropped(self._out, guests, allowed, self._now.frame, host)
         in_flight.leave_out(guests, self._world.order, self._world.vocabulary.events)
         requests.cancel()
         requests.left_out.clear()

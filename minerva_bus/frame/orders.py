@@ -170,7 +170,8 @@ class _Order:
 class OrderFates:
     """The last orders of people, with their fates.
 
-    An order waits until a frame takes it: then it is accepted, or a norm rejects it. An event type
+    An order waits until a frame takes it: then it is accepted, or a norm rejects it. It is dropped
+    if the frame ends a host twice, and is repeated without the events of people. An event type
     may declare that it `completes` or `fails` orders of some types. Such an event of an agent
     concerns the last order of these types that was accepted before, that is addressed to this agent
     or to all, and whose data are equal to those of the event where both have data of one name; and
@@ -220,26 +221,35 @@ class OrderFates:
             self._open.discard(oldest)
         return number
 
-    def judge(self, event: Event, person: str, frame: int, norm: str = "") -> None:
-        """Note that an order counts in a frame, or the norm that rejects it."""
-        waiting = (
+    def judge(
+        self, event: Event, person: str, frame: int, state: str = "accepted", by: str = ""
+    ) -> None:
+        """Note that a frame accepts an order, a norm rejects it, or the frame drops it again."""
+        before = ("accepted", frame) if state == "dropped" else ("waiting", -1)
+        judged = (
             number
             for number, order in self._orders.items()
-            if order.status.state == "waiting"
+            if (order.status.state, order.accepted) == before
             and order.status.person == person
             and order.event == event
         )
-        number = next(waiting, None)
+        number = next(judged, None)
         if number is None:  # It arrived at an earlier coordinator of this world.
             number = self.arrive(event, person, frame)
-        may_end = not norm and event.type in self._ended
         self._orders[number].accepted = frame
-        self._change(number, "rejected" if norm else "accepted", frame, norm, is_open=may_end)
-        if not norm:
+        # Open even if no agent reports about it: its frame may still drop it.
+        self._change(number, state, frame, by, is_open=state == "accepted")
+        if state == "accepted":
             self._accepted.append(number)
+        elif state == "dropped" and number in self._accepted:
+            self._accepted.remove(number)
 
     def end_frame(self, frame: int, events: Iterable[AnyEvent]) -> list[OrderStatus]:
         """Note what the accepted orders and the events of a frame end; returns these orders."""
+        for number in self._accepted:
+            order = self._orders.get(number)
+            if order is not None and order.event.type not in self._ended:
+                self._change(number, "accepted", frame, "", is_open=False)
         changed = self._replace(frame)
         if self._open:
             changed += self._report(frame, events)

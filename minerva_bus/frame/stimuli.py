@@ -326,12 +326,16 @@ class Notify:
 
 @fast_dataclass
 class OrderJudged:
-    """An order of a person counts in this frame, or `norm` rejects it."""
+    """An order of a person is "accepted" in this frame, "rejected" by a norm, or "dropped".
+
+    `by` is the norm, or the host that the frame ended twice; empty if the frame is computed again.
+    """
 
     event: Event
     person: str
     frame: int
-    norm: str = ""
+    state: str = "accepted"
+    by: str = ""
 
 
 @fast_dataclass

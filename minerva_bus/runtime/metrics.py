@@ -467,8 +467,8 @@ class WorldLog(Sink):
         self.warn(notice.member, notice.text, notice.details)
 
     def order_judged(self, notice: s.OrderJudged) -> None:
-        """Note that an order of a person counts, or which norm rejects it."""
-        self.orders.judge(notice.event, notice.person, notice.frame, notice.norm)
+        """Note that an order of a person counts, or why it does not."""
+        self.orders.judge(notice.event, notice.person, notice.frame, notice.state, notice.by)
 
     def operated(self, operation: PersonOperation) -> None:
         """Keep an operation of a person, beside the orders."""

@@ -106,7 +106,7 @@ class Sink:
         """Called with a warning about a member."""
 
     def order_judged(self, notice: s.OrderJudged) -> None:
-        """Called when an order of a person counts in a frame, or a norm rejects it."""
+        """Called when an order of a person counts in a frame, or does not."""
 
     def ready(self, notice: s.Ready) -> None:
         """Called when the next frame may begin."""

@@ -82,8 +82,9 @@ class OrderStatus:
 
     `number` counts the orders of the world from 1, `change` the changes of all orders. `person` is
     empty for a person without a name. `state` is "waiting" (for a frame), "accepted", "rejected",
-    "done", "failed" or "replaced", since `frame`. `by` is the norm that rejected it, the agent that
-    reported it, or the order that replaced it. `open`: another state may follow.
+    "dropped", "done", "failed" or "replaced", since `frame`. `by` is the norm that rejected it, the
+    host that its frame ended twice, the agent that reported it, or the order that replaced it.
+    `open`: another state may follow.
     """
 
     number: int
@@ -104,6 +105,7 @@ class OrderStatus:
         by = {
             "accepted": "",
             "rejected": f" by the norm {self.by}",
+            "dropped": f" because {self.by or 'a host'} ended twice",
             "replaced": f" by {self.by}",
         }.get(self.state, f", reported by #{self.by},")
         return f"{self.state}{by} in frame {self.frame}"

@@ -31,8 +31,9 @@ def test_an_order_waits_until_a_frame_takes_it_or_a_norm_rejects_it():
     for person in ("anna", "bert"):
         fates.arrive(eStay(), person, 3)
     assert states(fates) == ["waiting", "waiting"]
-    fates.judge(eStay(), "bert", 4, "curfew")
+    fates.judge(eStay(), "bert", 4, "rejected", "curfew")
     fates.judge(eStay(), "anna", 4)
+    fates.end_frame(4, ())
     assert states(fates) == ["accepted", "rejected"]
     anna, bert = sorted(fates.changed_since(0), key=lambda order: order.number)
     assert (anna.fate, bert.fate) == (
@@ -42,6 +43,20 @@ def test_an_order_waits_until_a_frame_takes_it_or_a_norm_rejects_it():
     assert not anna.open
     assert not bert.open
     assert [order.person for order in fates.changed_since(bert.change)] == ["anna"]
+
+
+def test_an_order_is_open_until_its_frame_ends_which_may_drop_it():
+    fates = given(eSit("here"), eStay(), eSit("there"), frame=4)
+    assert all(order.open for order in fates.changed_since(0))
+    fates.judge(eStay(), "anna", 4, "dropped", "host")
+    fates.judge(eSit("there"), "anna", 4, "dropped", "host")
+    assert not fates.end_frame(4, ())
+    assert states(fates) == ["accepted", "dropped", "dropped"]
+    (fate, *_) = {order.fate for order in fates.changed_since(0) if order.state == "dropped"}
+    assert fate == "dropped because host ended twice in frame 4"
+    assert [order.open for order in fates.changed_since(0) if order.state == "dropped"] == [
+        False
+    ] * 2
 
 
 def test_a_report_concerns_the_last_order_to_its_sender_with_equal_data_and_all_equal_ones():

@@ -77,7 +77,7 @@ def test_each_order_is_judged_with_its_person_and_the_norm_that_rejects_it(servi
     receive(s.Publish(eAdd(9), "bert"))
     out = [*receive(s.Begin()), *receive(m.TickReply("add", 1))]
     assert [each for each in out if isinstance(each, s.OrderJudged)] == [
-        s.OrderJudged(eAdd(9), "bert", 1, "few"),
+        s.OrderJudged(eAdd(9), "bert", 1, "rejected", "few"),
         s.OrderJudged(eAdd(3), "anna", 1),
     ]
 

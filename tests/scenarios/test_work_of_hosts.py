@@ -132,17 +132,19 @@ class Fragile(Counter, symbol="ACounter"):
 NORM = Norm("few", on=("eAdd",), when="event.n > 0", then=Then.COUNT)
 
 
-def fragile(*events):
-    """A frame with events of guests, after which the host of `#a` has ended once."""
+def fragile(*events, orders=(), sinks=()):
+    """A frame with events of guests and people, after which the host of `#a` has ended once."""
     members = {
         "host": host("host", Fragile),
         "mothers": host("mothers", Mother),
         "add": service("add", Add),
     }
     made = world("ACounter#a · AMother#m", members, norms=(NORM,))
-    bus = MemoryBus(made, {**members, "guest": service("guest", Guest)})
+    bus = MemoryBus(made, {**members, "guest": service("guest", Guest)}, sinks)
     bus.start()
     bus.run(1)
+    for order in orders:
+        bus.handle(s.Publish(order, "anna"))
     bus.put(m.Emitted("guest", events))
     bus.settle()
     bus.frame()
@@ -175,6 +177,22 @@ def test_events_of_guests_are_left_out_of_a_frame_that_ends_a_host_twice():
     assert bus.algorithm.norms.broken == broken
     bus.run(1)
     assert len(bus.records) == 4
+
+
+def test_orders_that_are_left_out_of_a_frame_are_dropped():
+    orders, judged = (eAdd(10), eAdd(5)), []
+    bus = fragile(orders=orders, sinks=[judged.append])
+    bus.appear("host")
+    bus.settle()
+    bus.appear("host")
+    bus.run(1)
+    assert [notice for notice in judged if isinstance(notice, s.OrderJudged)] == [
+        *(s.OrderJudged(order, "anna", 1) for order in orders),
+        *(s.OrderJudged(order, "anna", 1, "dropped", "host") for order in orders),
+    ]
+    assert (
+        "orders: eAdd<n=10> of anna counts no more in frame 1, which ended host twice" in bus.said
+    )
 
 
 def test_a_frame_that_ends_a_host_without_guests_names_its_heaviest_event():
