@@ -19,21 +19,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final, Protocol, Self, TextIO, TypeAlias
+from typing import IO, Any, Final, Protocol, Self, TextIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.arguments import path_of, text, text_list
 from minerva_bus.collect.plans import TablePlan
+from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import MARK, check_output, is_stream, name_file, note_read, target_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.wording import counted, install
-
-if TYPE_CHECKING:
-    from minerva_bus.plotting import Plot
-
 
 Data: TypeAlias = NDArray[Any] | Ids
 """A column; ids are spelled only if a writer needs texts."""
@@ -117,8 +114,8 @@ class DataTable:
         more = len(self) - SHOWN_ROWS
         return [f"and {counted(more, 'more row')}"] if more > 0 else []
 
-    def plot(self, *series: str, x: str = "", bars: bool = False) -> Plot:
-        """A plot of its columns, which notebooks display; needs the extra `plot`.
+    def plot(self, *series: str, x: str = "", bars: bool = False) -> Any:
+        """A `Plot` of its columns, which notebooks display; needs the extra `plot`.
 
         A line is the mean of all rows with the same x, such as those of several seeds or agents; a
         band has the middle 80 % of them. Options of a sweep have a line each.
@@ -135,10 +132,10 @@ class DataTable:
             `run.table().plot("sick")`, `run.table().plot().save("run.svg")`
 
         """
-        # Plots import this module.
-        from minerva_bus.collect.series_plot import PlotOptions, plot_table
-
-        return plot_table(self, PlotOptions(text("x", x), text_list("series", series), bars=bars))
+        plots = entries("minerva.plots").get("table")
+        if plots is None:
+            raise MisuseError("plots need the extension analysis, which is not installed")
+        return plots.load()(self, text_list("series", series), text("x", x), bars=bars)
 
     # --- other libraries ---
 

@@ -1,5 +1,6 @@
 """Files of any name, kind and size: inputs, and outputs that overwrite no other file."""
 
+import io
 import os
 import sys
 from pathlib import Path
@@ -151,12 +152,11 @@ def test_a_marked_image_reads_as_the_same_image_and_may_be_replaced(tmp_path, su
 
 
 def test_a_pdf_is_recognised(tmp_path):
-    pyplot = pytest.importorskip("matplotlib.figure")
-    from minerva_bus.plotting import write_figure
-
-    path = tmp_path / "plot.pdf"
+    figure = pytest.importorskip("matplotlib.figure")
+    content, path = io.BytesIO(), tmp_path / "plot.pdf"
+    figure.Figure().savefig(content, format="pdf")
     for _ in range(2):
-        write_figure(pyplot.Figure(), path)
+        write_output(path, content.getvalue())
     assert path.read_bytes().startswith(b"%PDF")
 
 

@@ -55,7 +55,6 @@ from minerva_agents.robot.trajectories import (
 from minerva_bus import Cells
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
-from minerva_bus.plotting import write_figure
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import counted, install
 from minerva_bus.world.readings import Displacement, Scan
@@ -513,7 +512,9 @@ def save_plot(drift: Drift, path: Path) -> None:
         axis.spines[["top", "right"]].set_visible(False)
         axis.yaxis.set_major_formatter("{x:g}")
     upper.legend(frameon=False, loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
-    write_figure(figure, path)
+    content = io.BytesIO()
+    figure.savefig(content, format="png")
+    write_output(path, content.getvalue(), "picture")
 
 
 # --- walls that are drawn twice -------------------------------------------------------------------

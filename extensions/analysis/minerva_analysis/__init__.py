@@ -5,6 +5,8 @@ past_frames                   frames of a record that are computed again
 swapping                      `swap`: a recorded run again with one member replaced
 halts                         why a running world does not advance
 record_plot, tracks           pictures of runs
+series_plot                   plots of tables
+plotting                      what all plots share: style, axes, files
 graphs, emitted               `graph`: who publishes and who receives which event types
 """
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from minerva_analysis.plotting import check_picture
 from minerva_analysis.record_plot import plot
+from minerva_analysis.series_plot import plot_table
 from minerva_bus.api.exporting import export, read_plans
 from minerva_bus.cli.output import Done, print_answer, progress_bar
-from minerva_bus.collect.data_tables import read_table
+from minerva_bus.collect.data_tables import DataTable, read_table
 from minerva_bus.collect.plans import parse_entries, series_of
-from minerva_bus.collect.series_plot import PlotOptions, plot_table
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output
 from minerva_bus.log.record import Record
-from minerva_bus.plotting import check_picture
 
 _TABLES: Final = (".csv", ".parquet")
 
@@ -38,10 +38,11 @@ def plot_file(
         if collect:
             raise MisuseError(f"--collect is of records; {file} is a table: choose with --series")
         check_picture(into)
-        read_table(file).plot(*names, x=x, bars=bars).save(into)
+        plot_table(read_table(file), names, x, bars=bars).save(into)
     elif collect:
         check_picture(into)
-        _plot_collected(file, into, collect, PlotOptions(x, names, bars=bars))
+        table, units = _collected(file, collect)
+        plot_table(table, names, x, units, bars=bars).save(into)
     elif names or x or bars:
         raise MisuseError("--series, --x and --bars need a table, or a record with --collect")
     else:
@@ -50,7 +51,8 @@ def plot_file(
     print_answer(Done(str(into), {"picture": str(into)}), as_json)
 
 
-def _plot_collected(file: Path, into: Path, collect: tuple[str, ...], options: PlotOptions) -> None:
+def _collected(file: Path, collect: tuple[str, ...]) -> tuple[DataTable, dict[str, str]]:
+    """The table of expressions about a record, and the units of its columns."""
     entries = parse_entries(collect)
     with Record(file) as record:
         vocabulary = record.description.world.vocabulary
@@ -68,4 +70,4 @@ def _plot_collected(file: Path, into: Path, collect: tuple[str, ...], options: P
         fields = next(each.fields for each in every if each.name == plans[0].symbol)
         own = {field.name: field.type.unit for field in fields.all}
         units |= {column: own[name] for column, name in plans[0].names.items()}
-    plot_table(table, PlotOptions(options.x, options.series, units, options.bars)).save(into)
+    return table, units

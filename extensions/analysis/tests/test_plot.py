@@ -17,7 +17,7 @@ from minerva_bus.log.channels import Surveyor
 from minerva_bus.log.entries import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, happened, record_of, strings_of
-from tests.unit.test_series_plot import swept
+from tests.unit.test_table_files import swept
 
 mcap = pytest.importorskip("mcap")
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from minerva_analysis.plotting import check_picture
 from minerva_bus.cli.output import FAILED, print_json, print_result
 from minerva_bus.collect.data_tables import SEED
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
-from minerva_bus.plotting import check_picture
 from minerva_study.branch_plot import draw_branches
 from minerva_study.branching import Branches
 from minerva_study.executor_pool import Workers

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_analysis.plotting import COLORS, FAINT, INK, draw
 from minerva_bus.collect.data_tables import SEED
-from minerva_bus.plotting import COLORS, FAINT, INK, draw
 from minerva_study.grid import Combination
 from minerva_study.results import Row
 from minerva_study.sweep_runs import Sweep

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.plotting import BEST, COLORS, FAINT, INK, PALE, draw, show_grid
+from minerva_analysis.plotting import BEST, COLORS, FAINT, INK, PALE, draw, show_grid
 from minerva_study.evolution import Evolution, Individual
 
 TEXT_WIDTH: Final = 34

@@ -7,12 +7,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, cast
 
+from minerva_analysis.plotting import check_picture
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import folder_of, load
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.plotting import check_picture
 from minerva_bus.settings.overrides import Overrides
 from minerva_study.evaluation import EvaluationCache, Fitness
 from minerva_study.evolution import Evolution, Plan

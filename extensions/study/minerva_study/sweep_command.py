@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from minerva_analysis.plotting import check_picture
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
-from minerva_bus.plotting import check_picture
 from minerva_study.comparison import draw_comparison, shown
 from minerva_study.executor_pool import Workers
 from minerva_study.results import check_table, write

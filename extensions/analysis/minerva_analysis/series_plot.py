@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_analysis.plotting import FAINT, Plot, label_ends, show_grid
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.plotting import FAINT, Plot, label_ends, show_grid
 from minerva_bus.semantics.colors import OKABE_ITO
 
 COLORS: Final = (*OKABE_ITO, "#000000")
@@ -34,21 +34,6 @@ _BIN: Final = re.compile(r"(?P<name>.+)_(?P<number>[0-9]+)\Z")
 
 
 @dataclass(frozen=True, slots=True)
-class PlotOptions:
-    """What a plot shows.
-
-    `x`: the column along the axis; "": `time`, `frame` or the first with numbers. `series`: the
-    columns, or names of histograms; none: all. `units` by column. `bars`: histograms of the last
-    frame, not over time.
-    """
-
-    x: str = ""
-    series: tuple[str, ...] = ()
-    units: Mapping[str, str] = field(default_factory=dict[str, str])
-    bars: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class _Line:
     """A series of one combination of options: mean and band for each x, and the rows per x."""
 
@@ -61,17 +46,26 @@ class _Line:
     rows: int
 
 
-def plot_table(table: DataTable, options: PlotOptions | None = None) -> Plot:
-    """A plot of the series of a table. Raises MisuseError, also without matplotlib."""
-    options = options or PlotOptions()
-    x = _x_of(table, options.x)
+def plot_table(
+    table: DataTable,
+    series: Sequence[str] = (),
+    x: str = "",
+    units: Mapping[str, str] | None = None,
+    *,
+    bars: bool = False,
+) -> Plot:
+    """A plot of the series of a table; see `DataTable.plot`. `units` are by column.
+
+    Raises MisuseError, also without matplotlib.
+    """
+    x = _x_of(table, x)
     bins = _histograms(table)
-    names = options.series or _series_of(table, x, bins)
+    names = series or _series_of(table, x, bins)
     lines = [
         line
         for name in names
         if name not in bins
-        for line in _lines(table, x, name, options.units.get(name, ""))
+        for line in _lines(table, x, name, (units or {}).get(name, ""))
     ]
     histograms = {name: bins[name] for name in names if name in bins}
     if not len(table) or not (lines or histograms):
@@ -88,7 +82,7 @@ def plot_table(table: DataTable, options: PlotOptions | None = None) -> Plot:
         if lines:
             _draw_lines(axes.pop(0), lines, _label_of(x), table.name)
         for axis, (name, columns) in zip(axes, histograms.items(), strict=True):
-            _draw_histogram(axis, table, x, name, columns, bars=options.bars)
+            _draw_histogram(axis, table, x, name, columns, bars=bars)
 
     return Plot(table.name, (8.5, 0.6 + 3.6 * panels), paint)
 
