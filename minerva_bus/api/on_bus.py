@@ -14,8 +14,7 @@ from minerva_bus.api.requests import Request
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import BusError, MisuseError, WorldStopped
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.registry import find, running
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import find, running, temporary_folder
 from minerva_bus.runtime.operator_client import AskingOperator, Client
 from minerva_bus.world.operator import WorldStatus
 

@@ -25,7 +25,7 @@ from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.settings.overrides import Overrides

@@ -50,7 +50,7 @@ def client(target: WorldTarget) -> Client:
     try:
         return Client(entry.endpoint, entry.world)
     except BusError:
-        from minerva_bus.launch.os_interface import (
+        from minerva_bus.launch.process_table import (
             stopped_processes,  # Most commands do not need it.
         )
 

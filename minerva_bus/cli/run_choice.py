@@ -14,7 +14,7 @@ from minerva_bus.launch.child_processes import end_signals
 from minerva_bus.launch.console import Console, RunSummary
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.member_process import NOTHING, Profiling
+from minerva_bus.launch.process_table import NOTHING, Profiling
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.settings.overrides import Overrides

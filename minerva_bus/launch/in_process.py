@@ -29,9 +29,8 @@ from minerva_bus.frame.in_flight import Phase
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.norm_rejections import NORMS
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.launch.captured_output import MEMBERS, printed
 from minerva_bus.launch.child_processes import interrupts_deferred
-from minerva_bus.launch.console import Console, RunSummary, live_line
+from minerva_bus.launch.console import MEMBERS, Console, RunSummary, live_line, printed
 from minerva_bus.launch.process_specs import compile_agents
 from minerva_bus.launch.run_outputs import (
     CollectSink,

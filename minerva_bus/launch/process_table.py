@@ -1,28 +1,273 @@
-"""The local processes of a world: their states, starts, restarts, output and failures."""
+"""The local processes of a world's members: their code, starts, restarts, output and failures.
+
+`run_member` is what such a process runs. `Machine` is the launcher's interface to the operating
+system; a simulation passes a machine of its own. `ProcessTable` has the states of all processes.
+"""
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
+import os
 import re
+import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.launch import child_processes
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.files import check_output, write_output
+from minerva_bus.frame.member import Unready
+from minerva_bus.launch import child_processes, machine_resources
 from minerva_bus.launch.child_processes import (
     CLOSED,
     STACK_SIGNAL,
+    UNREADY,
     ChildProcess,
     LineReader,
+    Pipes,
+    ReportPipe,
     blocked_at,
     is_stack,
     on_reports,
 )
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.member_process import MemberStart
-from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
+from minerva_bus.launch.coordinator_process import CoordinatorStart, run_coordinator
 from minerva_bus.launch.process_specs import SERVICES, ProcessSpec, by_process
-from minerva_bus.runtime.participants import RAISED_BY_CHANCE
-from minerva_bus.wording import duration
+from minerva_bus.launch.world_files import WorldFile
+from minerva_bus.runtime.joining import STARTED_HERE
+from minerva_bus.runtime.participants import RAISED_BY_CHANCE, MemberProcess
+from minerva_bus.wording import duration, install
+
+# --- the code of a process ---
+
+
+@dataclass(frozen=True, slots=True)
+class MemberStart:
+    """Arguments of a process: its name, its members, and the endpoint of their world."""
+
+    name: str
+    members: tuple[ProcessSpec, ...]
+    world: str
+    endpoint: str
+    shared: bool
+    profiling: Profiling
+
+
+def run_member(start: MemberStart, reports: ReportPipe) -> int:
+    """Run members of a world to its end; returns the exit code.
+
+    It reports if one cannot take part.
+    """
+    process = _process(start)
+    try:
+        named = start.profiling.member in {member.name for member in start.members}
+        path = profile_path(start.world, start.profiling.member)
+        return sampled(process.run, path) if named else process.run()
+    except Unready as error:
+        name = process.running.name
+        reports.send("unready", member=name, reason=str(error).removeprefix(f"{name} "))
+        return UNREADY
+
+
+def _process(start: MemberStart) -> MemberProcess:
+    def log(line: str) -> None:
+        print(line, flush=True)  # noqa: T201
+
+    # With STARTED_HERE members wait for their greetings without limit: the launcher takes into
+    # account how many processes start at the same time, and kills late ones.
+    return MemberProcess(
+        [member.make_member() for member in start.members],
+        start.world,
+        start.endpoint,
+        log,
+        shared=start.shared,
+        arrival=STARTED_HERE,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Profiling:
+    """Scope of a profile: the `frames`, and the code of a `member` ("": of none)."""
+
+    frames: bool = False
+    member: str = ""
+
+    def check(self, file: WorldFile) -> None:
+        """Check that the member can be profiled. Raises MisuseError."""
+        if not self.member:
+            return
+        known = {process.name: process for process in file.processes}
+        if self.member not in known:
+            hint = nearest(self.member, list(known), f"there are {', '.join(known)}")
+            raise MisuseError(f"--profile-member: there is no process {self.member!r}{hint}")
+        if known[self.member].command:
+            raise MisuseError(
+                f"--profile-member: {self.member} is a command; only members that run Python code"
+                " in the launcher's processes can be profiled"
+            )
+        if importlib.util.find_spec("pyinstrument") is None:
+            raise MisuseError(f"--profile-member needs pyinstrument: {install('profile')}")
+        check_output(profile_path(file.world.name, self.member), "profile")
+
+
+NOTHING: Final = Profiling()
+
+
+def profile_path(world: str, member: str) -> Path:
+    """The file for a member's profile, in the current folder."""
+    return Path.cwd() / f"{world}-{member}.html"
+
+
+def sampled(body: Callable[[], int], path: Path) -> int:
+    """Run `body` under a sampling profiler and write its flame graph."""
+    profiler: Any = importlib.import_module("pyinstrument").Profiler()
+    profiler.start()
+    try:
+        return body()
+    finally:
+        profiler.stop()
+        write_output(path, str(profiler.output_html()).encode(), "profile")
+        print(f"profile written to {path}", flush=True)  # noqa: T201
+
+
+# --- the operating system, and the context of a run ---
+
+
+class Machine:
+    """A clock, child processes by their ids, and pipes by their descriptors."""
+
+    def monotonic(self) -> float:
+        """Seconds of a monotonic clock."""
+        return time.monotonic()
+
+    def cores(self) -> int:
+        """Number of cores for the processes of a world."""
+        return machine_resources.cores()
+
+    # --- pipes ---
+
+    def pipes(self) -> Pipes:
+        """A set of pipes to wait for."""
+        return Pipes()
+
+    def lifeline(self) -> tuple[int, int]:
+        """A pipe that closes when the launcher dies."""
+        return os.pipe()
+
+    def close(self, descriptor: int) -> None:
+        """Close an end of a pipe."""
+        os.close(descriptor)
+
+    def write(self, descriptor: int, data: bytes) -> None:
+        """Write to a pipe. Raises OSError."""
+        os.write(descriptor, data)
+
+    # --- processes ---
+
+    def start_coordinator(
+        self, start: CoordinatorStart, lifeline: int
+    ) -> tuple[ChildProcess, int, int]:
+        """Start a coordinator; returns its process and the pipes for commands and reports."""
+        command_read, command_write = os.pipe()
+        report_read, report_write = os.pipe()
+        child = child_processes.fork(
+            lambda: run_coordinator(start, ReportPipe(report_write), command_read),
+            (command_read, report_write),
+            lifeline,
+        )
+        # The child has its own copies; with these open, the end of a pipe would not be detected.
+        os.close(command_read)
+        os.close(report_write)
+        os.set_blocking(report_read, False)
+        os.set_blocking(command_write, False)  # A stuck coordinator must not block the launcher.
+        return child, command_write, report_read
+
+    def start_member(self, start: MemberStart, lifeline: int) -> ChildProcess:
+        """Start the process of members, or the command of its only one."""
+        process = start.members[0]
+        if process.command:
+            environment = {
+                "MINERVA_WORLD": start.world,
+                "MINERVA_CONNECT": start.endpoint,
+                "MINERVA_NAME": process.name,
+            }
+            return child_processes.command(process.command, environment, process.folder, lifeline)
+        read, write = os.pipe()
+        child = child_processes.fork(
+            partial(run_member, start, ReportPipe(write)), (write,), lifeline
+        )
+        os.close(write)
+        os.set_blocking(read, False)
+        return replace(child, reports=read)
+
+    def signal(self, pid: int, number: int) -> None:
+        """Send a signal to a process."""
+        os.kill(pid, number)
+
+    def is_stopped(self, pid: int) -> bool:
+        """Whether a process is stopped by a signal; False where /proc does not exist."""
+        try:
+            stat = Path(f"/proc/{pid}/stat").read_text()
+        except OSError:
+            return False
+        # The name in brackets may contain anything; the state follows it.
+        return stat.rpartition(")")[2].split()[:1] in (["T"], ["t"])
+
+    def kill(self, pid: int) -> None:
+        """Kill a child and its process group."""
+        child_processes.kill(pid)
+
+    def kill_group(self, pid: int) -> None:
+        """Kill the processes that a child has started."""
+        child_processes.kill_group(pid)
+
+    def next_ended(self, *, wait: bool = False) -> tuple[int, int] | None:
+        """Process id and exit code of a child that has ended, or with `wait` of the next one."""
+        return child_processes.next_ended(wait=wait)
+
+
+def stopped_processes(pid: int) -> list[int]:
+    """Those of a process and its children that a signal has stopped; empty without /proc."""
+    try:
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    except OSError:
+        children = []
+    return [each for each in (pid, *map(int, children)) if REAL.is_stopped(each)]
+
+
+REAL: Final = Machine()
+
+
+@dataclass(slots=True)
+class LaunchContext:
+    """One world, and the context that its processes share while it runs.
+
+    `endpoint` is that for local processes ("": not known yet), and `shared` whether large messages
+    use shared memory. `lifeline` is a pipe that closes when the launcher dies.
+    """
+
+    file: WorldFile
+    profiling: Profiling
+    machine: Machine = REAL
+    pipes: Pipes = field(init=False)
+    lifeline: tuple[int, int] = field(init=False)
+    shared: bool = False
+    endpoint: str = ""
+
+    def __post_init__(self) -> None:
+        self.pipes, self.lifeline = self.machine.pipes(), self.machine.lifeline()
+
+    def close(self) -> None:
+        """Close the pipes after all processes have ended."""
+        self.pipes.close()
+        for end in self.lifeline:
+            self.machine.close(end)
+
+
+# --- the table ---
 
 HEALTHY_SECONDS: Final = 30.0
 HEALTHY_FRAMES: Final = 10

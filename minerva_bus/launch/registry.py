@@ -1,12 +1,13 @@
-"""Running worlds of this user on this machine, one locked file each, and the folder of these files.
+"""Running worlds of this user on this machine, the folder of their files, and temporary folders.
 
-The operating system releases the lock when the process ends, so a file without a lock is left over
-and is removed.
+Each has a file that its process has locked. The operating system releases the lock of a process
+that ends in any way, so a file without a lock is left over and is removed, with its temporary
+folder.
 
-The folder has journals and local sockets, too. Without XDG_RUNTIME_DIR it is in the shared
-temporary folder, where another user can guess its name and create a folder or a link first. So it
-is used only if it is a real folder of this user without write permission for others, and no file in
-it is opened through a link.
+The folder of running worlds has journals and local sockets, too. Without XDG_RUNTIME_DIR it is in
+the shared temporary folder, where another user can guess its name and create a folder or a link
+first. So it is used only if it is a real folder of this user without write permission for others,
+and no file in it is opened through a link.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import shutil
 import stat
 import tempfile
 import time
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Final
@@ -222,3 +226,37 @@ def check_runtime_folder(place: Path) -> bool:
 
 def _unusable(place: Path, problem: str) -> BusError:
     return BusError(f"{place} {problem}; set MINERVA_RUNTIME_DIR to a folder of your own")
+
+
+# --- temporary folders ---
+
+LOCK: Final = ".lock"
+
+
+@contextmanager
+def temporary_folder(purpose: str) -> Generator[Path]:
+    """A folder `minerva-PURPOSE-...` in the temporary folder, removed at the end of the block."""
+    _remove_abandoned()
+    # Processes that were killed may still write into it while it is removed.
+    with tempfile.TemporaryDirectory(
+        prefix=f"minerva-{purpose}-", ignore_cleanup_errors=True
+    ) as name:
+        folder, draft = Path(name), Path(name, f"{LOCK}-draft")
+        with draft.open("wb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            # Renamed when it is locked, so that no other process finds it unlocked.
+            draft.rename(folder / LOCK)
+            yield folder
+
+
+def _remove_abandoned() -> None:
+    for lock in Path(tempfile.gettempdir()).glob(f"minerva-*-*/{LOCK}"):
+        # Another user may have removed it, or may own it.
+        with suppress(OSError):
+            if _is_own(lock.parent) and not _is_locked(lock):
+                shutil.rmtree(lock.parent, ignore_errors=True)
+
+
+def _is_own(folder: Path) -> bool:
+    status = folder.lstat()
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()

@@ -36,15 +36,18 @@ from minerva_bus.launch.console import (
 )
 from minerva_bus.launch.coordinator_process import CoordinatorStart, discard_journal, journal_path
 from minerva_bus.launch.machine_resources import check_capacity, prepare, remove_orphans
-from minerva_bus.launch.member_process import NOTHING, Profiling
-from minerva_bus.launch.os_interface import REAL, LaunchContext, Machine
 from minerva_bus.launch.process_specs import compile_agents
 from minerva_bus.launch.process_table import (
     FAILURE_REPORT,
+    NOTHING,
+    REAL,
     REPORT_SECONDS,
     FailureCause,
+    LaunchContext,
+    Machine,
     ProcessLog,
     ProcessTable,
+    Profiling,
     SupervisedProcess,
 )
 from minerva_bus.launch.registry import WorldLock

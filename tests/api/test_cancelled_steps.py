@@ -9,7 +9,7 @@ from pathlib import Path
 
 from frogs import pond
 
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import temporary_folder
 
 
 def test_a_step_ends_early_if_stop_is_true():
@@ -21,7 +21,7 @@ def test_a_step_ends_early_if_stop_is_true():
 def test_the_folder_of_a_killed_program_is_removed_by_the_next_one(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     code = (
-        "from minerva_bus.launch.temporary_folder import temporary_folder as made\n"
+        "from minerva_bus.launch.registry import temporary_folder as made\n"
         "with made('live') as folder:\n"
         "    (folder / 'file').touch()\n"
         "    print(folder, flush=True)\n"

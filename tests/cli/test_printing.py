@@ -15,7 +15,7 @@ import pytest
 
 import minerva_bus
 from minerva_bus.cli.main import main
-from minerva_bus.launch.captured_output import printed
+from minerva_bus.launch.console import printed
 from tests.runtime.running import MEMBERS, here, minerva, write_world
 
 SCREEN = MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n'

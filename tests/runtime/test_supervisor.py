@@ -16,13 +16,13 @@ from minerva_bus.launch.child_processes import (
     next_ended,
 )
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.os_interface import Machine
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.process_table import (
     HEALTHY_FRAMES,
     HEALTHY_SECONDS,
     MAX_RESTART_SECONDS,
     MIN_RESTART_SECONDS,
+    Machine,
     SupervisedProcess,
 )
 from minerva_bus.launch.supervisor import Supervisor

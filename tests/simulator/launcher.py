@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from minerva_bus.launch.console import Console, RunSummary
-from minerva_bus.launch.member_process import NOTHING
+from minerva_bus.launch.process_table import NOTHING
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator

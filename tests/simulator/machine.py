@@ -10,8 +10,7 @@ from typing import Any, Final
 
 from minerva_bus.launch.child_processes import CLOSED, ChildProcess, LineBuffer, Pipes, ReportPipe
 from minerva_bus.launch.coordinator_process import CoordinatorRun, CoordinatorStart, handle_command
-from minerva_bus.launch.member_process import MemberStart
-from minerva_bus.launch.os_interface import Machine
+from minerva_bus.launch.process_table import Machine, MemberStart
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.joining import STARTED_HERE
 from minerva_bus.runtime.participants import MemberProcess

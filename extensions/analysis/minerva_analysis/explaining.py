@@ -28,7 +28,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.child_processes import ENDS
 from minerva_bus.launch.past import CODE, WorldSource, kinds_in, world_file_of
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.log.entries import Kept
 from minerva_bus.log.journal import keyframes_in, read_described, resume_from
 from minerva_bus.log.record import Record

@@ -17,7 +17,7 @@ from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.past import wait_for_frame
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.world.operator import WorldStatus

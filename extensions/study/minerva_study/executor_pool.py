@@ -18,7 +18,7 @@ from typing import Any, Final, Self, TypeAlias
 from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.child_processes import Handler, end_signals, handled
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import temporary_folder
 from minerva_study.executor_task import POLL_SECONDS, Ticket, run_sent, this_machine
 from minerva_study.worker_pool import OnResult, Result, Task, WorkerPool
 

@@ -16,7 +16,7 @@ from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.collect.plans import Entries, TablePlan
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.typed_text import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides

@@ -32,7 +32,7 @@ from minerva_bus.launch.child_processes import (
 )
 from minerva_bus.launch.in_process import never
 from minerva_bus.launch.machine_resources import cores
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.overrides import Overrides
 

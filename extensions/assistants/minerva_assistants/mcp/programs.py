@@ -18,7 +18,7 @@ from typing import Any, Final, cast
 from minerva_assistants.mcp.tool import Result, Tool, ToolCall, ToolImage, text, whole
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.installed import declared_options, installed_worlds
-from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.registry import temporary_folder
 
 MAX_SECONDS: Final = 600
 END_SECONDS: Final = 1.0

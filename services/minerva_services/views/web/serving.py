@@ -22,7 +22,7 @@ from weakref import WeakSet
 from viser import ViserServer
 
 from minerva_bus.errors import ProtocolError, text_of
-from minerva_bus.launch.captured_output import printed
+from minerva_bus.launch.console import printed
 from minerva_bus.wire.plain import as_bytes, as_map, unpack
 from minerva_services.views.page_access import guarding, listen, page_url
 from minerva_services.web_access import WebAccess, token_for
