@@ -1,4 +1,4 @@
-"""The thermostat of heating.py as a federate of HELICS (docs/howto/cosimulation.md)."""
+"""The thermostat of heating.py as a federate of HELICS (extensions/cosimulation/cosimulation.md)."""
 
 import json
 

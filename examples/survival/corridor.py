@@ -1,4 +1,4 @@
-"""Robots that drive along a corridor with pillars, with a laser (docs/howto/rl.md)."""
+"""Robots that drive along a corridor with pillars, with a laser (extensions/learning/rl.md)."""
 
 import math
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Two roads that cross: drivers who learn, and norms that bind them (docs/howto/rl.md)."""
+"""Two roads that cross: drivers who learn, and norms that bind them (extensions/learning/rl.md)."""
 
 from collections.abc import Iterator
 from itertools import combinations
