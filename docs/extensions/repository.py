@@ -3,7 +3,8 @@
 Sources are read in two places: as files in a repository browser, and as pages of the site. Links
 are written for the first place, relative to their file. In the site
 
-- a page whose text is `{document} PATH` shows a Markdown file, and its links work;
+- a page whose text is `{document} PATH` shows a Markdown file, and its links work; the page of an
+  extension that is left out says so, and links to it are plain text;
 - a link to such a file leads to its page;
 - a link to a folder leads to the page of its README, or, if it has no page, to an archive of it.
 
@@ -37,9 +38,17 @@ class Document(MarkdownDirective):
     def run(self) -> list[nodes.Node]:
         relative, name = self.env.relfn2path(self.arguments[0])
         path = Path(name)
+        if extension := left_out(path):
+            return self.rendered(f"# {path.stem}\n\nThis copy has no extension `{extension}`.\n")
         self.env.note_dependency(relative)
         self.env.note_included(name)
         return self.rendered(path.read_text(encoding="utf-8"), path.parent)
+
+
+def left_out(path: Path) -> str | None:
+    """The extension of a file below `extensions/` whose folder does not exist, or None."""
+    top, name = path.parts[-3:-1]
+    return name if top == "extensions" and not path.parent.exists() else None
 
 
 def page_of(env: BuildEnvironment, path: Path) -> str | None:
@@ -74,6 +83,9 @@ class RepositoryLinks(SphinxPostTransform):
     def resolve(self, node: addnodes.pending_xref) -> None:
         """Make one link right for the site; MyST reports links that remain unresolved."""
         target = Path(self.env.srcdir, Path(node["refdoc"]).parent, node["reftarget"]).resolve()
+        if left_out(target):
+            node.replace_self([cast(nodes.Node, child.deepcopy()) for child in node.children])
+            return
         folder = node["refdomain"] is None and target.is_dir()
         page = page_of(self.env, target / "README" if folder else target)
         if page is not None:

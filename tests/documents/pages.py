@@ -12,6 +12,7 @@ PAGES = {
     for path in (
         ROOT / "README.md",
         *sorted((ROOT / "docs").rglob("*.md")),
+        *sorted((ROOT / "extensions").glob("*/*.md")),
         ROOT / "deploy" / "README.md",
         *sorted((ROOT / "worlds" / "minerva_worlds").glob("*/README.md")),
     )

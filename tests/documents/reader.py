@@ -15,12 +15,12 @@ TABLES = {
     for file in ("commands.toml", "guides.toml")
     for page, table in tomllib.loads(Path(__file__).with_name(file).read_text("utf-8")).items()
 }
-GUIDES = ("docs/start/", "docs/tutorials/", "docs/howto/")
+GUIDES = ("docs/start/", "docs/tutorials/", "docs/howto/", "extensions/")
 """Pages whose blocks are one session: the reader writes the files and types on in the same folder."""
 GROUPS = {
-    "studies": "docs/studies.md",
+    "studies": "extensions/study/studies.md",
     "tutorials": GUIDES[:2],
-    "howto": GUIDES[2],
+    "howto": GUIDES[2:],
     "docs": "docs/",
     "worlds": "worlds/",
     "others": "",

@@ -9,8 +9,8 @@ from pages import PAGES, blocks
 ELSEWHERE = {
     "README.md": "tests/examples/test_readme.py",
     "docs/geometries.md": "tests/examples/test_ascii.py",
-    "docs/messages.md": "extensions/messages/tests/test_messages_document.py",
-    "docs/howto/cosimulation.md": "extensions/cosimulation/tests/test_cosimulation_page.py",
+    "extensions/messages/messages.md": "extensions/messages/tests/test_messages_document.py",
+    "extensions/cosimulation/cosimulation.md": "extensions/cosimulation/tests/test_cosimulation_page.py",
     "docs/migration/1-mesa.md": "tests/examples/test_sir.py",
     "docs/migration/5-mosaik.md": "tests/examples/test_heating.py",
     "docs/populations.md": "tests/examples/test_populations_doc.py",
@@ -25,7 +25,7 @@ ELSEWHERE = {
 """Tests that run the Python of a page, or compare it with its source files."""
 
 EXCERPTS = {
-    "docs/howto/datasets.md": ["from lerobot."],
+    "extensions/exporters/datasets.md": ["from lerobot."],
     "docs/norms.md": ["moment.emit"],
     "docs/worlds.md": ["from minerva_bus import portable\n\nself."],
 }

@@ -1,4 +1,4 @@
-"""docs/howto/cosimulation.md runs, from its first block to its last."""
+"""extensions/cosimulation/cosimulation.md runs, from its first block to its last."""
 
 import re
 import subprocess
@@ -13,7 +13,7 @@ for library in ("mosaik", "helics", "fmpy", "pythonfmu3"):
         pytest.skip(f"needs {library} (pip install {library})", allow_module_level=True)
 
 ROOT = Path(__file__).parents[3]
-PAGE = ROOT / "docs" / "howto" / "cosimulation.md"
+PAGE = Path(__file__).parents[1] / "cosimulation.md"
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 """Machine code for agents: compiled methods and views, and spaces with compiled rules.
 
-    @on(..., compiled=True)     minerva_fast.compiled     docs/howto/compile.md
-    class Meadow(Space): ...    minerva_fast.space        docs/howto/space.md
+    @on(..., compiled=True)     minerva_fast.compiled     extensions/fast/compile.md
+    class Meadow(Space): ...    minerva_fast.space        extensions/fast/space.md
 
 The names that users of spaces need; see `Space` and `rule`. The kernel loads the accelerator of a
 class by its entry point.

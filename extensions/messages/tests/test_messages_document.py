@@ -1,4 +1,4 @@
-"""docs/messages.md: its tables match the code, and its example agents converse."""
+"""extensions/messages/messages.md: its tables match the code, and its example agents converse."""
 
 import re
 import tomllib
@@ -13,7 +13,7 @@ from minerva_messages.kqml import NEAREST, performative_of
 from minerva_messages.protocols import PROTOCOLS
 from minerva_messages.spade import Spade
 
-DOCUMENT = (Path(__file__).parents[3] / "docs" / "messages.md").read_text(encoding="utf-8")
+DOCUMENT = (Path(__file__).parents[1] / "messages.md").read_text(encoding="utf-8")
 
 
 def section(title):

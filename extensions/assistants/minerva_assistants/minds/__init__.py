@@ -4,7 +4,7 @@
     mind      the agent that represents a backend, keeps open requests and forwards answers
     form      JSON Schema of an event type, and events from JSON
 
-A vocabulary includes the symbols by `Vocabulary.of(*MINDS, ...)`. See docs/howto/llm.md.
+A vocabulary includes the symbols by `Vocabulary.of(*MINDS, ...)`. See extensions/assistants/llm.md.
 """
 
 from minerva_assistants.minds.mind import Mind
