@@ -1,4 +1,4 @@
-"""The thermostat of heating.py as a federate of HELICS (extensions/cosimulation/cosimulation.md)."""
+"""The thermostat of heating.py as a HELICS federate (extensions/cosimulation/cosimulation.md)."""
 
 import json
 

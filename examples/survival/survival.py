@@ -1,4 +1,4 @@
-"""Rabbits that smell grass with two nostrils, and starve unless they find it (extensions/learning/rl.md)."""
+"""Rabbits that smell grass, and starve unless they find it (extensions/learning/rl.md)."""
 
 import math
 from typing import Annotated

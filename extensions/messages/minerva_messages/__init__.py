@@ -9,7 +9,8 @@
     outside        agents that represent others outside of the world
     kqml           KQML's performatives
 
-A vocabulary includes the symbols by `Vocabulary.of(*MESSAGES, ...)`. See extensions/messages/messages.md.
+A vocabulary includes the symbols by `Vocabulary.of(*MESSAGES, ...)`. See
+extensions/messages/messages.md.
 """
 
 from minerva_bus.public_names import imported_at_first_use
