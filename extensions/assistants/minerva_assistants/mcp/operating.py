@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from minerva_assistants.mcp.tool import AGENT_ID, Result, Tool, ToolCall, text, whole
+from minerva_assistants.schemas import schema_of_fields
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.fields import schema_of_fields
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import WorldStatus

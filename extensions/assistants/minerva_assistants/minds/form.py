@@ -9,9 +9,10 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final, cast
 
+from minerva_assistants.schemas import schema_of_type
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.fields import Field, schema_of_type
+from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
 
