@@ -1,13 +1,10 @@
 """Parameters of a string that get a given value: `AEgg.speed=0.3`, `#anna.water=5`.
 
-The settings of a run can set them, and studies search for such values. A target names nodes, or one
-of their parameters with bounds:
+The settings of a run set them. A target names nodes, or one of their parameters:
 
 ABug                  every ABug
 ABug.speed            this attribute of every ABug
-ABug.speed=0:2        from 0 to 2; numbers may have units
-ABug.gait=walk,run    one of these values
-ABug#b1.speed=0:2     of one agent; `#b1` without a symbol is valid, too
+ABug#b1.speed         of one agent; `#b1` without a symbol is valid, too
 ABug/TMount/PEye      every PEye directly in a TMount directly in an ABug; `*` is any node
 
 The values of an agent at rest are its commands, reset to neutral ones.
@@ -18,7 +15,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeAlias, cast
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -71,10 +68,6 @@ class Parameter:
         except Unfit as unfit:
             raise MisuseError(f"{self.key}={text}: expected {unfit}") from None
 
-    def domain(self, text: str) -> Interval | OneOf:
-        """The values in a text such as `0:2` or `walk,run`. Raises MisuseError."""
-        return parse_domain(text, self.field.type, self.key)
-
 
 def parameter_of(key: str, scene: Scene, vocabulary: Vocabulary) -> Parameter:
     """The parameter that a key names. Raises MisuseError, also if the string has no such node."""
@@ -83,16 +76,16 @@ def parameter_of(key: str, scene: Scene, vocabulary: Vocabulary) -> Parameter:
     symbol, mark, wanted = last.partition("#")
     if mark and not symbol:
         last = f"{_symbol_of(wanted, key, scene)}#{wanted}"
-    if last in ("", "*"):
+    if last.partition("#")[0] in ("", ANY):
         raise MisuseError(f"{key}: expected a symbol or #ID before .{name}, as in AFox.{name}")
-    target = parse_target(f"{above}{slash}{last}.{name}", vocabulary)
-    if not any(map(target.meets, places(scene, extent(scene).depth))):
+    target, field = parse_target(f"{above}{slash}{last}.{name}", vocabulary)
+    if not any(map(target.meets, places(scene))):
         symbols = sorted({node.symbol for opens, node in walk(scene) if opens})
         raise MisuseError(
             f"{key}: the world's string has no {path}; it has {', '.join(symbols[:12])}"
         )
-    fields = vocabulary.fields(target.steps[-1].partition("#")[0])
-    return Parameter(key, target, next(field for field in fields.all if field.name == name))
+    assert field is not None  # The last step begins with a symbol.
+    return Parameter(key, target, field)
 
 
 def assigned(scene: Scene, vocabulary: Vocabulary, texts: Sequence[str]) -> Scene:
@@ -118,8 +111,7 @@ def _symbol_of(agent: str, key: str, scene: Scene) -> str:
 
 
 def _with_value(scene: Scene, parameter: Parameter, value: Value) -> Scene:
-    every = places(scene, extent(scene).depth)
-    met = map(parameter.target.meets, _inner_first(every))
+    met = map(parameter.target.meets, _inner_first(places(scene)))
 
     def leave(node: Node, scope: Scene) -> Node:
         made = rescoped(node, scope)
@@ -140,76 +132,18 @@ def _inner_first(every: Sequence[NodePath]) -> Iterator[NodePath]:
     yield from reversed(opened)
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """All numbers from `low` to `high`, inclusive, in the parameter's unit."""
-
-    low: float
-    high: float
-
-    @property
-    def width(self) -> float:
-        """The distance between the ends."""
-        return self.high - self.low
-
-    def nearest(self, number: Any) -> Any:
-        """The number of the range that is nearest to a number."""
-        return min(max(number, self.low), self.high)
-
-
-@dataclass(frozen=True, slots=True)
-class OneOf:
-    """These values and no others."""
-
-    values: tuple[Value, ...]
-
-
-Domain: TypeAlias = Interval | OneOf | None
-
-
-def parse_domain(text: str, kind: Type, owner: str) -> Interval | OneOf:
-    """The domain in a text such as `-2:2`, `-90deg:1rad` or `slow,fast`, for a type.
-
-    Raises MisuseError, which begins with `owner`.
-    """
-    try:
-        low, colon, high = text.partition(":")
-        if colon and kind.kind in ("real", "int"):
-            return _range(parse_value(low, kind), parse_value(high, kind))
-        return OneOf(_values(text, kind))
-    except Unfit as unfit:
-        raise MisuseError(f"{owner}={text}: expected {unfit}") from None
-
-
-def _range(low: Any, high: Any) -> Interval:
-    if not low <= high:
-        raise Unfit("a lower end that is at most the upper end")
-    # Steps are proportional to the width, which must be finite.
-    if high - low == float("inf"):
-        raise Unfit("a range of finite width")
-    return Interval(low, high)
-
-
-def _values(text: str, kind: Type) -> tuple[Value, ...]:
-    """Values separated by commas, as in a list of a string; texts need no quotes."""
-    try:
-        return tuple([kind.fit(value) for value in _read(f"[{text}]")])
-    except SceneError:
-        return tuple([parse_value(part, kind) for part in text.split(",")])
-
-
 def parse_value(text: str, kind: Type) -> Value:
     """The value of a type that a text represents; texts need no quotes. Raises Unfit."""
     text = text.strip()
     if kind.kind == "text" and not text.startswith('"'):
         return kind.fit(text)
     try:
-        return kind.fit(_read(text))
+        return kind.fit(read_one(text))
     except SceneError:
         raise Unfit(f"a value of the type {kind}, not {text!r}") from None
 
 
-def _read(text: str) -> Any:
+def read_one(text: str) -> Any:
     """The single value that a text represents in a string. Raises SceneError."""
     # Any symbol will do, because the parser knows no vocabulary.
     nodes = parse(f"PAny<any={text}>").nodes
@@ -240,8 +174,8 @@ class NodePath:
             place = place.parent
 
 
-def places(scene: Scene, deepest: int) -> list[NodePath]:
-    """All nodes of a string down to a depth, from left to right, outer nodes first."""
+def places(scene: Scene, deepest: int | None = None) -> list[NodePath]:
+    """All nodes of a string, or down to a depth, from left to right, outer nodes first."""
     result: list[NodePath] = []
     stack = _within(scene, None, deepest)
     while stack:
@@ -252,9 +186,9 @@ def places(scene: Scene, deepest: int) -> list[NodePath]:
     return result
 
 
-def _within(scene: Scene, parent: NodePath | None, deepest: int) -> list[NodePath]:
+def _within(scene: Scene, parent: NodePath | None, deepest: int | None) -> list[NodePath]:
     depth = 1 if parent is None else parent.depth + 1
-    if depth > deepest:
+    if deepest is not None and depth > deepest:
         return []
     nodes = enumerate(scene.nodes)
     # Reversed, because the stack returns the last one first.
@@ -271,33 +205,6 @@ def with_value(node: Node, n: int, value: Value) -> Node:
     return AgentNode(node.symbol, node.id, node.names, values, node.scope)
 
 
-@dataclass(frozen=True, slots=True)
-class Extent:
-    """The number of nodes of a string, and their maximum depth."""
-
-    nodes: int
-    depth: int
-
-    def within(self, other: Extent) -> bool:
-        """Whether neither number exceeds that of the other extent."""
-        return self.nodes <= other.nodes and self.depth <= other.depth
-
-    def joined(self, other: Extent) -> Extent:
-        """The maximum of each number."""
-        return Extent(max(self.nodes, other.nodes), max(self.depth, other.depth))
-
-
-def extent(scene: Scene) -> Extent:
-    """The extent of a string."""
-    nodes = depth = deepest = 0
-    for opens, node in walk(scene):
-        nodes += opens
-        deepest = max(deepest, depth + 1) if opens else deepest
-        if not isinstance(node, FigureNode):
-            depth += 1 if opens else -1
-    return Extent(nodes, deepest)
-
-
 ANY: Final = "*"
 
 
@@ -307,7 +214,6 @@ class Target:
 
     steps: tuple[str, ...]
     parameter: str = ""
-    domain: Domain = None
 
     def meets(self, place: NodePath) -> bool:
         """Whether a node is at the place that this target describes."""
@@ -326,23 +232,17 @@ def _is(node: Node, step: str) -> bool:
     return symbol in ("", ANY, node.symbol)
 
 
-def parse_target(text: str, vocabulary: Vocabulary) -> Target:
-    """The target that a text of the module's table describes. Raises MisuseError."""
-    place, equals, values = text.partition("=")
-    path, dot, name = place.partition(".")
+def parse_target(text: str, vocabulary: Vocabulary) -> tuple[Target, Field | None]:
+    """The target that a text of the module's table describes, and the field of its parameter.
+
+    There is no field without a parameter, or without the symbol that has it. Raises MisuseError.
+    """
+    path, dot, name = text.partition(".")
     steps = tuple([step.strip() for step in path.split("/")])
     for step in steps:
         _check_step(text, step, vocabulary)
-    if not dot:
-        if equals:
-            raise MisuseError(f"{text!r}: values need a parameter, as in {path}.NAME={values}")
-        return Target(steps)
-    kind = _type_of(text, steps[-1], name.strip(), vocabulary)
-    if not equals:
-        return Target(steps, name.strip())
-    if kind is None:
-        raise MisuseError(f"{text!r}: bounds need the symbol that has {name}: SYMBOL.{name}=...")
-    return Target(steps, name.strip(), parse_domain(values, kind.type, place))
+    name = name.strip()
+    return Target(steps, name), _field_of(text, steps[-1], name, vocabulary) if dot else None
 
 
 def _check_step(text: str, step: str, vocabulary: Vocabulary) -> None:
@@ -356,7 +256,7 @@ def _check_step(text: str, step: str, vocabulary: Vocabulary) -> None:
             raise MisuseError(f"{text!r}: {unfit}") from None
 
 
-def _type_of(text: str, step: str, name: str, vocabulary: Vocabulary) -> Field | None:
+def _field_of(text: str, step: str, name: str, vocabulary: Vocabulary) -> Field | None:
     """The field that a target names; None if it names no symbol."""
     symbol = step.partition("#")[0]
     if symbol in ("", ANY):
@@ -366,7 +266,7 @@ def _type_of(text: str, step: str, name: str, vocabulary: Vocabulary) -> Field |
         known = nearest(name, list(fields.names))
         has = ", ".join(fields.names) or "none"
         raise MisuseError(f"{text!r}: {symbol} has no {name!r}{known}; it has {has}")
-    return next(field for field in fields.all if field.name == name)
+    return fields.all[fields.names.index(name)]
 
 
 # --- agents at rest ---

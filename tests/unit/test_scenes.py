@@ -27,7 +27,7 @@ from minerva_bus import (
     visualize,
 )
 from minerva_bus.errors import GrammarError, MisuseError, VocabularyError
-from minerva_bus.grammar.assignment import assigned, names_nodes, parameter_of
+from minerva_bus.grammar.assignment import assigned, names_nodes
 from minerva_bus.grammar.digest import scene_digest
 from minerva_bus.grammar.scene import (
     FigureNode,
@@ -239,6 +239,7 @@ def test_keys_of_nodes_are_told_from_those_of_processes():
         ("#c-1.aeg=1", "no 'aeg'; did you mean 'age'"),
         ("PStone/AFox.age=1", "the world's string has no PStone/AFox; it has AFox, PStone, TAim"),
         ("*.size=1", "expected a symbol or #ID before .size"),
+        ("*#c-1.age=1", "expected a symbol or #ID before .age"),
         ("AFox.age=1.5", "AFox.age=1.5: expected a whole number"),
         ("AFox.speed=fast", "AFox.speed=fast: expected"),
         ("AFox.shy=2", "AFox.shy=2: expected"),
@@ -250,13 +251,6 @@ def test_mistakes_are_explained(text, says):
     with pytest.raises(MisuseError) as error:
         assigned(SCENE, WORDS, [text])
     assert says in str(error.value)
-
-
-def test_a_parameter_knows_its_domain():
-    parameter = parameter_of("AFox.age", SCENE, WORDS)
-    assert (parameter.domain("1:5").low, parameter.domain("1,3").values) == (1, (1, 3))
-    with pytest.raises(MisuseError, match=r"AFox.age=0.5:2: expected a whole number"):
-        parameter.domain("0.5:2")
 
 
 DEPTH = 10_000

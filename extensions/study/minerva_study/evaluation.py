@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.grammar.assignment import extent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.in_process import never
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.user_code import place_of
+from minerva_study.domains import extent
 from minerva_study.outcome import Outcome
 from minerva_study.sent_world import spec_of
 from minerva_study.trial import prepared, run_trial

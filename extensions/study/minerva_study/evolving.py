@@ -11,11 +11,12 @@ from minerva_bus.api.requests import request_of
 from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.assignment import Extent, places
+from minerva_bus.grammar.assignment import places
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.overrides import Overrides
+from minerva_study.domains import Extent
 from minerva_study.evaluation import EvaluationCache, Evaluator, Fitness
 from minerva_study.evolution import Evolution, Generation, Plan
 from minerva_study.executor_pool import ExecutorSource, Workers, open_pool

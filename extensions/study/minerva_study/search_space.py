@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast
 
 from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.assignment import Interval, OneOf, Parameter, names_nodes, parameter_of
+from minerva_bus.grammar.assignment import Parameter, names_nodes, parameter_of
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.typed_text import option_text
+from minerva_study.domains import Interval, OneOf, parse_domain
 
 if TYPE_CHECKING:
     import optuna
@@ -93,11 +94,11 @@ def _domain(of: Parameter, given: Any) -> Interval | OneOf:
         values = cast("list[Any]", given)
         return OneOf(tuple([of.value(option_text(value)) for value in values]))
     if isinstance(given, str):
-        return of.domain(given)
+        return parse_domain(given, of.field.type, of.key)
     if of.field.type.kind not in ("real", "int"):
         raise MisuseError(f"{of.key}: a {of.field.type.kind} has no bounds; expected values")
     low, high = _bounds(of.key, given)
-    return of.domain(f"{option_text(low)}:{option_text(high)}")
+    return parse_domain(f"{option_text(low)}:{option_text(high)}", of.field.type, of.key)
 
 
 def _bounds(key: str, given: Any) -> tuple[Any, Any]:

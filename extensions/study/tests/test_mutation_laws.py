@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from minerva_bus.grammar.assignment import Extent, extent
 from minerva_bus.grammar.scene import agents
 from minerva_bus.testing.strategies import strings_of, vocabularies
+from minerva_study.domains import Extent, extent
 from minerva_study.mutation.mutable import Targets
 from minerva_study.mutation.mutator import OPERATORS, Mutator
 from minerva_study.mutation.nodes import ids_of

@@ -1,4 +1,10 @@
-"""What may mutate in strings: the nodes and parameters that targets name."""
+"""What may mutate in strings: the nodes and parameters that targets name.
+
+ABug                  every ABug; see grammar/assignment.py
+ABug.speed            this attribute of every ABug
+ABug.speed=0:2        from 0 to 2; numbers may have units
+ABug.gait=walk,run    one of these values
+"""
 
 from __future__ import annotations
 
@@ -6,9 +12,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_bus.grammar.assignment import ANY, Domain, NodePath, Target, parse_target
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar import assignment
+from minerva_bus.grammar.assignment import ANY, NodePath
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_study.domains import Domain, parse_domain
+
+
+@dataclass(frozen=True, slots=True)
+class Target(assignment.Target):
+    """Nodes, or one of their parameters with the values that it may have."""
+
+    domain: Domain = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,5 +93,18 @@ def _exactness(target: Target) -> tuple[bool, bool, int]:
 
 
 def parse_targets(texts: Sequence[str], vocabulary: Vocabulary) -> Targets:
-    """Targets from texts as in grammar/assignment.py. Raises MisuseError."""
-    return Targets(vocabulary, tuple([parse_target(text, vocabulary) for text in texts]))
+    """Targets from texts as in the module's table. Raises MisuseError."""
+    return Targets(vocabulary, tuple([_target(text, vocabulary) for text in texts]))
+
+
+def _target(text: str, vocabulary: Vocabulary) -> Target:
+    place, equals, values = text.partition("=")
+    plain, field = assignment.parse_target(place, vocabulary)
+    if not equals:
+        return Target(plain.steps, plain.parameter)
+    name = plain.parameter
+    if not name:
+        raise MisuseError(f"{text!r}: values need a parameter, as in {place}.NAME={values}")
+    if field is None:
+        raise MisuseError(f"{text!r}: bounds need the symbol that has {name}: SYMBOL.{name}=...")
+    return Target(plain.steps, name, parse_domain(values, field.type, place))

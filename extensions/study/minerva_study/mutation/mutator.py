@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from minerva_bus.grammar.assignment import Extent, extent
 from minerva_bus.grammar.scene import Scene
+from minerva_study.domains import Extent, extent
 from minerva_study.mutation import operators as op
 from minerva_study.mutation.mutable import Targets
 from minerva_study.mutation.operators import Material, Mutant, Operator

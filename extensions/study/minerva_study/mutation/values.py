@@ -8,11 +8,11 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
-from minerva_bus.grammar.assignment import Domain, Interval, OneOf
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.scene import EMPTY, Scene, Value
 from minerva_bus.grammar.types import Type
 from minerva_bus.portable import normal
+from minerva_study.domains import Domain, Interval, OneOf
 
 Stream = np.random.Generator
 Inner = Callable[[Scene, Stream], Scene]
