@@ -24,7 +24,7 @@ _MARGIN = "padding:0 0.75em;font-size:0.85em;line-height:1.5;overflow-wrap:anywh
 _CODE = "font-family:ui-monospace,monospace;font-size:0.88em"
 _DECIMALS = re.compile(r"\d+\.\d{4,}(e-?\d+)?")
 _DIM, _BAD, _GOOD = "#868e96", "#c92a2a", "#2b8a3e"
-_FATES = {"done": _GOOD, "rejected": _BAD, "failed": _BAD, "replaced": _BAD}
+_FATES = {"done": _GOOD, "rejected": _BAD, "dropped": _BAD, "failed": _BAD, "replaced": _BAD}
 _NAME = f"color:{_DIM};padding-right:0.8em;vertical-align:top;white-space:nowrap"
 
 

@@ -13,7 +13,7 @@ from minerva_services.views.sprites.text import one_line, written
 _FONT_SIZE = 18
 _PAD, _GAP, _ROW = 9, 9, 21
 _BAD, _GOOD = "#a3341f", "#22702f"
-_STATES = {"done": _GOOD, "rejected": _BAD, "failed": _BAD, "replaced": _BAD}
+_STATES = {"done": _GOOD, "rejected": _BAD, "dropped": _BAD, "failed": _BAD, "replaced": _BAD}
 
 
 @lru_cache(maxsize=8)
