@@ -205,8 +205,21 @@ class Host:
         return process
 
 
+REMOVE = """
+cat >/dev/null
+for space in $(ip netns list | cut -d " " -f 1 | grep "^$0[-s]"); do
+    while pids=$(ip netns pids "$space") && [ -n "$pids" ]; do kill -9 $pids 2>/dev/null; done
+    ip netns del "$space" && rm -rf "$1/$space"
+done
+"""
+"""Waits for the end of its input, and removes the hosts and switches of a network."""
+
+
 class Network:
-    """Hosts on switches; the end of the context removes them and their processes."""
+    """Hosts on switches; the end of the context removes them and their processes.
+
+    So does the end of the process, however it ends: another one waits for it.
+    """
 
     def __init__(self, folder):
         self.folder = folder
@@ -215,14 +228,14 @@ class Network:
         self._switches = {}
 
     def __enter__(self):
+        self._remover = subprocess.Popen(
+            ["sh", "-c", REMOVE, self.space, NAMES], stdin=subprocess.PIPE, start_new_session=True
+        )
         return self
 
     def __exit__(self, *exc):
-        for host in self.hosts.values():
-            host.kill()
-        for space in [*(host.space for host in self.hosts.values()), *self._switches.values()]:
-            ip("netns", "del", space)
-            shutil.rmtree(NAMES / space, ignore_errors=True)
+        self._remover.stdin.close()
+        assert self._remover.wait() == 0, "not all hosts are removed"
 
     def host(self, name, *nets):
         """A new host on these networks, by default on network 1."""

@@ -3,7 +3,7 @@
 import json
 import shutil
 import sys
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("runtime", "security")]
@@ -137,8 +137,9 @@ class Spread:
 
     def close(self):
         """End all its processes, whatever their state."""
-        for run in [*self.runs.values(), *([self.world] if hasattr(self, "world") else [])]:
-            run.__exit__()
+        with ExitStack() as ends:
+            for run in [*([self.world] if hasattr(self, "world") else []), *self.runs.values()]:
+                ends.callback(run.__exit__)
 
 
 __all__ = ["HERE", "PORT", "THERE", "Spread", "eventually"]
