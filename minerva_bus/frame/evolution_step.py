@@ -18,7 +18,7 @@ from minerva_bus.frame.composition import Composition, first_in, ids_of
 from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.in_flight import FrameResult, Phase, Progress
 from minerva_bus.frame.members import Members
-from minerva_bus.frame.norm_rejections import Norms
+from minerva_bus.frame.norm_rejections import Norms, Trial
 from minerva_bus.frame.placement import Offers, Placement
 from minerva_bus.frame.stimuli import (
     AGENTS,
@@ -188,6 +188,8 @@ class EvolutionStep:
         self._inbox = inbox
         self._norms = norms
         self._out = out
+        self._trial: Trial | None = None
+        self._stages: Iterator[tuple[AnyEvent, ...]] = iter(())
 
     def _offers(self) -> Offers:
         return self._members.allowed_offers(self._world.placement)
@@ -198,6 +200,7 @@ class EvolutionStep:
         """Steps 5 and 6: request w_next = η(w, e^u) and v = π(w, e^v) from all hosts concerned."""
         in_flight = self._now.in_flight
         requests = in_flight.requests
+        self._trial = None
         if in_flight.logged is not None and in_flight.logged.complete:
             # Logged replies name fragments of the layout that their coordinator had chosen.
             self._composition.lay_out(in_flight.logged.layout)
@@ -309,7 +312,7 @@ class EvolutionStep:
         if not allowed:
             return False
         worst = max(allowed, key=lambda name: max(map(work.steps, allowed[name]), default=0))
-        again = in_flight.trial is None and in_flight.logged is None
+        again = self._trial is None and in_flight.logged is None
         guests = sorted(filter(self._members.is_guest, allowed)) if again else []
         names = ", ".join(map(_who, guests))
         then = f"; the frame is repeated without the events of {names}" if guests else ""
@@ -417,13 +420,13 @@ class EvolutionStep:
             if in_flight.logged is not None:
                 self._merge_logged(in_flight.logged)
             self._judge()
-            stage = next(in_flight.stages, None)
-            if stage is None or in_flight.trial is None:
+            stage = next(self._stages, None) if self._trial is not None else None
+            if stage is None or self._trial is None:
                 self._enforce()
                 return True
             # No visual events: the views are of the string before the frame, which no norm changes.
             in_flight.requests.reduced = stage, ()
-            rejected = in_flight.trial.open
+            rejected = self._trial.open
             for fragment in rejected:
                 self._placement.resend(fragment)
             self._repeat_request(rejected)
@@ -433,18 +436,17 @@ class EvolutionStep:
     def _judge(self) -> None:
         """Apply norms to results, those of the first request or those by fewer events."""
         in_flight = self._now.in_flight
-        result, norms = in_flight.result, self._norms
+        result = in_flight.result
         result.count_answers()
-        if in_flight.requests.reduced is None:
-            if self._world.norms:
-                in_flight.trial = norms.agents(self._now.frame, result.changed, result.sent)
-                self._inbox.sanctions += norms.publish(self._out, self._members.saved)
-            if in_flight.trial is not None:
+        if in_flight.requests.reduced is None and self._world.norms:
+            self._trial = self._norms.agents(self._now.frame, result.changed, result.sent)
+            self._inbox.sanctions += self._norms.publish(self._out, self._members.saved)
+            if self._trial is not None:
                 # A generator, because further stages are needed only while agents are rejected.
-                in_flight.stages = norms.stages(in_flight.trial, in_flight.events.evolving)
-        elif in_flight.trial is not None:
-            norms.reconsider(in_flight.trial, result.changed, result.sent)
-        if in_flight.trial is not None:
+                self._stages = self._trial.stages(in_flight.events.evolving)
+        elif self._trial is not None:
+            self._trial.reconsider(result.changed, result.sent)
+        if self._trial is not None:
             # The trial has copies; from now on the result gathers the
             # replies to the next stage alone.
             result.changed, result.sent = {}, {}
@@ -456,11 +458,8 @@ class EvolutionStep:
         # The view shows an action of these agents that λ has not counted, because they did not
         # evolve. A device that executes it would move a body that does not move in the string.
         halted = set(self._agents_left_out() if in_flight.events.visual else ())
-        if in_flight.trial is not None:
-            verdict = self._norms.verdict(in_flight.trial)
-            result.changed, result.sent = verdict.changed, verdict.sent
-            result.rejected = verdict.rejected
-            halted.update(verdict.halted)
+        if self._trial is not None:
+            halted.update(self._trial.settle(result))
         # Devices get this list instead of a corrected view, which would cost another round trip,
         # and which nothing could compute for an agent whose host is away.
         result.halted = tuple(sorted(halted))

@@ -5,14 +5,13 @@ Each frame starts with a new `FrameInFlight`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Final, cast
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
-from minerva_bus.frame.norm_rejections import Trial
 from minerva_bus.frame.stimuli import DROPPED, FrameInputs, OrdersBySource
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.events import AnyEvent
@@ -80,7 +79,6 @@ Events = tuple[AnyEvent, ...]
 _DICT: Final = cast("Callable[[], dict[Any, Any]]", dict)
 _SET: Final = cast("Callable[[], set[Any]]", set)
 _LIST: Final = cast("Callable[[], list[Any]]", list)
-_NO_STAGES: Final[Iterator[Events]] = iter(())
 
 
 @dataclass(slots=True)
@@ -197,8 +195,6 @@ class FrameInFlight:
 
     `clock_views`: visual event types whose devices request a view by the clock in this frame.
     `pending`: members whose tick reply the frame waits for; `ticked`: replies by member.
-    `trial`: the outcome before norms that judge agents; `stages`: the reduced events by which
-    agents with a rejected outcome may still continue.
     `logged`: inputs from a log, which replace those of absent members.
     """
 
@@ -209,8 +205,6 @@ class FrameInFlight:
     events: FrameEvents = field(default_factory=FrameEvents)
     requests: Requests = field(default_factory=Requests)
     result: FrameResult = field(default_factory=FrameResult)
-    trial: Trial | None = None
-    stages: Iterator[Events] = _NO_STAGES
 
     def leave_out(
         self, sources: Sequence[str], order: Priority, types: Mapping[str, EventType]

@@ -5,8 +5,8 @@ it leaves beside itself, and with the events that it sent. The exception are pri
 agent in columns leaves beside itself, because their author is unknown. A rejected unit is replaced
 by its previous state, or by its outcome with fewer events.
 
-Columns that keep their rows are judged and undone by columns. With births, deaths or changes of
-kind, each agent is a node.
+Agents that are rows before and after the frame are judged by columns; newborns and others are
+judged one by one.
 
 If a norm rejects an agent's outcome, the agent is evolved again without the events of the
 last type, then without those of the last two types, and so on. The first outcome that no norm
@@ -17,21 +17,22 @@ after it. Events from norms are never left out; in the end they are all that it 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import cached_property
 from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition, Fragment, ids_of
+from minerva_bus.frame.in_flight import FrameResult
+from minerva_bus.frame.messages import Parts, SentBy
 from minerva_bus.frame.stimuli import PEOPLE, Instructions, is_people, person_of, source_of
 from minerva_bus.grammar.assignment import rested
-from minerva_bus.grammar.columns import Column, Columns, Rows, packed
+from minerva_bus.grammar.columns import Columns, Rows, packed
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.ids import Ids, repeated_in
-from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents, kind_counts
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Piece, Scene, agents, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import (
     EVENT,
@@ -48,84 +49,219 @@ from minerva_bus.world.population import parents_of
 from minerva_bus.world.population_step import emissions
 
 Sent: TypeAlias = tuple[AnyEvent, ...]
-Elsewhere = Callable[[str], Any]
+Elsewhere: TypeAlias = Callable[[str], Any]
 """The value of `#id.attribute`, or None if there is no such agent."""
 
 
-class FragmentOutcome:
-    """One outermost agent and its outcome; base class of those of populations."""
+class Outcome:
+    """What λ has made of a fragment, and the units of it that norms have undone.
+
+    An outermost agent is one unit, with all that it has become. In columns each agent is a unit,
+    together with its newborns.
+    """
 
     def __init__(self, old: Fragment, new: Scene) -> None:
         self._old = old
         self._new = new
-        self._undone: dict[str, FragmentOutcome | None] = {}
-        self._before = self._agents_before()
+        self._undone: dict[str, Outcome | None] = {}
+        self._compared: dict[int, tuple[Rows, Rows, list[int]]] = {}
 
-    def _agents_before(self) -> Mapping[str, AgentNode]:
+    @cached_property
+    def _before(self) -> Mapping[str, AgentNode]:
+        """An outermost agent before the frame, and those in its scope; empty for columns."""
+        if self._old.ids is not None:
+            return {}
         return {agent.id: agent for agent in agents(Scene((self._old,)))}
+
+    @cached_property
+    def _parents(self) -> Mapping[str, str]:
+        """The parents of the newborns of agents in columns, which may have died in this frame."""
+        old, newborns = self._old, list[str]()
+        if isinstance(old, AgentNode) or self._as_columns is not None:
+            return {}
+        for piece in self._new.pieces:
+            ids = piece.ids
+            ids = Ids.of([agent.id for agent in agents(Scene((piece,)))]) if ids is None else ids
+            newborns += ids.take(np.flatnonzero(ids_of(old).rows_of(ids) < 0)).texts()
+        # Only kinds that count their births can be parents.
+        if not newborns or "births" not in old.names or old.column("births").dtype.kind != "i":
+            return {}
+        births = zip(ids_of(old).texts(), old.column("births").tolist(), strict=True)
+        return parents_of(newborns, dict(births))
+
+    @cached_property
+    def _as_columns(self) -> Columns | None:
+        """The new string if it has the rows of the old columns, otherwise None."""
+        old, new = self._old, self._new.pieces[0] if len(self._new.pieces) == 1 else None
+        if old.ids is None or new is None or new.ids is None or new.symbol != old.symbol:
+            return None
+        return new if new.ids == old.ids else None
 
     @property
     def rejected(self) -> bool:
         """Whether a unit of it has been undone."""
         return bool(self._undone)
 
+    @property
+    def halted(self) -> tuple[str, ...]:
+        """All agents that have been undone, sorted."""
+        return tuple(sorted(self._before or self._undone)) if self._undone else ()
+
+    def unit(self, who: str) -> str:
+        """The unit of an agent: the agent whose λ returned it."""
+        return self._old.id if isinstance(self._old, AgentNode) else self._parents.get(who, who)
+
+    def was(self, who: str) -> AgentNode | None:
+        """An agent as it was before the frame."""
+        if isinstance(self._old, AgentNode):
+            return self._before.get(who)
+        row = ids_of(self._old).row_of(who)
+        return cast("AgentNode", self._old.node(row)) if row >= 0 else None
+
+    # --- judging ---
+
     def offenders(self, norm: Norm, elsewhere: Elsewhere) -> Iterator[str]:
         """Agents whose new state violates a norm, in the order of the string.
 
         Only changed states are judged; for a newborn the parent is the offender.
         """
-        for agent in agents(self._new):
-            old = self._before.get(agent.id)
-            unit = self.unit(agent.id)
-            # A state undone by an earlier norm no longer exists, so later norms do not count it.
-            if unit in self._undone or not norm.concerns(agent.symbol):
-                continue
-            # An agent that stays unchanged in a state that was forbidden
-            # before does not offend again.
-            if old is not None and same_values(old.values, agent.values):
-                continue
-            if norm.holds(state_of(norm, agent, old, elsewhere)):
-                yield agent.id if old is not None else unit
+        for piece in self._new.pieces:
+            for who in self._forbidden(norm, piece, elsewhere):
+                unit = self.unit(who)
+                # A state undone by an earlier norm no longer exists, so later ones do not count it.
+                if unit not in self._undone:
+                    yield who if who in self._before else unit
 
-    @property
-    def halted(self) -> tuple[str, ...]:
-        """All agents that have been undone, sorted."""
-        return tuple(sorted(self._before)) if self._undone else ()
+    def _forbidden(self, norm: Norm, piece: Piece, elsewhere: Elsewhere) -> Iterator[str]:
+        """The agents of a piece with a changed and forbidden state."""
+        old = self._old
+        if isinstance(old, Columns) and isinstance(piece, Columns) and piece.shape == old.shape:
+            if norm.concerns(piece.symbol):
+                yield from self._forbidden_rows(norm, old, piece, elsewhere)
+            return
+        for agent in agents(Scene((piece,))):
+            if norm.concerns(agent.symbol) and self._offends(norm, agent, elsewhere):
+                yield agent.id
 
-    def unit(self, who: str) -> str:
-        """The unit of an agent: the agent whose λ returned it."""
-        return cast("AgentNode", self._old).id
+    def _offends(self, norm: Norm, agent: AgentNode, elsewhere: Elsewhere) -> bool:
+        was = self.was(agent.id)
+        # An agent that stays in a state that was forbidden before does not offend again.
+        changed = was is None or not same_values(was.values, agent.values)
+        return changed and norm.holds(state_of(norm, agent, was, elsewhere))
 
-    def undo(self, who: str) -> None:
-        """Replace an agent's unit by its previous state."""
-        self._undone[self.unit(who)] = None
+    def _forbidden_rows(
+        self, norm: Norm, old: Columns, new: Columns, elsewhere: Elsewhere
+    ) -> Iterator[str]:
+        if id(new) not in self._compared:
+            self._compared[id(new)] = _compared(old, new)
+        rows, former, newborn = self._compared[id(new)]
 
-    def replace(self, unit: str, other: FragmentOutcome) -> None:
+        def value(name: str) -> Any:
+            if name.startswith("#"):
+                return elsewhere(name)
+            part, at = (old, former) if name.startswith(WAS) else (new, rows)
+            name = name.removeprefix(WAS)
+            return part.column(name)[at] if name in part.names else None
+
+        holds = norm.holds_of_many(value, len(rows))
+        born = [
+            row
+            for row in newborn
+            if self._offends(norm, cast("AgentNode", new.node(row)), elsewhere)
+        ]
+        found = np.sort(np.append(rows[holds], np.array(born, np.intp)))
+        yield from ids_of(new).take(found).texts()
+
+    def undo(self, *agents: str) -> None:
+        """Replace the units of these agents by their previous states."""
+        self._undone |= dict.fromkeys(map(self.unit, agents))
+
+    def replace(self, unit: str, other: Outcome) -> None:
         """Replace a unit that was undone by its state in another outcome, by fewer events."""
         self._undone[unit] = other
 
-    def was(self, who: str) -> AgentNode | None:
-        """An agent as it was before the frame."""
-        return self._before.get(who)
-
-    def of_unit(self, unit: str) -> tuple[Node, ...]:
-        """The nodes of a unit in this outcome."""
-        return self._new.nodes
+    # --- results ---
 
     @property
     def scene(self) -> Scene:
         """The final fragment."""
         if not self._undone:
             return self._new
-        (other,) = self._undone.values()
-        return Scene((self._old,)) if other is None else other.scene
+        others = {other for other in self._undone.values() if other is not None}
+        parts = {other: other._as_columns for other in others}
+        # Only outcomes with the same rows can be merged by columns.
+        if self._as_columns is None or None in parts.values():
+            return self._node_by_node()
+        columns = self._as_columns.columns
+        for other in [None, *others]:
+            part = cast("Columns", self._old if other is None else parts[other])
+            undone = [who for who, by in self._undone.items() if by is other]
+            rows = np.sort(ids_of(part).rows_of(Ids.of(undone))) if undone else np.empty(0, np.intp)
+            if len(rows):
+                pairs = zip(columns, part.columns, strict=True)
+                columns = tuple(
+                    [new if new is old else new.put(rows, old.array[rows]) for new, old in pairs]
+                )
+        return Scene((self._as_columns.with_columns(columns),))
 
-    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
-        """The events of the fragment that count, from this outcome and others."""
+    def _node_by_node(self) -> Scene:
+        """The final fragment, with the replacements of units that were undone."""
+        made: list[Node] = []
+        # A unit may have several nodes, an agent and its newborns. Its replacement takes the place
+        # of the first one, and the others are left out.
+        back = dict(self._undone)
+        for node in self._new.nodes:
+            units = self._units(node) & self._undone.keys()
+            if not units:
+                made.append(node)
+            for unit in sorted(units & back.keys()):
+                other, was = back.pop(unit), self.was(unit)
+                made += (was,) if other is None and was is not None else ()
+                made += () if other is None else other._by_unit.get(unit, ())
+        return packed(Scene(tuple(made))) if made else EMPTY
+
+    def _units(self, node: Node) -> set[str]:
+        """The units to which a node belongs."""
+        if isinstance(self._old, AgentNode):
+            return {self._old.id}
+        return {self.unit(agent.id) for agent in agents(Scene((node,)))}
+
+    @cached_property
+    def _by_unit(self) -> Mapping[str, list[Node]]:
+        """The nodes of each unit in this outcome."""
+        by_unit: dict[str, list[Node]] = {}
+        for node in self._new.nodes:
+            for unit in self._units(node):
+                by_unit.setdefault(unit, []).append(node)
+        return by_unit
+
+    def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
+        """The events of the fragment that count, from this outcome and others, by their senders."""
         if not self._undone:
             return sent
-        (other,) = self._undone.values()
-        return next((events for outcome, events in later if outcome is other), ())
+        kept = self._kept(sent, lambda unit: unit not in self._undone)
+        for outcome, events in later:
+            kept += self._kept(events, lambda unit, by=outcome: self._undone.get(unit) is by)
+        if self._old.ids is None:
+            return tuple(kept)
+        batches, singles = list[tuple[Rows, Events]](), list[tuple[int, list[Event]]]()
+        for event in kept:
+            if isinstance(event, Event):
+                singles.append((self._old.ids.row_of(event.sender), [event]))
+            elif event.senders is not None:
+                batches.append((self._old.ids.rows_of(event.senders), event))
+        return emissions(batches, singles)
+
+    def _kept(self, sent: Sent, keeps: Callable[[str], bool]) -> list[AnyEvent]:
+        """The events of those units that `keeps` accepts."""
+        kept: list[AnyEvent] = []
+        for event in sent:
+            if isinstance(event, Event):
+                kept += [event] if keeps(self.unit(event.sender)) else []
+            elif event.senders is not None:
+                rows = np.flatnonzero([keeps(self.unit(who)) for who in event.senders.texts()])
+                kept += [event.take(rows)] if len(rows) else []
+        return kept
 
 
 def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsewhere) -> Any:
@@ -139,290 +275,65 @@ def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsew
     return state
 
 
-class PopulationOutcome(FragmentOutcome):
-    """Outcome of agents in columns; each agent is a unit."""
-
-    _old: Columns
-
-    @property
-    def halted(self) -> tuple[str, ...]:
-        """All agents that have been undone, sorted."""
-        return tuple(sorted(self._undone))
-
-    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
-        """The events of the fragment that count, from this outcome and others."""
-        return _left(ids_of(self._old), sent, self._undone, later)
-
-
-class ColumnsOutcome(PopulationOutcome):
-    """Outcome of agents in columns that have become columns with the same rows."""
-
-    def __init__(self, old: Columns, new: Columns) -> None:
-        super().__init__(old, Scene((new,)))
-        self._now = new
-        self._kept = np.ones(old.count, np.bool_)
-        self._other = _changed_rows(old, new)
-
-    # Columns are judged without nodes for all rows; `was` makes the few that are needed.
-    def _agents_before(self) -> Mapping[str, AgentNode]:
-        return {}
-
-    def unit(self, who: str) -> str:
-        """The agent itself."""
-        return who
-
-    def offenders(self, norm: Norm, elsewhere: Elsewhere) -> Iterator[str]:
-        """Agents whose new state violates a norm, judged as whole columns."""
-        if not norm.concerns(self._old.symbol):
-            return
-        offends = self._other & self._kept
-        for condition in norm.conditions:
-            state = {name: self._value(name, elsewhere) for name in condition.names}
-            offends &= condition.holds_of_many(state, self._old.count)
-        yield from ids_of(self._old).take(np.flatnonzero(offends)).texts()
-
-    def _value(self, name: str, elsewhere: Elsewhere) -> Any:
-        if name.startswith("#"):
-            return elsewhere(name)
-        part = self._old if name.startswith(WAS) else self._now
-        name = name.removeprefix(WAS)
-        return part.column(name) if name in part.names else None
-
-    def undo(self, who: str) -> None:
-        """Replace an agent's unit by its previous state."""
-        super().undo(who)
-        self._kept[ids_of(self._old).row_of(who)] = False
-
-    def undo_all(self) -> None:
-        """Replace all agents by their previous states."""
-        self._undone = dict.fromkeys(ids_of(self._old).texts())
-        self._kept[:] = False
-
-    def was(self, who: str) -> AgentNode | None:
-        """An agent as it was before the frame."""
-        return cast("AgentNode", self._old.node(ids_of(self._old).row_of(who)))
-
-    def of_unit(self, unit: str) -> tuple[Node, ...]:
-        """The node of an agent in this outcome."""
-        return (self._now.node(ids_of(self._now).row_of(unit)),)
-
-    @property
-    def scene(self) -> Scene:
-        """The final fragment."""
-        if not self._undone:
-            return self._new
-        others = {other for other in self._undone.values() if other is not None}
-        # Only outcomes with the same rows can be merged by columns.
-        if not all(isinstance(other, ColumnsOutcome) for other in others):
-            return _put_together(self, self._new, self._undone)
-        columns = self._now.columns
-        for other in [None, *others]:
-            part = self._old if other is None else cast("ColumnsOutcome", other)._now
-            undone = [who for who, by in self._undone.items() if by is other]
-            rows = np.sort(ids_of(self._old).rows_of(Ids.of(undone))) if undone else ()
-            if len(rows):
-                pairs = zip(columns, part.columns, strict=True)
-                columns = tuple([_with(new, old, np.asarray(rows, np.intp)) for new, old in pairs])
-        return Scene((self._now.with_columns(columns),))
-
-
-class MixedOutcome(PopulationOutcome):
-    """Outcome of agents in columns, some of which died, have newborns or changed their kind."""
-
-    def __init__(self, old: Columns, new: Scene) -> None:
-        super().__init__(old, new)
-        # All previous agents are possible parents, because a parent may die in the frame of its
-        # births; then only the newborns are left of its unit.
-        newborns = [agent.id for agent in agents(new) if agent.id not in self._before]
-        counts = {who: node.state.get("births") for who, node in self._before.items()}
-        # Only kinds that count their births can be parents.
-        births = {who: count for who, count in counts.items() if isinstance(count, int)}
-        self._parents = parents_of(newborns, births)
-
-    def _agents_before(self) -> Mapping[str, AgentNode]:
-        return {node.id: node for node in cast("tuple[AgentNode, ...]", self._old.nodes())}
-
-    def unit(self, who: str) -> str:
-        """The agent itself, or the parent of a newborn."""
-        return self._parents.get(who, who)
-
-    def of_unit(self, unit: str) -> tuple[Node, ...]:
-        """The nodes of an agent and of its newborns in this outcome."""
-        return self._by_unit.get(unit, ())
-
-    @cached_property
-    def _by_unit(self) -> Mapping[str, tuple[Node, ...]]:
-        by_unit: dict[str, tuple[Node, ...]] = {}
-        for node in self._new.nodes:
-            units = {self.unit(agent.id) for agent in agents(Scene((node,)))}
-            for unit in units:
-                by_unit[unit] = (*by_unit.get(unit, ()), node)
-        return by_unit
-
-    @property
-    def scene(self) -> Scene:
-        """The final fragment."""
-        return _put_together(self, self._new, self._undone) if self._undone else self._new
-
-
-def outcome_of(old: Fragment, new: Scene) -> FragmentOutcome:
-    """The outcome of a fragment."""
-    if old.ids is None:
-        return FragmentOutcome(old, new)
-    now = new.pieces[0] if len(new.pieces) == 1 else None
-    # With the same rows, attributes can be compared and replaced column by column.
-    if now is None or now.ids is None or now.symbol != old.symbol or now.ids != old.ids:
-        return MixedOutcome(old, new)
-    return ColumnsOutcome(old, now)
-
-
-def nothing_of(old: Columns) -> FragmentOutcome:
-    """The outcome of agents in columns that are all undone."""
-    outcome = ColumnsOutcome(old, old)
-    outcome.undo_all()
-    return outcome
-
-
-def _changed_rows(old: Columns, new: Columns) -> NDArray[np.bool_]:
-    changed = np.zeros(old.count, np.bool_)
-    for before, after in zip(old.columns, new.columns, strict=True):
-        rows = after.differs(before)
+def _compared(old: Columns, new: Columns) -> tuple[Rows, Rows, list[int]]:
+    """The rows of `new` that have changed, their rows in `old`, and the rows of newborns."""
+    former = np.arange(old.count) if new.ids == old.ids else ids_of(old).rows_of(ids_of(new))
+    known = np.flatnonzero(former >= 0)
+    same = len(known) == old.count == new.count and new.ids == old.ids
+    before, after = (old, new) if same else (old.take(former[known]), new.take(known))
+    changed = np.zeros(len(known), np.bool_)
+    for was, now in zip(before.columns, after.columns, strict=True):
+        rows = now.differs(was)
         changed[slice(None) if rows is None else rows] = True
-    return changed
-
-
-def _with(new: Column, old: Column, rows: Rows) -> Column:
-    return new if new is old else new.put(rows, old.array[rows])
-
-
-def _put_together(
-    outcome: FragmentOutcome, new: Scene, undone: Mapping[str, FragmentOutcome | None]
-) -> Scene:
-    """A population, node by node, with the replacements of units that were undone."""
-    made: list[Node] = []
-    # A unit may have several nodes, an agent and its newborns. Its replacement takes the place of
-    # the first one, and the others are left out.
-    back = dict(undone)
-    for node in new.nodes:
-        units = {outcome.unit(agent.id) for agent in agents(Scene((node,)))} & undone.keys()
-        if not units:
-            made.append(node)
-        for unit in sorted(units & back.keys()):
-            made += _instead(outcome, unit, back.pop(unit))
-    return packed(Scene(tuple(made))) if made else EMPTY
-
-
-def _instead(
-    outcome: FragmentOutcome, unit: str, other: FragmentOutcome | None
-) -> tuple[Node, ...]:
-    if other is not None:
-        return other.of_unit(unit)
-    was = outcome.was(unit)
-    return () if was is None else (was,)
-
-
-def _left(
-    ids: Ids,
-    sent: Sent,
-    undone: Mapping[str, FragmentOutcome | None],
-    later: Sequence[tuple[FragmentOutcome, Sent]],
-) -> Sent:
-    """The events of a population, in the order of its agents."""
-    if not undone:
-        return sent
-    kept = _kept(sent, lambda who: who not in undone)
-    for outcome, events in later:
-        kept += _kept(events, lambda who, by=outcome: undone.get(who) is by)
-    batches, singles = list[tuple[Rows, Events]](), list[tuple[int, list[Event]]]()
-    for event in kept:
-        if isinstance(event, Event):
-            singles.append((ids.row_of(event.sender), [event]))
-        elif event.senders is not None:
-            batches.append((ids.rows_of(event.senders), event))
-    return emissions(batches, singles)
-
-
-def _kept(sent: Sent, keeps: Callable[[str], bool]) -> list[AnyEvent]:
-    """The events of those senders that `keeps` accepts."""
-    kept: list[AnyEvent] = []
-    for event in sent:
-        if isinstance(event, Event):
-            kept += [event] if keeps(event.sender) else []
-        elif event.senders is not None:
-            rows = np.flatnonzero([keeps(who) for who in event.senders.texts()])
-            kept += [event.take(rows)] if len(rows) else []
-    return kept
-
-
-SentBy = Mapping[str, tuple[AnyEvent, ...]]
-Scenes = Mapping[str, Scene]
-Exceeds = Callable[[Norm, str], bool]
-
-
-@dataclass(frozen=True, slots=True)
-class NormVerdict:
-    """The outcome of a frame after norms: changed fragments, and the events that agents sent.
-
-    `rejected`: fragments that differ from their hosts' reports. `halted`: agents with a rejected
-    step, sorted; devices execute none of their actions in this frame.
-    """
-
-    changed: dict[str, Scene]
-    sent: dict[str, tuple[AnyEvent, ...]]
-    rejected: tuple[str, ...] = ()
-    halted: tuple[str, ...] = ()
+    rows = known[changed]
+    return rows, former[rows], np.flatnonzero(former < 0).tolist()
 
 
 class Trial:
     """The outcome of one frame while norms judge it."""
 
-    def __init__(
-        self, composition: Composition, changed: Scenes, sent: SentBy, elsewhere: Elsewhere
-    ) -> None:
-        self._composition = composition
+    def __init__(self, norms: Norms, changed: Parts, sent: SentBy) -> None:
+        self._norms = norms
+        self._composition = composition = norms.composition
         self._changed = dict(changed)
         self._sent = dict(sent)
-        self._elsewhere = elsewhere
         # In the order of the string, because replies arrive in any order, and the order of judging
         # is that of the sanctions among the events of the next frame.
         places = composition.places(changed)
         self._outcomes = {
-            name: outcome_of(composition.fragments[name], changed[name])
+            name: Outcome(composition.fragments[name], changed[name])
             for name in sorted(changed, key=places)
         }
         self._open: dict[str, dict[str, Norm]] = {}
-        self._later: list[tuple[str, FragmentOutcome, SentBy]] = []
+        self._later: list[tuple[str, Outcome, SentBy]] = []
         self._leniently = False
-
-    def judge(self, norm: Norm, breaks: Callable[[str], bool]) -> None:
-        """Apply a norm to all outcomes, and undo those that it rejects."""
-        for name, outcome in self._outcomes.items():
-            for who in outcome.offenders(norm, self._elsewhere):
-                if breaks(who) and norm.refuses:
-                    self._open.setdefault(name, {})[outcome.unit(who)] = norm
-                    outcome.undo(who)
+        for norm in norms.on_agents:
+            for name, outcome in self._outcomes.items():
+                for who in outcome.offenders(norm, norms.elsewhere):
+                    if norms.breaks(norm, who) and norm.refuses:
+                        self._open.setdefault(name, {})[outcome.unit(who)] = norm
+                        outcome.undo(who)
 
     @property
     def open(self) -> tuple[str, ...]:
         """The fragments with a rejected agent that may still be evolved by fewer events."""
         return tuple(self._open)
 
-    def stages(
-        self, events: Sequence[AnyEvent], vocabulary: Vocabulary, always: frozenset[str]
-    ) -> Iterator[tuple[AnyEvent, ...]]:
+    def stages(self, events: Sequence[AnyEvent]) -> Iterator[tuple[AnyEvent, ...]]:
         """Reduced events of a frame, stage by stage, by which rejected agents are evolved again.
 
-        After each stage `reconsider` takes the results of the `open` fragments. Events of the
-        types `always` are part of all stages.
+        After each stage `reconsider` takes the results of the `open` fragments. Events from norms
+        are part of all stages.
         """
         kinds = {
             kind for name in self._open for kind in kind_counts(self._composition.fragments[name])
         }
-        met = frozenset[str]().union(*(vocabulary.kinds[kind].subscribes for kind in kinds))
+        known = self._norms.vocabulary.kinds
+        met = frozenset[str]().union(*(known[kind].subscribes for kind in kinds))
         # In the order of the frame. Types that none of the agents subscribes to cannot have caused
         # the forbidden state, so they need no stage.
         types = list(dict.fromkeys(event.type for event in events if event.type in met))
-        before = frozenset(types)
+        always, before = self._norms.own_types, frozenset(types)
         # By type and not by event: each stage costs a round trip, and a frame has few types
         # but may have hundreds of events.
         for last in range(len(types) - 1, -1, -1):
@@ -436,56 +347,57 @@ class Trial:
                 yield tuple([event for event in events if event.type in stage])
             before = stage
 
-    def reconsider(
-        self, changed: Scenes, sent: SentBy, norms: Sequence[Norm], exceeds: Exceeds
-    ) -> None:
+    def reconsider(self, changed: Parts, sent: SentBy) -> None:
         """Accept outcomes of units by fewer events, unless a norm rejects them as well.
 
-        By events from norms alone, a state that was forbidden before the frame is not rejected.
+        Violations are not counted again. By events from norms alone, a state that was forbidden
+        before the frame is not rejected.
         """
+        norms = self._norms
         for name, refused in list(self._open.items()):
             old = self._composition.fragments[name]
-            other = outcome_of(old, changed.get(name, Scene((old,))))
+            other = Outcome(old, changed.get(name, Scene((old,))))
             wrong = {
                 other.unit(who)
-                for norm in norms
-                for who in other.offenders(norm, self._elsewhere)
+                for norm in norms.on_agents
+                if norm.refuses
+                for who in other.offenders(norm, norms.elsewhere)
                 # The norm that rejected the unit has counted this act already. For other norms it
                 # is a new act, which counts only if their limit is reached.
-                if refused.get(other.unit(who)) is norm or exceeds(norm, who)
+                if refused.get(other.unit(who)) is norm or norms.exceeds(norm, who)
                 if not (self._leniently and self._was_forbidden(norm, other, who))
             }
-            self._settle(name, old, other, refused.keys() - wrong)
+            for unit in sorted(refused.keys() - wrong):
+                self._outcomes[name].replace(unit, other)
+                del refused[unit]
+            if not refused:
+                del self._open[name]
             # Kept even if units of it were rejected: accepted ones have
             # sent their events in this stage.
             self._later.append((name, other, sent))
 
-    def _settle(self, name: str, old: Fragment, other: FragmentOutcome, units: set[str]) -> None:
-        for unit in sorted(units):
-            self._outcomes[name].replace(unit, other)
-            del self._open[name][unit]
-        if not self._open[name]:
-            del self._open[name]
-
-    def _was_forbidden(self, norm: Norm, outcome: FragmentOutcome, who: str) -> bool:
+    def _was_forbidden(self, norm: Norm, outcome: Outcome, who: str) -> bool:
         was = outcome.was(who)
-        return was is not None and norm.holds(state_of(norm, was, was, self._elsewhere))
+        return was is not None and norm.holds(state_of(norm, was, was, self._norms.elsewhere))
 
-    def verdict(self, vocabulary: Vocabulary) -> NormVerdict:
-        """The final outcome; agents with a rejected step are at rest."""
+    def settle(self, result: FrameResult) -> set[str]:
+        """Make a result the permitted one; returns the agents with a rejected step, at rest."""
         rejected = {n: outcome for n, outcome in self._outcomes.items() if outcome.rejected}
         for name, outcome in rejected.items():
             # Units of different stages may share an agent if a host has moved it between them.
             if repeated_in(outcome.scene) is not None:
-                rejected[name] = nothing_of(cast("Columns", self._composition.fragments[name]))
-        halted = {who for outcome in rejected.values() for who in outcome.halted}
+                old = cast("Columns", self._composition.fragments[name])
+                rejected[name] = Outcome(old, Scene((old,)))
+                rejected[name].undo(*ids_of(old).texts())
         for name, outcome in rejected.items():
             # At rest, because in the next frame λ would assume that the action was executed.
-            self._changed[name] = rested(outcome.scene, outcome.halted, vocabulary.kinds)
+            kinds = self._norms.vocabulary.kinds
+            self._changed[name] = rested(outcome.scene, outcome.halted, kinds)
         self._count_sent(rejected)
-        return NormVerdict(self._changed, self._sent, tuple(rejected), tuple(sorted(halted)))
+        result.changed, result.sent, result.rejected = self._changed, self._sent, tuple(rejected)
+        return {who for outcome in rejected.values() for who in outcome.halted}
 
-    def _count_sent(self, rejected: Mapping[str, FragmentOutcome]) -> None:
+    def _count_sent(self, rejected: Mapping[str, Outcome]) -> None:
         names = {name: self._home(name) for name in self._sent}
         for _, _, sent in self._later:
             names |= {name: self._home(name) for name in sent}
@@ -520,12 +432,15 @@ class Norms:
         vocabulary: Vocabulary,
         saved: Mapping[str, Any],
     ) -> None:
-        self._vocabulary = vocabulary
-        self._refusal = vocabulary.events.get(REFUSED)
+        self.vocabulary = vocabulary
+        self.composition = composition
+        self.on_agents = tuple(norm for norm in norms if not norm.on)
         self._on_events = tuple(norm for norm in norms if norm.on)
-        self._on_agents = tuple(norm for norm in norms if not norm.on)
+        self._refusal = vocabulary.events.get(REFUSED)
+        sanctions = {norm.sanction.type for norm in norms if norm.sanction is not None}
+        self.own_types = frozenset(sanctions | ({REFUSED} if self._refusal is not None else set()))
+        """The event types that only norms send."""
         self._norms = norms
-        self._composition = composition
         self._counts = ViolationCounts(saved)
         self._frame = 0
         self._people = frozenset[str]()
@@ -550,17 +465,13 @@ class Norms:
             ]
         )
 
-    def saved(self) -> dict[str, Any]:
-        """The counts as plain data, from which a resumed world continues."""
-        return self._counts.saved(self._norms, self._frame)
-
     def publish(self, out: Instructions, saved: dict[str, Mapping[str, Any]]) -> list[Event]:
         """Log violations and save the counts; returns the sanctions, events of the next frame."""
         for text in self._lines:
             out.log(NORMS, text)
         sanctions = self._sanctions
         self._lines, self._sanctions = [], []
-        saved[SOURCE] = self.saved()
+        saved[SOURCE] = self._counts.saved(self._norms, self._frame)
         return sanctions
 
     # --- events ---
@@ -600,62 +511,69 @@ class Norms:
         taken, self._rejected_orders = self._rejected_orders, []
         return taken
 
-    def _judged(self, norm: Norm, event: AnyEvent, source: str) -> Iterator[AnyEvent]:
+    def _judged(self, norm: Norm, event: AnyEvent, source: str) -> Sequence[AnyEvent]:
         """The events of an event or batch that a norm permits."""
+        refused: list[int] = []
+        for row in self._forbidden(norm, event, source):
+            if isinstance(event, Event):
+                who, what = event.sender, f" by {event}"
+            else:
+                who, what = event.senders[row] if event.senders else "", f" by {event.type}"
+            if self.breaks(norm, who or source, what) and norm.refuses:
+                refused.append(row)
+        if not refused:
+            return (event,)
         if isinstance(event, Event):
-            who = event.sender or source
-            forbidden = self._forbids(norm, event, source) and self._breaks(
-                norm, who, f" by {event}"
-            )
-            if not (forbidden and norm.refuses):
-                yield event
-            elif is_people(source):
+            if is_people(source):
                 self._rejected_orders.append((source, event, norm.name))
-            return
-        kept = np.ones(event.count, np.bool_)
-        for row in np.flatnonzero(self._forbids_of_many(norm, event, source)).tolist():
-            who = event.senders[row] if event.senders is not None else source
-            if self._breaks(norm, who, f" by {event.type}") and norm.refuses:
-                kept[row] = False
-        if kept.all():
-            yield event
-        elif kept.any():
-            yield event.take(np.flatnonzero(kept))
+            return ()
+        kept = np.delete(np.arange(event.count), refused)
+        return (event.take(kept),) if len(kept) else ()
+
+    def _forbidden(self, norm: Norm, event: AnyEvent, source: str) -> list[int]:
+        """The rows of a batch that a norm forbids; a single event is row 0."""
+        if isinstance(event, Event):
+            return [0] if self._forbids(norm, event, source) else []
+        every = np.arange(event.count)
+        if event.senders is None:
+            concerned = norm.concerns(*self._known_as(source))
+            return self._forbidden_rows(norm, event, None, every) if concerned else []
+        forbidden, single = list[int](), np.ones(event.count, np.bool_)
+        # Senders in columns are judged as whole columns; those that
+        # remain `single` are judged one by one.
+        for part in self.composition.parts.values():
+            rows = np.flatnonzero(ids_of(part).rows_of(event.senders) >= 0)
+            single[rows] = False
+            if len(rows) and norm.concerns(part.symbol, *self._known_as(source)):
+                forbidden += self._forbidden_rows(norm, event, part, rows)
+        rest = np.flatnonzero(single).tolist()
+        forbidden += [row for row in rest if self._forbids(norm, event.event(row), source)]
+        return sorted(forbidden)
+
+    def _forbidden_rows(
+        self, norm: Norm, events: Events, part: Columns | None, rows: Rows
+    ) -> list[int]:
+        """Those of some rows that a norm forbids; their senders, if any, are in one part."""
+        at = None if part is None else ids_of(part).rows_of(cast("Ids", events.senders))[rows]
+
+        def value(name: str) -> Any:
+            if name.startswith("#"):
+                return self.elsewhere(name)
+            if name.startswith(EVENT):
+                name = name.removeprefix(EVENT)
+                return events.data(name)[rows] if name in events.names else None
+            return part.column(name)[at] if part is not None and name in part.names else None
+
+        return rows[norm.holds_of_many(value, len(rows))].tolist()
 
     def _forbids(self, norm: Norm, event: Event, source: str) -> bool:
-        sender = self._composition.kind(event.sender) if event.sender else ""
+        sender = self.composition.kind(event.sender) if event.sender else ""
         if not norm.concerns(sender, *self._known_as(source)):
             return False
         state: dict[str, Any] = dict(self._state(event.sender)) if sender else {}
         state |= {EVENT + name: value for name, value in event.data.items()}
-        state |= {name: self._elsewhere(name) for name in norm.named}
+        state |= {name: self.elsewhere(name) for name in norm.named}
         return norm.holds(state)
-
-    def _forbids_of_many(self, norm: Norm, events: Events, source: str) -> NDArray[np.bool_]:
-        forbidden = np.zeros(events.count, np.bool_)
-        if events.senders is None:
-            forbidden[:] = norm.concerns(*self._known_as(source))
-            for condition in norm.conditions:
-                forbidden &= condition.holds_of_many(self._many(norm, events), events.count)
-            return forbidden
-        # Senders in columns are judged as whole columns; those that
-        # remain `single` are judged one by one.
-        single = np.ones(events.count, np.bool_)
-        for part in self._composition.parts.values():
-            at = part.ids.rows_of(events.senders) if part.ids is not None else forbidden - 1
-            rows = np.flatnonzero(at >= 0)
-            single[rows] = False
-            if not len(rows) or not norm.concerns(part.symbol, *self._known_as(source)):
-                continue
-            state = self._many(norm, events.take(rows))
-            state |= {name: part.column(name)[at[rows]] for name in part.names}
-            holds = np.ones(len(rows), np.bool_)
-            for condition in norm.conditions:
-                holds &= condition.holds_of_many(state, len(rows))
-            forbidden[rows] = holds
-        for row in np.flatnonzero(single).tolist():
-            forbidden[row] = self._forbids(norm, events.event(row), source)
-        return forbidden
 
     def _known_as(self, source: str) -> tuple[str, ...]:
         """The names under which norms may mention a source."""
@@ -663,40 +581,18 @@ class Norms:
             return source, PEOPLE, source_of(source)
         return (source, PEOPLE) if is_people(source) else (source,)
 
-    def _many(self, norm: Norm, events: Events) -> dict[str, Any]:
-        state: dict[str, Any] = {EVENT + name: events.data(name) for name in events.names}
-        return state | {name: self._elsewhere(name) for name in norm.named}
-
     # --- outcomes of agents ---
 
-    def agents(self, frame: int, changed: Mapping[str, Scene], sent: SentBy) -> Trial | None:
+    def agents(self, frame: int, changed: Parts, sent: SentBy) -> Trial | None:
         """Judge the results of fragments before they enter w; None if no norm applies to them."""
-        if not self._on_agents or not changed:
+        if not self.on_agents or not changed:
             return None
         self._begin(frame)
-        trial = Trial(self._composition, changed, sent, self._elsewhere)
-        for norm in self._on_agents:
-            trial.judge(norm, partial(self._breaks, norm))
-        return trial
+        return Trial(self, changed, sent)
 
-    def stages(self, trial: Trial, events: Sequence[AnyEvent]) -> Iterator[tuple[AnyEvent, ...]]:
-        """The reduced events by which agents with a rejected outcome may still continue."""
-        always = {norm.sanction.type for norm in self._norms if norm.sanction is not None}
-        if self._refusal is not None:
-            always.add(self._refusal.name)
-        return trial.stages(events, self._vocabulary, frozenset(always))
-
-    def reconsider(self, trial: Trial, changed: Mapping[str, Scene], sent: SentBy) -> None:
-        """Judge rejected agents again, evolved by reduced events; violations are not counted."""
-        refusing = [norm for norm in self._on_agents if norm.refuses]
-        trial.reconsider(changed, sent, refusing, self._exceeds)
-
-    def _exceeds(self, norm: Norm, who: str) -> bool:
+    def exceeds(self, norm: Norm, who: str) -> bool:
+        """Whether a further act of an agent would violate the norm; does not count it."""
         return self._counts.exceeds(norm, who, self._frame)
-
-    def verdict(self, trial: Trial) -> NormVerdict:
-        """The outcome of a frame after norms."""
-        return trial.verdict(self._vocabulary)
 
     # --- both ---
 
@@ -704,11 +600,11 @@ class Norms:
         self._frame = frame
         self._seen = {}
 
-    def _breaks(self, norm: Norm, who: str, what: str = "") -> bool:
+    def breaks(self, norm: Norm, who: str, what: str = "") -> bool:
         """Count an act of an agent or source; True if it violates the norm."""
         if not self._counts.breaks(norm, who, self._frame):
             return False
-        is_agent = self._composition.home(who) is not None
+        is_agent = self.composition.home(who) is not None
         # Only the first violation of a norm is logged, since there may be one per agent and frame.
         # People need to know what becomes of each order.
         whom = person_of(who) if is_people(who) else f"#{who}" if is_agent else who
@@ -733,7 +629,7 @@ class Norms:
             sanctions += [refusal] if refusal.type not in [e.type for e in sanctions] else []
         return sanctions
 
-    def _elsewhere(self, name: str) -> Any:
+    def elsewhere(self, name: str) -> Any:
         """The value of `#id.attribute`; None if there is no such agent."""
         if name not in self._seen:
             who, _, attribute = name[1:].partition(".")
@@ -742,7 +638,7 @@ class Norms:
 
     def _state(self, who: str) -> Mapping[str, Any]:
         """An agent's state in the string before the frame; empty if it has none."""
-        outermost = self._composition.agent(who)
+        outermost = self.composition.agent(who)
         nodes = agents(Scene((outermost,))) if outermost is not None else ()
         for agent in nodes:
             if agent.id == who:

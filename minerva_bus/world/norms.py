@@ -16,6 +16,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from minerva_bus.errors import VocabularyError
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition, sort_of_kind
 from minerva_bus.grammar.events import Event
@@ -102,6 +105,14 @@ class Norm:
     def holds(self, state: Mapping[str, Any]) -> bool:
         """Whether the norm forbids this state."""
         return all(condition.holds(state) for condition in self.conditions)
+
+    def holds_of_many(self, value: Callable[[str], Any], count: int) -> NDArray[np.bool_]:
+        """Which of `count` states the norm forbids; `value` has an array, or one value, by name."""
+        forbidden = np.ones(count, np.bool_)
+        for condition in self.conditions:
+            state = {name: value(name) for name in condition.names}
+            forbidden &= condition.holds_of_many(state, count)
+        return forbidden
 
     def concerns(self, *names: str) -> bool:
         """Whether the norm applies to a kind or a member with any of these names."""
