@@ -155,26 +155,6 @@ class Shutdown:
         return total
 
 
-class Course(Protocol):
-    """What members that join or leave change in the course of a world."""
-
-    def advance(self) -> None:
-        """Continue the frame, as far as the answers received so far allow."""
-        ...
-
-    def start_if_complete(self) -> None:
-        """Announce the first frame if all expected members are present."""
-        ...
-
-    def fail(self, reason: str) -> None:
-        """End the world prematurely, because of an error."""
-        ...
-
-    def members_changed(self, hello: m.Hello | None) -> None:
-        """Note that a member has joined with this hello, or, for None, has left."""
-        ...
-
-
 class MemberLifecycle:
     """Handles members that appear, join, vanish, leave, are given up or misbehave."""
 
@@ -187,10 +167,9 @@ class MemberLifecycle:
         views: Views,
         out: Instructions,
         answers: MemberAnswers,
-        course: Course,
-        refusal_of_guest: Callable[[m.Hello, Iterable[str]], str],
+        orders: OrderRules,
+        course: FrameAlgorithm,
     ) -> None:
-        """`refusal_of_guest`: reason why a guest may not send these event types, or empty."""
         self._world = world
         self._now = now
         self._members = members
@@ -199,8 +178,8 @@ class MemberLifecycle:
         self.shutdown = Shutdown()
         self._out = out
         self._answers = answers
+        self._orders = orders
         self._course = course
-        self._refusal_of_guest = refusal_of_guest
 
     def _offers(self) -> Offers:
         return self._members.allowed_offers(self._world.placement)
@@ -228,7 +207,8 @@ class MemberLifecycle:
         if member.state is not MemberState.JOINING or member.greeted:
             return
         reason = incompatibility(hello, self._world.vocabulary)
-        reason = reason or self._refusal_of_guest(hello, hello.generates)
+        if not reason and not self._members.is_process(member.name):
+            reason = self._orders.refusal_of_guest(hello, hello.generates)
         reason = reason or self._refusal_of_second_host(hello)
         if reason:
             self._refuse(member, reason)
@@ -255,7 +235,7 @@ class MemberLifecycle:
         only = f'policy = "{policy.value}" evolves all agents on one host, which is'
         if self._now.phase is Phase.WAITING and members.is_process(hello.member):
             # A guest may be faster than the world's own host, without which the world would end.
-            for guest in [host for host in hosts.values() if not members.named(host)]:
+            for guest in [host for host in hosts.values() if not members.is_process(host.name)]:
                 del hosts[guest.name]
                 reason = f"{only} {hello.member} of the world file"
                 self._exclude(guest, f"may not take part: {reason}", reason)
@@ -266,7 +246,7 @@ class MemberLifecycle:
         self._out.send(member.name, m.Refused(reason))
         # Otherwise the world would wait forever: a process of the world file
         # that is incompatible now stays incompatible. A missing guest is given up after a while.
-        named = self._members.named(member)
+        named = self._members.is_process(member.name)
         if member.expected and named and self._now.phase is Phase.WAITING:
             self._course.fail(f"{member.name} cannot take part: {reason}")
 
@@ -282,7 +262,7 @@ class MemberLifecycle:
         self._members.change(member, MemberChange.ADMITTED)
         # A guest of the previous coordinator is expected until it returns. From here on it is a
         # guest like any other, which nothing restarts and for which the world does not wait.
-        if not self._members.named(member):
+        if not self._members.is_process(member.name):
             self._members.stop_expecting(member)
         # A newcomer has not shown the string, so the world is not at
         # rest even if nothing has changed.
@@ -592,8 +572,8 @@ class FrameAlgorithm:
         self.out = Instructions(self.members.declines_columns)
         self.inputs, self.outcome, self.answers = self._parts()
         self.lifecycle = MemberLifecycle(
-            world, self.now, self.members, self.placement, self.views, self.out, self.answers, self,
-            self.orders.refusal_of_guest,
+            world, self.now, self.members, self.placement, self.views, self.out, self.answers,
+            self.orders, self,
         )  # fmt: skip
 
     def _parts(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:

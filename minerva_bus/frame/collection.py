@@ -646,7 +646,7 @@ class CollectionStep:
         if not (reason or light) and self._now.in_flight.logged is None:
             work = self._inbox.work
             reason = work.objection(events, work.most_of_generator, "single_events")
-        if not reason and member.hello is not None:
+        if not reason and member.hello is not None and not self._members.is_process(member.name):
             # The process that makes these events may have joined after the guest.
             reason = self._orders.refusal_of_guest(member.hello, map(_TYPE, events))
         return reason
@@ -750,7 +750,8 @@ class CollectionStep:
     def _report_orders(self, permitted: OrdersBySource) -> None:
         """Report the orders that norms reject, which norms log, and those that count."""
         frame, out = self._now.frame, self._out
-        for source, event, norm in self._norms.take_rejected_orders():
+        rejected = self._norms.take_rejected_orders() if self._world.norms else ()
+        for source, event, norm in rejected:
             out.add(s.OrderJudged(event, name_of(source), frame, "rejected", norm))
         for source in sorted(filter(is_people, permitted)):
             for event in permitted[source]:

@@ -293,12 +293,8 @@ class Members:
         member = self._entries.get(name)
         return member is not None and (member.expected or member.active)
 
-    def named(self, member: MemberEntry) -> bool:
-        """Whether a member is a process of the world file; any other is a guest."""
-        return member.name in self._named
-
     def is_process(self, name: str) -> bool:
-        """Whether this is the name of a process of the world file."""
+        """Whether this is the name of a process of the world file; any other member is a guest."""
         return name in self._named
 
     def is_guest(self, source: str) -> bool:
@@ -307,7 +303,7 @@ class Members:
 
     def missing_guests(self) -> list[str]:
         """Guests of the previous coordinator that have not returned yet, sorted."""
-        return [m.name for m in self if m.expected and not self.named(m)]
+        return [m.name for m in self if m.expected and m.name not in self._named]
 
     def declines_columns(self, name: str) -> bool:
         """Whether a member receives agents and events one by one instead of in columns."""

@@ -62,10 +62,8 @@ class OrderRules:
         """Reason for rejecting these event types of an attached generator, or an empty string.
 
         One that stands for people, such as a keyboard, may send what people may send; another may
-        be a sensor, but no norm. A process of the world file is the choice of this file.
+        be a sensor, but no norm. What a process of the world file sends is the choice of this file.
         """
-        if self._members.is_process(hello.member):
-            return ""
         reserves = self._reservation if hello.people else self._reservation_by_norms
         reasons = (reserves(event_type) for event_type in dict.fromkeys(event_types))
         reserved = next(filter(None, reasons), "")
