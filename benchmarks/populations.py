@@ -38,8 +38,8 @@ from benchmarks.plot import Line, plotted
 from minerva_bus import Scene
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import size
 from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.world.priority import Priority

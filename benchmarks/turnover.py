@@ -31,8 +31,8 @@ from minerva_bus import (
 )
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.runner import InProcessRunner
 
 WARM_UP: Final = 5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from minerva_bus.frame.in_flight import TRANSITIONS, Awaited, Phase
+from minerva_bus.frame.world_state import TRANSITIONS, Awaited, Phase
 from tools.svg_sheet import AGENT, EVENT, FAINT, INK, PRIMITIVE, TRANSFORMATION, Sheet
 
 EVENTS, WORK, VIEWS, IDLE, LOST = "#ead5f1", "#fbdcc4", "#cfe3f2", "#f3f5f8", "#f6caca"

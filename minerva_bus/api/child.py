@@ -15,7 +15,7 @@ from typing import Any, Final
 from minerva_bus.api.requests import ContinuedRecord
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.replays import Replay
 from minerva_bus.launch.supervisor import Supervisor

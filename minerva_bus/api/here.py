@@ -12,7 +12,7 @@ from minerva_bus.api.requests import request_of
 from minerva_bus.api.world import World
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import WorldStopped
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun

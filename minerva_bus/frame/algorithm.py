@@ -1,7 +1,7 @@
 """Table 2 of the paper as a pure state machine: stimulus in, instructions out.
 
 It has no I/O and reads no clock. Every iteration order is independent of the order in which
-members answer. The phases and their transitions are in `in_flight.py`.
+members answer. The phases and their transitions are in `world_state.py`.
 
 `MemberLifecycle` handles members that join and leave, `WorldGoal` has the agents that have reached
 the end of the world, and `FrameAlgorithm` runs the frames. `CollectionStep` and `EvolutionStep`
@@ -25,9 +25,7 @@ from minerva_bus.frame.collection import (
     visual_events,
 )
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.evolution_step import EvolutionStep
-from minerva_bus.frame.in_flight import Awaited, FrameInFlight, Phase, Progress
 from minerva_bus.frame.members import (
     MemberChange,
     MemberEntry,
@@ -41,6 +39,7 @@ from minerva_bus.frame.orders import OrderRules
 from minerva_bus.frame.placement import Offers, Placement
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, Instructions, is_people, is_set_aside
 from minerva_bus.frame.view_streams import Views, due_views
+from minerva_bus.frame.world_state import Awaited, FrameInFlight, Phase, Progress, WorldSpec
 from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Unfit

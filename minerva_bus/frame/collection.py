@@ -26,8 +26,6 @@ from minerva_bus.errors import nearest
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition, ids_of
-from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.in_flight import Progress
 from minerva_bus.frame.members import MemberEntry, Members
 from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.orders import OrderRules
@@ -49,6 +47,7 @@ from minerva_bus.frame.stimuli import (
     source_of,
 )
 from minerva_bus.frame.view_streams import due_views
+from minerva_bus.frame.world_state import Progress, WorldSpec
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, Value

@@ -15,8 +15,6 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import FrameInbox, are_light, report_dropped
 from minerva_bus.frame.composition import Composition, first_in, ids_of
-from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.in_flight import FrameResult, Phase, Progress
 from minerva_bus.frame.members import Members
 from minerva_bus.frame.norm_rejections import Norms, Trial
 from minerva_bus.frame.placement import Offers, Placement
@@ -29,6 +27,7 @@ from minerva_bus.frame.stimuli import (
     person_of,
 )
 from minerva_bus.frame.view_streams import Views, patch_all
+from minerva_bus.frame.world_state import FrameResult, Phase, Progress, WorldSpec
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids

@@ -24,9 +24,9 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 
 from minerva_bus.frame.composition import Composition, Fragment, ids_of
-from minerva_bus.frame.in_flight import FrameResult
 from minerva_bus.frame.messages import Parts, SentBy
 from minerva_bus.frame.stimuli import PEOPLE, Instructions, is_people, person_of, source_of
+from minerva_bus.frame.world_state import FrameResult
 from minerva_bus.grammar.assignment import rested
 from minerva_bus.grammar.columns import Columns, Rows, packed
 from minerva_bus.grammar.digest import same_values

@@ -8,10 +8,9 @@ from typing import Final, cast
 
 from minerva_bus.errors import nearest
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.in_flight import Phase, Progress
 from minerva_bus.frame.members import Members
 from minerva_bus.frame.messages import Hello
+from minerva_bus.frame.world_state import Phase, Progress, WorldSpec
 from minerva_bus.grammar.columns import values_of
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, single

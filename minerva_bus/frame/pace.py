@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Final
 
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 
 _MIN_SECONDS: Final = 1.0
 _MAX_SECONDS: Final = 60.0

@@ -16,13 +16,12 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, InputSteps, MemberAnswers, OutcomeSteps
 from minerva_bus.frame.collection import FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.evolution_step import frame_record
-from minerva_bus.frame.in_flight import FrameInFlight, Phase, Progress
 from minerva_bus.frame.member import Host
 from minerva_bus.frame.members import Members
 from minerva_bus.frame.stimuli import DEVICES, Instructions, RecordedFrame
 from minerva_bus.frame.view_streams import due_views
+from minerva_bus.frame.world_state import FrameInFlight, Phase, Progress, WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.agent import Kinds

@@ -9,11 +9,10 @@ from typing import Final
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import WorldSpec
-from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.members import MemberIndex, Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.stimuli import Instructions, plain_form
+from minerva_bus.frame.world_state import FrameInFlight, WorldSpec
 from minerva_bus.grammar.delta import check, patched
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
 from minerva_bus.grammar.types import Unfit

@@ -24,7 +24,7 @@ from math import isfinite
 from typing import Any, Final, TextIO
 from weakref import WeakSet
 
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted, named_some
 

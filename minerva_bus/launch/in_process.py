@@ -25,9 +25,9 @@ from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopp
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
-from minerva_bus.frame.in_flight import Phase
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.norm_rejections import NORMS
+from minerva_bus.frame.world_state import Phase
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.launch.child_processes import interrupts_deferred
 from minerva_bus.launch.console import MEMBERS, Console, RunSummary, live_line, printed

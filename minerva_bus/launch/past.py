@@ -18,9 +18,9 @@ from minerva_bus.errors import MinervaError, MisuseError, RecordError, WorldFile
 from minerva_bus.files import path_of_text
 from minerva_bus.frame.algorithm import GIVEN_UP, WorldGoal
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.frame.stimuli import HALTED, Checkpoint
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.toml_tables import Table, TomlError, read_toml

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from select import PIPE_BUF
 from typing import Any, Final
 
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.launch.child_processes import (
     CLOSED,
     END_OF_STACKS,

@@ -31,10 +31,10 @@ from minerva_bus.errors import (
     nearest,
 )
 from minerva_bus.frame.collection import ID
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.placement import PlacementRules, Rule
 from minerva_bus.frame.stimuli import source_of
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.assignment import assigned
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AGENT_ID, Scene, kind_counts

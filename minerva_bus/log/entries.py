@@ -50,9 +50,9 @@ from minerva_bus import __version__
 from minerva_bus.errors import MinervaError, ProtocolError, RecordError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, RecordedFrame
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Scoped, with_scope

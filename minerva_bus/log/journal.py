@@ -31,9 +31,8 @@ from minerva_bus.errors import BusError, Followed, MinervaError, RecordError
 from minerva_bus.files import is_stream, read_bytes, replacing
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.stimuli import FrameInputs
-from minerva_bus.frame.world_state import StateToRecord
+from minerva_bus.frame.world_state import StateToRecord, WorldSpec
 from minerva_bus.log.entries import (
     FORMAT,
     EntryDecoder,

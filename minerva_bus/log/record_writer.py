@@ -16,9 +16,9 @@ from typing import IO, TYPE_CHECKING, Any, Final
 from minerva_bus import __version__
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import check_new, check_output, check_replaceable, replacing
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
 from minerva_bus.log.channels import (

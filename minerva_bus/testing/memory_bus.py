@@ -23,9 +23,9 @@ from typing import Any, Final, TypeAlias
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member, Outgoing, Refusal
 from minerva_bus.frame.stimuli import FrameInputs
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.runtime.runner import Notice, Runner, Sink, observers, receivers
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus.frame.in_flight import TRANSITIONS, Awaited, Phase
+from minerva_bus.frame.world_state import TRANSITIONS, Awaited, Phase
 from tools.draw_concepts import DRAWINGS, FOLDER
 
 FRAME = Path(__file__).parents[2] / "minerva_bus" / "frame"

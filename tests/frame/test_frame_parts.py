@@ -13,7 +13,6 @@ from minerva_bus import EMPTY, Scene
 from minerva_bus.frame import members as member_states
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import claim
-from minerva_bus.frame.in_flight import FrameResult
 from minerva_bus.frame.members import (
     MAX_DEPARTED,
     TRANSITIONS,
@@ -27,6 +26,7 @@ from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.placement import place
 from minerva_bus.frame.view_streams import ViewStream
+from minerva_bus.frame.world_state import FrameResult
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, fill, scene_of
 from minerva_bus.grammar.types import Type

@@ -33,7 +33,7 @@ from minerva_bus.errors import (
     WorldFileError,
 )
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.world_files import read_world_file

@@ -26,9 +26,9 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import claim
-from minerva_bus.frame.in_flight import FrameResult
 from minerva_bus.frame.member import Host
 from minerva_bus.frame.view_streams import patch_all
+from minerva_bus.frame.world_state import FrameResult
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids

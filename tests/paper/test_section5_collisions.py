@@ -35,9 +35,9 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import FrameDone
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.semantics.volumes import volumes

@@ -30,10 +30,10 @@ from minerva_bus import (
 )
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import EvolveRequest
 from minerva_bus.frame.stimuli import Begin, Ended, FrameDone
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene, agents, scene_of

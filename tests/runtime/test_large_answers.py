@@ -8,8 +8,8 @@ import pytest
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import PROTOCOL_VERSION
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.receiver import IN_COLUMNS, MAX_BEHIND, Receiver

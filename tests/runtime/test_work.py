@@ -13,8 +13,8 @@ from minerva_bus import Agent, Context, Event, on
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import PROTOCOL_VERSION
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -27,9 +27,9 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Abandoned
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import walk
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.priority import Priority

@@ -1,7 +1,7 @@
 """A street for norms: runners run, shout and breed; a light changes; λ in both forms."""
 
 from minerva_bus import EMPTY, Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.priority import Priority

@@ -15,8 +15,8 @@ from pond import host, service
 from street import Light, Steps, eBoo, eFine, eShout, eStep
 
 from minerva_bus import Agent, Vocabulary, on
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.norm_rejections import Outcome
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.scene import Scene, agents

@@ -12,7 +12,7 @@ from street import Light, eFine, eStep
 from test_norms_over_columns import LIGHT, conditions
 
 from minerva_bus import Agent, EventType, Generator, Vocabulary, on
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids

@@ -10,7 +10,7 @@ from minerva_bus import EventType, Of, Primitive, Vocabulary, parse
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.world.norms import Norm
 
 

@@ -23,7 +23,7 @@ from minerva_bus import (
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.assignment import rested
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.ids import LONGEST

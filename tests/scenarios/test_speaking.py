@@ -11,10 +11,10 @@ from minerva_bus.frame import collection
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.frame.stimuli import Checkpoint
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.world_files import read_world_file

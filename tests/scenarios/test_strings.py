@@ -22,7 +22,7 @@ from pond import (
 )
 
 from minerva_bus import Agent, Vocabulary, on
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 
 
 def test_a_newborn_receives_its_first_events_in_the_next_frame():

@@ -23,7 +23,7 @@ from pond import (
 
 from minerva_bus import Agent, Device, Generator, Metres, Vocabulary, on, view, visualize
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 
 
 def shown(bus, name="screen"):
@@ -252,8 +252,8 @@ class Sizes(Device, draws=("eMark",), when="each frame"):
 
 
 def test_a_device_cannot_be_the_source_of_events_that_need_data():
-    from minerva_bus.frame.description import WorldSpec
     from minerva_bus.frame.member import Member
+    from minerva_bus.frame.world_state import WorldSpec
     from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 
     members = {"host": lambda: Member("host", None, FAMILY)}

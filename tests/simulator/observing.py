@@ -8,8 +8,8 @@ from typing import Any
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.stimuli import FrameInputs
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.runner import Sink

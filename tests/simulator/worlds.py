@@ -33,7 +33,7 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import walk
 from minerva_bus.launch.process_specs import ProcessSpec

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.errors import BusError
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.registry import (

@@ -18,7 +18,7 @@ from minerva_agents.robot.errands import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import visualize
-from minerva_bus.frame.in_flight import Phase
+from minerva_bus.frame.world_state import Phase
 from minerva_bus.grammar.events import single
 from minerva_bus.runtime.operator_client import Client
 from minerva_bus.semantics.colors import rgb

@@ -26,7 +26,6 @@ from minerva_analysis.past_frames import (
     value_of,
 )
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.stimuli import (
     AGENTS,
@@ -37,6 +36,7 @@ from minerva_bus.frame.stimuli import (
     name_of,
     person_of,
 )
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of, single
 from minerva_bus.grammar.printer import shown_value

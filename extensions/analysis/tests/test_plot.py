@@ -12,7 +12,7 @@ from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation,
 from minerva_bus.cli.main import app
 from minerva_bus.collect.data_tables import read_table
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.frame.description import WorldSpec
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.log.channels import Surveyor
 from minerva_bus.log.entries import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter

@@ -13,8 +13,8 @@ import pytest
 from extensions.messages.tests.auction import WORLD, auction
 from minerva_bus import Agent, EventType, Vocabulary
 from minerva_bus.errors import DamagedRecordWarning, MinervaError, RecordError
-from minerva_bus.frame.description import WorldSpec
 from minerva_bus.frame.messages import FrameRecord
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.log.entries import RecordHeader
 from minerva_messages import MESSAGES, eMessage
 from minerva_messages.conversation_diagram import show_conversation

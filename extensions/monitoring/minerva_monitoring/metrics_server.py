@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, Self, cast
 
 from minerva_bus.errors import BusError, MinervaError
-from minerva_bus.frame.in_flight import Phase
+from minerva_bus.frame.world_state import Phase
 from minerva_bus.runtime.metrics import read_totals
 from minerva_bus.settings.kinds import address
 from minerva_bus.wire.status_codec import read_status
