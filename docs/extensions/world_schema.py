@@ -10,7 +10,7 @@ from docutils import nodes
 from rendering import MarkdownDirective, table
 from sphinx.application import Sphinx
 
-from minerva_bus.settings.json_schema import world_schema
+from minerva_authoring.world_schema import world_schema
 
 REFERENCE = r"\$\{"
 """How the pattern of `${option}` begins; the page mentions it once."""

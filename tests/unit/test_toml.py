@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from jsonschema import Draft202012Validator
 
+from minerva_authoring.world_schema import world_schema
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.toml_tables import MAX_KEY_PARTS, TomlError, read_toml, toml_value_text
 from minerva_bus.launch.typed_text import toml_value
-from minerva_bus.settings.json_schema import world_schema
 from minerva_bus.settings.kinds import settings_of
 from minerva_bus.settings.world_settings import TABLES
 

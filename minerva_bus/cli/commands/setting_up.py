@@ -19,8 +19,8 @@ def schema() -> None:
     """
     import json
 
+    from minerva_authoring.world_schema import world_schema
     from minerva_bus.cli.output import print_result
-    from minerva_bus.settings.json_schema import world_schema
 
     print_result(json.dumps(world_schema(), indent=2, ensure_ascii=False))
 
