@@ -50,7 +50,7 @@ GROUPS: Final = {
     "Observe": ("list", "top", "logs", "echo"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "Records": ("info", "replay", "seek", "export", "recover", "map"),
-    "Set up": ("schema", "doctor", "version"),
+    "Set up": ("doctor", "version"),
 }
 """The kernel's commands by topic, in the order of the help."""
 COMMANDS: Final = "minerva.commands"

@@ -1,4 +1,4 @@
-"""`minerva new` and `minerva determinism`."""
+"""`minerva new`, `minerva schema` and `minerva determinism`."""
 
 from __future__ import annotations
 
@@ -40,6 +40,24 @@ def new(
     from minerva_authoring.scaffold import create
 
     create(kind, name, folder, model, json)
+
+
+@examples(
+    "minerva schema > world.schema.json",
+    "minerva schema > .vscode/world.schema.json",
+)
+def schema() -> None:
+    """Print the JSON Schema of world files, for editors.
+
+    Editors that know TOML validate and complete a world file whose first line is
+    `#:schema world.schema.json`.
+    """
+    import json
+
+    from minerva_authoring.world_schema import world_schema
+    from minerva_bus.cli.output import print_result
+
+    print_result(json.dumps(world_schema(), indent=2, ensure_ascii=False))
 
 
 @examples(

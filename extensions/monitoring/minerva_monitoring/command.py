@@ -36,9 +36,13 @@ def metrics(
     from minerva_monitoring.metrics_server import Exporter
 
     stop = threading.Event()
+
+    def end(*_: object) -> None:
+        stop.set()
+
     with client(target) as world, Exporter(world.world, listen, world.ask) as exporter:
         for number in end_signals():
-            signal.signal(number, lambda *_: stop.set())
+            signal.signal(number, end)
         text = f"{world.world}: metrics at {exporter.url}"
         print_report(Done(text, {"world": world.world, "url": exporter.url}), json)
         stop.wait()

@@ -1,28 +1,10 @@
-"""Commands that set up: editors and the installation."""
+"""Commands about the installation."""
 
 from __future__ import annotations
 
 import typer
 
 from minerva_bus.cli.options import Json, examples
-
-
-@examples(
-    "minerva schema > world.schema.json",
-    "minerva schema > .vscode/world.schema.json",
-)
-def schema() -> None:
-    """Print the JSON Schema of world files, for editors.
-
-    Editors that know TOML validate and complete a world file whose first line is
-    `#:schema world.schema.json`.
-    """
-    import json
-
-    from minerva_authoring.world_schema import world_schema
-    from minerva_bus.cli.output import print_result
-
-    print_result(json.dumps(world_schema(), indent=2, ensure_ascii=False))
 
 
 @examples(
