@@ -6,7 +6,6 @@ import importlib
 import inspect
 import re
 import sys
-import traceback
 from collections.abc import Callable, Mapping
 from importlib.machinery import (
     BYTECODE_SUFFIXES,
@@ -23,7 +22,7 @@ from types import ModuleType
 from typing import Any, cast, get_type_hints
 
 from minerva_bus.entry_points import entries
-from minerva_bus.errors import MinervaError, MisuseError, WorldFileError, nearest
+from minerva_bus.errors import MinervaError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.installed import (
     AGENTS,
@@ -32,7 +31,6 @@ from minerva_bus.launch.installed import (
     help_line,
     installed_views,
 )
-from minerva_bus.launch.toml_tables import Table
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.user_code import place_of, report
 from minerva_bus.world.agent import Agent
@@ -105,39 +103,6 @@ def _import(name: str, spec: str) -> Any:
             error.filename = None if module is None else module.origin
             error.msg += "; save it as text in UTF-8"
         raise WorldFileError(f"{spec!r}: importing {name}: {report(error)}") from error
-
-
-def called(spec: str, options: Mapping[str, Any], path: Path, table: Table, key: str) -> Any:
-    """Call the function that a key of a world file names, `module:function`, with its options.
-
-    Raises WorldFileError, and any MinervaError that the function itself raises.
-    """
-    with table.loading(key):
-        function = load(spec, path.parent)
-    # An instance of a class is none of the values that these functions return.
-    if not callable(function) or inspect.isclass(function):
-        raise WorldFileError(f"{path}: {spec} is not a function")
-    try:
-        return function(options)
-    except MinervaError as error:
-        if not _misused(error):
-            raise
-        raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
-
-
-def _misused(error: MinervaError) -> bool:
-    """Whether a function of the framework raised this, because code of a world misused it."""
-    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
-    place = place_of(error)
-    return (
-        isinstance(error, MisuseError)
-        and place is not None
-        and frame.f_code.co_filename != place.file
-    )
 
 
 def find_service(spec: str, folder: Path | None = None) -> type[Service]:

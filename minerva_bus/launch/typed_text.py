@@ -6,20 +6,23 @@ other tables.
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
+import traceback
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast, get_type_hints
 
 from minerva_bus.entry_points import entries
-from minerva_bus.errors import UnknownOption, WorldFileError, nearest
+from minerva_bus.errors import MinervaError, MisuseError, UnknownOption, WorldFileError, nearest
 from minerva_bus.grammar.assignment import names_nodes
 from minerva_bus.launch.installed import SERVICES, is_file
-from minerva_bus.launch.specs import called
+from minerva_bus.launch.specs import load
 from minerva_bus.launch.toml_tables import Table, TomlError, read_toml, toml_value_text
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.settings.overrides import plain_value
+from minerva_bus.user_code import place_of, report
 from minerva_bus.world.services import Service
 
 
@@ -164,6 +167,39 @@ def _like(key: str, given: str, default: Any) -> Any:
         phrase = phrase_of(python) or f"a {python.__name__} as in TOML"
         raise WorldFileError(f"--{key} must be {phrase}, not {given!r}")
     return float(value) if python is float else value
+
+
+def called(spec: str, options: Mapping[str, Any], path: Path, table: Table, key: str) -> Any:
+    """Call the function that a key of a world file names, `module:function`, with its options.
+
+    Raises WorldFileError, and any MinervaError that the function itself raises.
+    """
+    with table.loading(key):
+        function = load(spec, path.parent)
+    # An instance of a class is none of the values that these functions return.
+    if not callable(function) or inspect.isclass(function):
+        raise WorldFileError(f"{path}: {spec} is not a function")
+    try:
+        return function(options)
+    except MinervaError as error:
+        if not _misused(error):
+            raise
+        raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
+
+
+def _misused(error: MinervaError) -> bool:
+    """Whether a function of the framework raised this, because code of a world misused it."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    place = place_of(error)
+    return (
+        isinstance(error, MisuseError)
+        and place is not None
+        and frame.f_code.co_filename != place.file
+    )
 
 
 def filled(value: Any, options: Mapping[str, Any], path: Path) -> Any:
