@@ -133,7 +133,7 @@ class WorldSettings:
         option="compiled",
         more="It needs the extra `fast`. `true`: a method that cannot be compiled is an error;"
         ' `"if possible"`: it runs agent by agent, and the start lists it. See'
-        " [Run methods as machine code](howto/compile.md).",
+        " [Run methods as machine code](../extensions/fast/compile.md).",
     )
     until: str = _world(
         "",
