@@ -16,8 +16,7 @@ from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import file_text, find_world
 from minerva_bus.launch.specs import load
-from minerva_bus.launch.toml_tables import Table
-from minerva_bus.launch.typed_text import filled, read_options
+from minerva_bus.launch.toml_tables import Table, filled, read_options
 from minerva_bus.launch.world_files import (
     WorldFile,
     open_tables,

@@ -16,8 +16,7 @@ from minerva_bus.files import write_output
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.toml_tables import read_toml
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.toml_tables import option_text, read_toml
 from minerva_bus.launch.world_files import WorldFile, read_tables, read_world_file
 from minerva_bus.settings.overrides import AS_WRITTEN, OPTIONS, Overrides
 from minerva_bus.world.agent import Agent

@@ -19,7 +19,7 @@ from minerva_bus.launch.child_processes import end_signals
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.process_specs import compile_agents, compile_classes, no_progress
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
-from minerva_bus.launch.typed_text import typed_options
+from minerva_bus.launch.toml_tables import typed_options
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint, check_reachable
 from minerva_bus.runtime.joining import ARRIVAL

@@ -23,8 +23,7 @@ from minerva_bus.frame.stimuli import HALTED, Checkpoint
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.toml_tables import Table, TomlError, read_toml
-from minerva_bus.launch.typed_text import of_nodes, option_text
+from minerva_bus.launch.toml_tables import Table, TomlError, of_nodes, option_text, read_toml
 from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary

@@ -21,8 +21,7 @@ from minerva_bus.frame.members import incompatibility
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import bind, find_agent, find_service, find_view
-from minerva_bus.launch.toml_tables import Table
-from minerva_bus.launch.typed_text import beside, read_view, settings_by_process
+from minerva_bus.launch.toml_tables import Table, beside, read_view, settings_by_process
 from minerva_bus.runtime.waiting import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
 from minerva_bus.settings.world_settings import (

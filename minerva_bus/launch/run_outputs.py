@@ -16,7 +16,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.world_state import StateToRecord
 from minerva_bus.launch.past import Resumed, differing
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.toml_tables import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.settings.kinds import ALL

@@ -54,8 +54,15 @@ from minerva_bus.launch.process_specs import (
     sharing,
 )
 from minerva_bus.launch.specs import load
-from minerva_bus.launch.toml_tables import Table, TomlError, read_toml
-from minerva_bus.launch.typed_text import called, filled, of_nodes, read_options
+from minerva_bus.launch.toml_tables import (
+    Table,
+    TomlError,
+    called,
+    filled,
+    of_nodes,
+    read_options,
+    read_toml,
+)
 from minerva_bus.runtime.endpoints import check_endpoint, check_listening
 from minerva_bus.runtime.waiting import Deadlines, Patience
 from minerva_bus.settings.kinds import ALL, TEXT, TEXTS, TOPICS, number, whole

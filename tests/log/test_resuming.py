@@ -12,7 +12,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.launch.past import read_resumed
 from minerva_bus.launch.run_outputs import recording
-from minerva_bus.launch.typed_text import option_text, toml_value
+from minerva_bus.launch.toml_tables import option_text, toml_value
 from minerva_bus.log import channels as c
 from minerva_bus.log.chunks import Chunks
 from minerva_bus.log.entries import Kept, Keyframe, decode_checkpoint, encode_checkpoint

@@ -10,8 +10,14 @@ from minerva_bus.cli.commands import worlds
 from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import Settings, Views
 from minerva_bus.errors import MisuseError, WorldFileError
-from minerva_bus.launch.toml_tables import Table, read_toml
-from minerva_bus.launch.typed_text import read_view, settings_by_process, toml_value, typed_options
+from minerva_bus.launch.toml_tables import (
+    Table,
+    read_toml,
+    read_view,
+    settings_by_process,
+    toml_value,
+    typed_options,
+)
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.kinds import (
     ADDRESS,

@@ -6,8 +6,13 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from minerva_bus.launch.toml_tables import MAX_KEY_PARTS, TomlError, read_toml, toml_value_text
-from minerva_bus.launch.typed_text import toml_value
+from minerva_bus.launch.toml_tables import (
+    MAX_KEY_PARTS,
+    TomlError,
+    read_toml,
+    toml_value,
+    toml_value_text,
+)
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.replays import RECORDED, Rerun, recorded_inputs
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
-from minerva_bus.launch.typed_text import option_text, typed_options
+from minerva_bus.launch.toml_tables import option_text, typed_options
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference
 from minerva_bus.log.record import Record, RecordedReadings

@@ -20,7 +20,7 @@ from minerva_bus.launch.past import (
     continued,
     world_file_of,
 )
-from minerva_bus.launch.typed_text import of_nodes
+from minerva_bus.launch.toml_tables import of_nodes
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.entries import Keyframe
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides

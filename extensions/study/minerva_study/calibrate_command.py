@@ -17,7 +17,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.assignment import names_nodes
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import folder_of, load
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.toml_tables import option_text
 from minerva_study.calibrating import Calibration, Objective, calibrate
 from minerva_study.executor_pool import Workers
 from minerva_study.grid import key_and_values, parts_of

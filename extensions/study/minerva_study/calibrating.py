@@ -16,7 +16,7 @@ from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.data_tables import SEED, DataTable, needed, typed_column
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.toml_tables import option_text
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.settings.overrides import Overrides
 from minerva_study.branching import Branches

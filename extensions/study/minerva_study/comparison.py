@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from minerva_analysis.plotting import COLORS, INK, draw, show_grid
 from minerva_bus.collect.data_tables import SEED
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.toml_tables import option_text
 from minerva_study.results import ResultTable
 
 MAX_ROWS: Final = 40

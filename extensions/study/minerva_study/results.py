@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import replacing
-from minerva_bus.launch.typed_text import option_text, toml_value
+from minerva_bus.launch.toml_tables import option_text, toml_value
 from minerva_bus.wording import install
 from minerva_study.grid import Combination
 

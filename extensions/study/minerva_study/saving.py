@@ -11,7 +11,7 @@ from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.files import check_new, check_output, write_output
 from minerva_bus.grammar.printer import text
 from minerva_bus.grammar.scene import Scene, scene_of
-from minerva_bus.launch.typed_text import of_nodes, toml_value
+from minerva_bus.launch.toml_tables import of_nodes, toml_value
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.wording import install
 from minerva_study.results import ENDINGS as TABLES

@@ -15,7 +15,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.assignment import Parameter, names_nodes, parameter_of
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.toml_tables import option_text
 from minerva_study.domains import Interval, OneOf, parse_domain
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from minerva_bus.collect.plans import Entries, TablePlan
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.registry import temporary_folder
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.toml_tables import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_study.code_digests import identity, named_objects

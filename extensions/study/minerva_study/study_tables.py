@@ -17,7 +17,7 @@ from minerva_bus.collect.data_tables import (
     typed_column,
 )
 from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
-from minerva_bus.launch.typed_text import option_text
+from minerva_bus.launch.toml_tables import option_text
 from minerva_study.grid import Combination, Grid
 from minerva_study.results import ResultTable
 from minerva_study.sweep_runs import Sweep
