@@ -57,10 +57,7 @@ PRELOADED = (
     ),
 )
 """What most commands of the tests import: packages of the project with all of their modules."""
-HEAVY = (
-    "minerva_conformance.score_card_output",
-    "minerva_bus.cli.top",
-)
+HEAVY = ("minerva_conformance.score_card_output",)
 """Modules of these packages that few commands import, and that take long."""
 MAIN = ("minerva_bus.api.child", "minerva_bus.cli.main")
 """Modules that are executed as the main module, which must not be imported before."""

@@ -9,7 +9,7 @@ import resvg_py
 
 from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.places import client
-from minerva_bus.cli.top.dashboard import Dashboard
+from minerva_monitoring.top_dashboard import Dashboard
 
 SIZE = (132, 40)
 SECONDS = 6.0

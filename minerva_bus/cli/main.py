@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 GROUPS: Final = {
     "Run": ("run", "worlds", "check", "attach", "bridge"),
-    "Observe": ("list", "top", "logs", "echo"),
+    "Observe": ("list", "logs", "echo"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "Records": ("info", "replay", "seek", "export", "recover", "map"),
     "Set up": ("doctor", "version"),

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from typing import Any, Final
 
-from minerva_bus.cli.list_and_echo import listing
 from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import (
     Done,
     print_answer,
-    print_json,
     print_message,
     print_result,
 )
@@ -19,7 +16,6 @@ from minerva_bus.cli.places import client
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.launch.console import json_line
 from minerva_bus.runtime.operator_client import Client
-from minerva_bus.wording import install
 from minerva_bus.world.operator import LogLine
 
 POLL_SECONDS: Final = 0.1
@@ -28,9 +24,6 @@ COORDINATOR: Final = ("coordinator", "norms", "orders")
 
 MAX_LINES: Final = 1000
 """Lines in one answer of the world."""
-
-MEASURE_SECONDS: Final = 0.5
-"""Time for `top --json` to measure, which begins with the first query."""
 
 
 def stop_world(by: str, target: WorldTarget, as_json: bool) -> None:
@@ -153,20 +146,3 @@ def _json(line: LogLine, world: str) -> str:
 def _shown(line: LogLine) -> str:
     clock = time.strftime("%H:%M:%S", time.localtime(line.time))
     return f"{clock}  {line.member} │ {line.text}"
-
-
-def watch_world(target: WorldTarget, as_json: bool) -> None:
-    """Monitor a world until q or Ctrl-C; as JSON, print its status once."""
-    if not as_json and not sys.stdout.isatty():
-        raise MinervaError("top needs a terminal; --json prints one status anywhere")
-    with client(target) as world:
-        if as_json:
-            world.operator.status()
-            time.sleep(MEASURE_SECONDS)
-            print_json(listing(world.operator.status()))
-            return
-        try:
-            from minerva_bus.cli.top.dashboard import Dashboard
-        except ImportError:
-            raise MinervaError(f"top needs textual: {install('top')}") from None
-        Dashboard(world.operator).run()

@@ -1,6 +1,5 @@
-"""Collected series of a running world: bounded, evenly spaced, and shown by top and the page."""
+"""Collected series of a running world: bounded, evenly spaced, and shown by monitors and the page."""
 
-import asyncio
 import math
 
 import numpy as np
@@ -101,36 +100,3 @@ def test_a_world_that_collects_nothing_has_no_series():
         live.step(2)
         assert live.operator.status().series == 0
         assert live.operator.series() == ()
-
-
-def test_top_shows_a_chart_for_each_series():
-    from minerva_bus.cli.top.charts import SeriesChart
-    from minerva_bus.cli.top.dashboard import Dashboard
-
-    with field(collect={"x": Hare.x.mean(), "none": Hare.x.mean("x < 0")}).start(seed=1) as live:
-        live.step(8)
-        status, series = live.operator.status(), live.operator.series()
-
-    class Still:
-        def status(self, since=0):
-            return status
-
-        def logs(self, since=0, member=""):
-            return ()
-
-        def series(self):
-            return series
-
-    async def screen():
-        dashboard = Dashboard(Still())
-        async with dashboard.run_test(size=(130, 40)) as pilot:
-            for _ in range(400):
-                charts = [*dashboard.query(SeriesChart)]
-                if len(charts) == 2 and all(chart.border_title for chart in charts):
-                    break
-                await pilot.pause(0.05)
-            texts = [str(each.render()) for chart in charts for each in chart.query("Static")]
-            assert [chart.border_title for chart in charts] == ["x", "none"]
-            assert texts == ["9 m", "2 to 9 m", "nothing counted", ""]
-
-    asyncio.run(screen())

@@ -1,4 +1,4 @@
-"""`minerva metrics`."""
+"""`minerva metrics` and `minerva top`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import Json, NamedTarget, examples
 
 TOPIC: Final = "Observe"
+
+MEASURE_SECONDS: Final = 0.5
+"""Time for `top --json` to measure, which begins with the first query."""
 
 
 @examples(
@@ -46,3 +49,38 @@ def metrics(
         text = f"{world.world}: metrics at {exporter.url}"
         print_report(Done(text, {"world": world.world, "url": exporter.url}), json)
         stop.wait()
+
+
+@examples(
+    "minerva top",
+    "minerva top robot --json",
+)
+@grouped
+def top(
+    json: Annotated[bool, typer.Option("--json", help="Print the status once, as JSON.")] = False,
+    *,
+    target: NamedTarget,
+) -> None:
+    """Monitor and control a running world in the terminal."""
+    import sys
+    import time
+
+    from minerva_bus.cli.list_and_echo import listing
+    from minerva_bus.cli.output import print_json
+    from minerva_bus.cli.places import client
+    from minerva_bus.errors import MinervaError
+    from minerva_bus.wording import install
+
+    if not json and not sys.stdout.isatty():
+        raise MinervaError("top needs a terminal; --json prints one status anywhere")
+    with client(target) as world:
+        if json:
+            world.operator.status()
+            time.sleep(MEASURE_SECONDS)
+            print_json(listing(world.operator.status()))
+            return
+        try:
+            from minerva_monitoring.top_dashboard import Dashboard
+        except ImportError:
+            raise MinervaError(f"top needs textual: {install('top')}") from None
+        Dashboard(world.operator).run()

@@ -69,19 +69,3 @@ def logs(
     from minerva_bus.cli.operation import show_logs
 
     show_logs(member, follow, target, json)
-
-
-@examples(
-    "minerva top",
-    "minerva top robot --json",
-)
-@grouped
-def top(
-    json: Annotated[bool, typer.Option("--json", help="Print the status once, as JSON.")] = False,
-    *,
-    target: NamedTarget,
-) -> None:
-    """Monitor and control a running world in the terminal."""
-    from minerva_bus.cli.operation import watch_world
-
-    watch_world(target, json)

@@ -13,11 +13,11 @@ from textual.binding import BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import DataTable, Footer, RichLog, Sparkline, Static
 
-from minerva_bus.cli.top import texts
-from minerva_bus.cli.top.charts import SeriesCharts
 from minerva_bus.errors import MinervaError
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import CollectedSeries, LogEntry, LogLine, Operator, WorldStatus
+from minerva_monitoring import top_texts
+from minerva_monitoring.top_charts import SeriesCharts
 
 REFRESH_SECONDS: Final = 0.25
 HISTORY: Final = 120
@@ -132,9 +132,9 @@ class Dashboard(App[None]):
             return
         self._status, self._answered = status, time.monotonic()
         self._static("trouble").display = False
-        self._static("heading").update(texts.heading(status))
-        self._static("phases").update(texts.phases(status))
-        self._static("events").update(texts.events(status.events))
+        self._static("heading").update(top_texts.heading(status))
+        self._static("phases").update(top_texts.phases(status))
+        self._static("events").update(top_texts.events(status.events))
         self._show_members(status)
         self._show_speed(status)
         self.query_one(SeriesCharts).show(series)
@@ -153,7 +153,7 @@ class Dashboard(App[None]):
         longest = max((member.wait for member in status.members), default=0.0)
         there = {row.value for row in table.rows}
         for member in status.members:
-            cells = texts.row(member, longest)
+            cells = top_texts.row(member, longest)
             if member.name not in there:
                 table.add_row(*cells, key=member.name)
                 continue

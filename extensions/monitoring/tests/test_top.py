@@ -3,19 +3,21 @@
 import asyncio
 from dataclasses import replace
 from io import StringIO
+from math import nan
 
 import pytest
 
 from minerva_bus.errors import BusError
-from minerva_bus.world.operator import LogEntry, LogLine, MemberStatus, WorldStatus
+from minerva_bus.world.operator import CollectedSeries, LogEntry, LogLine, MemberStatus, WorldStatus
 
 pytest.importorskip("textual", reason="pip install 'minerva-bus[top]'")
 
 from rich.console import Console
 from textual.widgets import DataTable, RichLog
 
-from minerva_bus.cli.top.dashboard import Dashboard
-from minerva_bus.cli.top.texts import bar, doing, phases
+from minerva_monitoring.top_charts import SeriesChart
+from minerva_monitoring.top_dashboard import Dashboard
+from minerva_monitoring.top_texts import bar, doing, phases
 
 MEMBERS = (
     MemberStatus("steps", "present", ("generator",), "Steps", generates=("eStep",), wait=100.0),
@@ -200,3 +202,24 @@ def test_the_members_that_a_world_waits_for():
 )
 def test_bars(amount, shown):
     assert bar(amount, 2.0, 4).plain == shown
+
+
+def test_it_shows_a_chart_for_each_series():
+    world = Told()
+    world.now = replace(STATUS, series=2)
+    world.series = lambda: (
+        CollectedSeries("x", "m", (0, 1, 2), (2.0, 5.0, 9.0)),
+        CollectedSeries("none", "m", (0, 1, 2), (nan, nan, nan)),
+    )
+
+    async def play(dashboard, pilot, told):
+        def charts():
+            return {str(each.border_title): each for each in dashboard.query(SeriesChart)}
+
+        await until(pilot, lambda: [*charts()] == ["x", "none"])
+        texts = [
+            str(each.render()) for chart in charts().values() for each in chart.query("Static")
+        ]
+        assert texts == ["9 m", "2 to 9 m", "nothing counted", ""]
+
+    run(play, world)

@@ -1,1 +1,0 @@
-"""`minerva top`: a running world in the terminal."""
