@@ -9,8 +9,6 @@ from minerva_bus.uncaught import install as _report_uncaught_errors
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
     from minerva_bus.api.checking import check
-    from minerva_bus.api.datasets import Dataset, export_dataset
-    from minerva_bus.api.exporting import Export, export
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.records import (
         record,
@@ -55,8 +53,6 @@ if TYPE_CHECKING:
 __version__ = "0.6.0"
 
 _HOMES = {
-    "api.datasets": "Dataset export_dataset",
-    "api.exporting": "Export export",
     "api.live": "Live connect",
     "api.checking": "check",
     "api.records": "record replay replay_views resume",
@@ -102,7 +98,6 @@ __all__ = [
     "BatchContext",
     "Cells",
     "Context",
-    "Dataset",
     "Default",
     "Degrees",
     "Device",
@@ -111,7 +106,6 @@ __all__ = [
     "EventBatch",
     "EventType",
     "Events",
-    "Export",
     "Frame",
     "Generator",
     "Geometry",
@@ -145,8 +139,6 @@ __all__ = [
     "data",
     "each",
     "evolve",
-    "export",
-    "export_dataset",
     "interpret",
     "on",
     "parse",

@@ -76,12 +76,15 @@ def copy(names: Iterable[str], to: Path) -> list[Path]:
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
         cwd=ROOT, capture_output=True, text=True, check=True,
     ).stdout.splitlines()  # fmt: skip
-    absent = {f"minerva_{name}" for name in names}
     folders = tuple(f"extensions/{name}/" for name in names)
     files = [Path(name) for name in listed if not name.startswith(folders)]
     files = [path for path in files if (ROOT / path).is_file()]
-    users = (p for p in files if p.suffix == ".py" and absent & {*imported(ROOT / p)})
-    left_out = sorted({unit(path) for path in users})
+    needs = {path: {*imported(ROOT / path)} for path in files if path.suffix == ".py"}
+    absent, left_out = {f"minerva_{name}" for name in names}, list[Path]()
+    # What imports an extension that is left out with another one is left out, too.
+    while more := {unit(path) for path, needed in needs.items() if absent & needed} - {*left_out}:
+        left_out = sorted({*left_out, *more})
+        absent |= {f"minerva_{each.name}" for each in more if each.parts[0] == "extensions"}
     for path in files:
         if not any(path.is_relative_to(each) for each in left_out):
             (to / path).parent.mkdir(parents=True, exist_ok=True)

@@ -49,7 +49,7 @@ GROUPS: Final = {
     "Run": ("run", "worlds", "check", "attach", "bridge"),
     "Observe": ("list", "logs", "echo"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
-    "Records": ("info", "replay", "seek", "export", "recover", "map"),
+    "Records": ("info", "replay", "seek", "recover", "map"),
     "Set up": ("doctor", "version"),
 }
 """The kernel's commands by topic, in the order of the help."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from frogs import Frog, eCroak, eCross, pond, race
 
-from minerva_bus import MinervaError, World, count, data, each, export, on, run
+from minerva_bus import MinervaError, World, count, data, each, on, run
 from minerva_bus.api.run_result import pick_table
 from minerva_bus.collect.data_tables import DataTable, open_writer, read_columns
 from minerva_bus.collect.plans import read_entries
@@ -348,9 +348,8 @@ def test_events_that_agents_send_in_the_last_frame_count(tmp_path, racer, settin
     path = tmp_path / "race.mcap"
     done = run(race(racer), collect=CROSSED, record=path, **{"frames": 9, **settings})
     assert (done.frames, done.events) == (3, {"eCross": 1, "eTick": 3})
-    for tables in (done.tables, export(path, collect=CROSSED).tables):
-        assert tables["frames"]["crossed"].tolist() == [0, 0, 0, 1]
-        assert tables["eCross"]["frame"].tolist() == [3]
+    assert done.tables["frames"]["crossed"].tolist() == [0, 0, 0, 1]
+    assert done.tables["eCross"]["frame"].tolist() == [3]
     with Record(path) as record:
         assert info_of(record).events == done.events
         assert [event.type for event in moment_of(record, None).events] == ["eCross"]

@@ -17,8 +17,6 @@ from minerva_bus import (
     count,
     each,
     evolve,
-    export,
-    export_dataset,
     interpret,
     record,
     replay,
@@ -28,6 +26,7 @@ from minerva_bus import (
     service,
     visualize,
 )
+from minerva_exporters import export, export_dataset
 from minerva_study import branch, sweep
 
 ODD = (None, 3, -1, 10**30, float("nan"), "x", b"x", "\ud800", "\0", [], {}, {1: 2}, object(), Frog)

@@ -9,7 +9,7 @@ from minerva_bus import Disc, EventType, Metres, Motion, Primitive, Transformati
 
 NUMPY = {"Cells", "Reals"}
 ELSEWHERE = {
-    *("Live", "World", "connect", "export", "export_dataset", "run"),
+    *("Live", "World", "connect", "run"),
 }
 """Examples that need a world, a record or a running world; the docs run such code."""
 

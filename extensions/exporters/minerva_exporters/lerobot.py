@@ -21,11 +21,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.api.datasets import ExportChoice, ExportProgress
 from minerva_bus.collect.collector import agent_rows
 from minerva_bus.collect.data_tables import needed, texts
 from minerva_bus.log.record import Record
 from minerva_bus.world.readings import Image
+from minerva_exporters.datasets import ExportChoice, ExportProgress
 from minerva_exporters.episode_file import EpisodeFile
 from minerva_exporters.lerobot_meta import FeatureLayout, write_meta
 from minerva_exporters.sources import FrameContents, RecordFrames, new_folder

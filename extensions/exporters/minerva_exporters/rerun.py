@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.api.datasets import ExportChoice, ExportProgress
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_file
 from minerva_bus.frame.messages import Readings
@@ -32,6 +31,7 @@ from minerva_bus.log.record import Record
 from minerva_bus.log.record_summary import kinds_in
 from minerva_bus.log.record_writer import SHOWN
 from minerva_bus.world.readings import Battery, Image, Odometry, Position, Reading, Scan
+from minerva_exporters.datasets import ExportChoice, ExportProgress
 from minerva_exporters.sources import RecordFrames, only_record
 from minerva_services.options import require
 from minerva_services.views.svg.files import prepare_folder

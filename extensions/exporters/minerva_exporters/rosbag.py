@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from minerva_bus.api.datasets import ExportChoice, ExportProgress
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.printer import value_text
@@ -28,6 +27,7 @@ from minerva_bus.log.channels import Surveyor, time_of
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import SHOWN
 from minerva_bus.world.readings import Mount, Reading
+from minerva_exporters.datasets import ExportChoice, ExportProgress
 from minerva_exporters.ros_readings import frame_of, message_of, mount_of
 from minerva_exporters.sources import RecordFrames, new_folder, only_record
 from minerva_services.bridges.ros2.messages import TRANSFORMS, messages

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.api.datasets import ExportChoice
 from minerva_bus.collect.collector import agent_rows
 from minerva_bus.collect.data_tables import texts
 from minerva_bus.errors import MisuseError
@@ -18,6 +17,7 @@ from minerva_bus.log.record_summary import kinds_in
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.world.readings import Image, Reading
 from minerva_exporters.actions import Actions
+from minerva_exporters.datasets import ExportChoice
 from minerva_exporters.sources import FrameContents, RecordFrames
 from minerva_exporters.vectors import RowVectors, is_numeric, reading_names
 

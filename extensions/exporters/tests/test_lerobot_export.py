@@ -10,9 +10,10 @@ pytest.importorskip("pyarrow", reason="pip install 'minerva-bus[lerobot]'")
 import pyarrow.parquet as pq
 from PIL import Image as Pillow
 
-from minerva_bus import MinervaError, export_dataset
+from minerva_bus import MinervaError
 from minerva_bus.cli.main import app
 from minerva_bus.log.record import Record
+from minerva_exporters import export_dataset
 from minerva_exporters.sources import RecordFrames
 from tests.services.rover_yard import readings, record_yard
 

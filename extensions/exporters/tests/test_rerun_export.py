@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from minerva_bus import export_dataset
+from minerva_exporters import export_dataset
 
 if not find_spec("rerun"):
     pytest.skip("pip install 'minerva-bus[rerun]'", allow_module_level=True)

@@ -9,9 +9,10 @@ pytest.importorskip("rosbags", reason="pip install 'minerva-bus[ros]'")
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
-from minerva_bus import MinervaError, export_dataset
+from minerva_bus import MinervaError
 from minerva_bus.cli.main import app
 from minerva_bus.wire.field_codecs import plain_reading
+from minerva_exporters import export_dataset
 from minerva_exporters.sources import RecordFrames, new_folder
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.rosbag import Bag

@@ -8,8 +8,6 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from minerva_bus.api.datasets import export_dataset
-from minerva_bus.api.exporting import Export, export_plans, read_plans
 from minerva_bus.cli.output import (
     print_answer,
     print_json,
@@ -23,9 +21,11 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.files import note_read
 from minerva_bus.log.record import Record
 from minerva_bus.wording import counted
+from minerva_exporters.datasets import export_dataset
+from minerva_exporters.record_tables import Export, export_plans, read_plans
 
 if TYPE_CHECKING:
-    from minerva_bus.cli.commands.records import ExportTargets
+    from minerva_exporters.command import ExportTargets
 
 
 @dataclass(frozen=True, slots=True)

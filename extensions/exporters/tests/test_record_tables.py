@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from frogs import Frog, eCroak, pond
 
-from minerva_bus import World, count, data, each, export, run
+from minerva_bus import World, count, data, each, run
 from minerva_bus.api.running import run_file
 from minerva_bus.cli.main import app
 from minerva_bus.collect.plans import read_entries
@@ -17,6 +16,8 @@ from minerva_bus.errors import MinervaError, MisuseError, RecordError, Vocabular
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.log.record import Record
 from minerva_bus.settings.overrides import Overrides
+from minerva_exporters import export
+from tests.api.frogs import Frog, eCroak, eCross, pond, race
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
@@ -225,3 +226,11 @@ def test_the_command_reports_wrong_input(recorded, words, problem, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     with pytest.raises(MinervaError, match=problem):
         minerva("export", recorded[1], *words)
+
+
+def test_events_that_agents_send_in_the_last_frame_are_exported(tmp_path):
+    path = tmp_path / "race.mcap"
+    run(race("anna"), frames=9, record=path, until="eCross")
+    tables = export(path, collect={"crossed": count(eCross), "rows": data(eCross)}).tables
+    assert tables["frames"]["crossed"].tolist() == [0, 0, 0, 1]
+    assert tables["eCross"]["frame"].tolist() == [3]
