@@ -53,7 +53,7 @@ Elsewhere: TypeAlias = Callable[[str], Any]
 """The value of `#id.attribute`, or None if there is no such agent."""
 
 
-class Outcome:
+class FragmentOutcome:
     """What λ has made of a fragment, and the units of it that norms have undone.
 
     An outermost agent is one unit, with all that it has become. In columns each agent is a unit,
@@ -63,7 +63,7 @@ class Outcome:
     def __init__(self, old: Fragment, new: Scene) -> None:
         self._old = old
         self._new = new
-        self._undone: dict[str, Outcome | None] = {}
+        self._undone: dict[str, FragmentOutcome | None] = {}
         self._compared: dict[int, tuple[Rows, Rows, list[int]]] = {}
 
     @cached_property
@@ -169,14 +169,14 @@ class Outcome:
             for row in newborn
             if self._offends(norm, cast("AgentNode", new.node(row)), elsewhere)
         ]
-        found = np.sort(np.append(rows[holds], np.array(born, np.intp)))
-        yield from ids_of(new).take(found).texts()
+        forbidden = np.sort(np.append(rows[holds], np.array(born, np.intp)))
+        yield from ids_of(new).take(forbidden).texts()
 
     def undo(self, *agents: str) -> None:
         """Replace the units of these agents by their previous states."""
         self._undone |= dict.fromkeys(map(self.unit, agents))
 
-    def replace(self, unit: str, other: Outcome) -> None:
+    def replace(self, unit: str, other: FragmentOutcome) -> None:
         """Replace a unit that was undone by its state in another outcome, by fewer events."""
         self._undone[unit] = other
 
@@ -235,7 +235,7 @@ class Outcome:
                 by_unit.setdefault(unit, []).append(node)
         return by_unit
 
-    def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
+    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
         """The events of the fragment that count, from this outcome and others, by their senders."""
         if not self._undone:
             return sent
@@ -301,11 +301,11 @@ class Trial:
         # is that of the sanctions among the events of the next frame.
         places = composition.places(changed)
         self._outcomes = {
-            name: Outcome(composition.fragments[name], changed[name])
+            name: FragmentOutcome(composition.fragments[name], changed[name])
             for name in sorted(changed, key=places)
         }
         self._open: dict[str, dict[str, Norm]] = {}
-        self._later: list[tuple[str, Outcome, SentBy]] = []
+        self._later: list[tuple[str, FragmentOutcome, SentBy]] = []
         self._leniently = False
         for norm in norms.on_agents:
             for name, outcome in self._outcomes.items():
@@ -356,7 +356,7 @@ class Trial:
         norms = self._norms
         for name, refused in list(self._open.items()):
             old = self._composition.fragments[name]
-            other = Outcome(old, changed.get(name, Scene((old,))))
+            other = FragmentOutcome(old, changed.get(name, Scene((old,))))
             wrong = {
                 other.unit(who)
                 for norm in norms.on_agents
@@ -376,7 +376,7 @@ class Trial:
             # sent their events in this stage.
             self._later.append((name, other, sent))
 
-    def _was_forbidden(self, norm: Norm, outcome: Outcome, who: str) -> bool:
+    def _was_forbidden(self, norm: Norm, outcome: FragmentOutcome, who: str) -> bool:
         was = outcome.was(who)
         return was is not None and norm.holds(state_of(norm, was, was, self._norms.elsewhere))
 
@@ -387,7 +387,7 @@ class Trial:
             # Units of different stages may share an agent if a host has moved it between them.
             if repeated_in(outcome.scene) is not None:
                 old = cast("Columns", self._composition.fragments[name])
-                rejected[name] = Outcome(old, Scene((old,)))
+                rejected[name] = FragmentOutcome(old, Scene((old,)))
                 rejected[name].undo(*ids_of(old).texts())
         for name, outcome in rejected.items():
             # At rest, because in the next frame λ would assume that the action was executed.
@@ -397,7 +397,7 @@ class Trial:
         result.changed, result.sent, result.rejected = self._changed, self._sent, tuple(rejected)
         return {who for outcome in rejected.values() for who in outcome.halted}
 
-    def _count_sent(self, rejected: Mapping[str, Outcome]) -> None:
+    def _count_sent(self, rejected: Mapping[str, FragmentOutcome]) -> None:
         names = {name: self._home(name) for name in self._sent}
         for _, _, sent in self._later:
             names |= {name: self._home(name) for name in sent}

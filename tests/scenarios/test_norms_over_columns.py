@@ -15,13 +15,13 @@ from pond import host, service
 from street import Light, Steps, eBoo, eFine, eShout, eStep
 
 from minerva_bus import Agent, Vocabulary, on
-from minerva_bus.frame.norm_rejections import Outcome
+from minerva_bus.frame.norm_rejections import FragmentOutcome
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.world.delivery import Priority
 from minerva_bus.world.norms import Norm, Then
-from minerva_bus.world.priority import Priority
 from tests.one_process import run_world
 
 COUNT = 20
@@ -280,7 +280,7 @@ def test_rows_are_judged_as_agents_one_by_one_are(norms):
 def test_a_rejected_row_loses_its_events_of_every_type_and_no_others():
     """The batches of an outcome, and those of its replacement, are each reduced and kept."""
     w = WALKERS.pieces[0]
-    outcome, again = Outcome(w, WALKERS), Outcome(w, WALKERS)
+    outcome, again = FragmentOutcome(w, WALKERS), FragmentOutcome(w, WALKERS)
     ids = [f"w{row}" for row in range(COUNT)]
     shouts, boos = (
         (Events.of([replace(event, sender=who) for who in ids]),) for event in (eShout(1.0), eBoo())
@@ -296,7 +296,7 @@ def test_a_rejected_row_loses_its_events_of_every_type_and_no_others():
 
 def test_a_replaced_row_stays_in_a_population_with_deaths():
     w, survivors = WALKERS.pieces[0], Scene(WALKERS.nodes[:-1])
-    outcome = Outcome(w, survivors)
+    outcome = FragmentOutcome(w, survivors)
     outcome.undo("w3")
-    outcome.replace("w3", Outcome(w, survivors))
+    outcome.replace("w3", FragmentOutcome(w, survivors))
     assert walkers(outcome.scene) == walkers(survivors)
