@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.command import Table, options
 from minerva_bus import portable
-from minerva_bus.world.rng import Numbers, Rng, RngBatch
+from minerva_bus.world.context import Numbers, Rng, RngBatch
 
 NAMES = "sin cos tan asin acos atan exp expm1 tanh log log2 log10 log1p"
 PAIRS = "atan2 hypot power"

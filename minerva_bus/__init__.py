@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from minerva_bus.grammar.vocabulary import Vocabulary
     from minerva_bus.semantics.geometry import Geometry, interpret
     from minerva_bus.world.agent import Agent
+    from minerva_bus.world.class_declaration import on, view
     from minerva_bus.world.context import BatchContext, Context, Frame
-    from minerva_bus.world.decorators import on, view
     from minerva_bus.world.evolution import Policy, evolve
     from minerva_bus.world.expressions import count, data
     from minerva_bus.world.population import EventBatch
@@ -76,7 +76,7 @@ _HOMES = {
     "world.context": "BatchContext Context Frame",
     "world.population": "EventBatch",
     "world.expressions": "count data",
-    "world.decorators": "on view",
+    "world.class_declaration": "on view",
     "world.services": "Device Generator Tick View WorldInfo",
     "world.visualization": "visualize",
 }

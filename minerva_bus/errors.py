@@ -12,11 +12,11 @@
     │   ├── StateError           an attribute of an agent has an invalid value
     │   │   └── Unsound          an attribute of one row is not finite         world.population_step
     │   ├── SignatureError       a method takes other arguments than it is called with
-    │   └── NotCompilable        a method uses what cannot be compiled            world.accelerator
+    │   └── NotCompilable        a method uses what cannot be compiled       world.class_declaration
     ├── UserCodeError            a method of an agent or a service failed
     │   └── ActivityError        a method of an agent failed at an event         world.agent
     ├── RecordError              a record cannot be written or read
-    ├── RecordingError           a sensor recording cannot be read               world.recordings
+    ├── RecordingError           a sensor recording cannot be read               world.readings
     ├── ProtocolError            a member sent what the protocol does not allow
     ├── Refusal                  the world does not admit this member            frame.member
     │   ├── Unready              the member's service cannot run in this world   frame.member

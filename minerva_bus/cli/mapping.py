@@ -18,7 +18,7 @@ from minerva_bus.entry_points import entries
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.files import forget_inputs
 from minerva_bus.launch.specs import load
-from minerva_bus.world.recordings import (
+from minerva_bus.world.readings import (
     MapChoice,
     Mapper,
     PassOver,

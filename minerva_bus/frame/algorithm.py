@@ -44,8 +44,8 @@ from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.wording import counted
+from minerva_bus.world.delivery import collect
 from minerva_bus.world.norms import SOURCE
-from minerva_bus.world.priority import collect
 
 
 class InputSteps(Protocol):

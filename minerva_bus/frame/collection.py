@@ -53,8 +53,8 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, Value
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.delivery import collect
 from minerva_bus.world.norms import SOURCE
-from minerva_bus.world.priority import collect
 
 MAX_SINGLE_EVENTS: Final = 2_000
 """Maximum events of one generator, outside columns, in a frame."""

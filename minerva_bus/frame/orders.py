@@ -16,8 +16,8 @@ from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.types import Of
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.delivery import Priority
 from minerva_bus.world.operator import OrderStatus
-from minerva_bus.world.priority import Priority
 
 _MAX_LISTED = 12
 

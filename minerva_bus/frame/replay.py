@@ -26,8 +26,8 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
+from minerva_bus.world.delivery import collect
 from minerva_bus.world.evolution import Policy
-from minerva_bus.world.priority import collect
 
 OVER = "the record is over"
 RECORD = "~record"

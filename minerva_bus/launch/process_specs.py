@@ -30,8 +30,8 @@ from minerva_bus.settings.world_settings import (
 )
 from minerva_bus.wire.keys import COORDINATOR, checked_name
 from minerva_bus.wording import counted
-from minerva_bus.world.accelerator import IF_POSSIBLE, Mode, NotCompilable, compile_all
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.class_declaration import IF_POSSIBLE, Mode, NotCompilable, compile_all
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.services import Service
 

@@ -44,8 +44,8 @@ from minerva_bus.log.entries import (
     entry_number,
 )
 from minerva_bus.world import services
+from minerva_bus.world.delivery import collect
 from minerva_bus.world.operator import PersonOperation
-from minerva_bus.world.priority import collect
 
 _END: Final = 1 << 62
 """A number greater than that of any frame."""

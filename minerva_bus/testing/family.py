@@ -13,8 +13,8 @@ from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Metres
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.class_declaration import on, view
 from minerva_bus.world.context import Context
-from minerva_bus.world.decorators import on, view
 
 PDot = Primitive("PDot", size=float)
 PGrave = Primitive("PGrave")

@@ -39,11 +39,12 @@ from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.user_code import handler_name
-from minerva_bus.world.accelerator import Accelerator, accelerated
 from minerva_bus.world.class_declaration import (
     ON,
     POPULATION,
     VIEW,
+    Accelerator,
+    accelerated,
     chances_of,
     handlers,
     state_of,

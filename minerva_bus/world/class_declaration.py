@@ -1,17 +1,47 @@
-"""Declarations of agent classes: the state ST by annotations, D by marked methods."""
+"""Declarations of agent classes: the state ST by annotations, D by marked methods.
+
+`on` makes a method an evolution λ, `view` a view θ.
+
+`Accelerator` is the socket for machine code. An extension installs an entry point of
+`minerva.accelerators`: a function that makes the `Accelerator` of a class. It is imported by the
+first class that has anything to compile, because most worlds have no such class.
+"""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from inspect import get_annotations
 from types import FunctionType, MethodType
-from typing import Any, ClassVar, Final, cast, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Final,
+    Protocol,
+    TypeAlias,
+    TypeVar,
+    cast,
+    get_origin,
+    get_type_hints,
+)
 
+from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, SignatureError
 from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.user_code import handler_name
 from minerva_bus.world.expressions import NO_DEFAULT, default_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from minerva_bus.grammar.columns import Rows
+    from minerva_bus.grammar.events import Event
+    from minerva_bus.grammar.scene import Scene
+    from minerva_bus.world.context import Frame, FrameStreams
+    from minerva_bus.world.population import PopulationState, Turn
+
 
 ON = "_minerva_on"
 VIEW = "_minerva_view"
@@ -199,3 +229,221 @@ def check_overridden(cls: type, base: type, names: Sequence[str]) -> None:
             expected = list(inspect.signature(getattr(base, name)).parameters)
             may_yield = name in ITERATED
             check_signature(function, f"{base.__name__}.{name}", expected, may_yield=may_yield)
+
+
+ACCELERATORS: Final = "minerva.accelerators"
+IF_POSSIBLE: Final = "if possible"
+REMEDY: Final = "leave out compiled=True, which runs the method agent by agent"
+
+Mode: TypeAlias = bool | str
+"""False, True, or "if possible"."""
+
+
+class NotCompilable(MisuseError):
+    """A method uses something that cannot be compiled.
+
+    The message has the file, the line, the place in it, and what to write instead.
+    """
+
+
+class Accelerator(Protocol):
+    """Runs methods and views of a class of agents on rows of a population, with Python's results.
+
+    `methods` and `views` are the event types of those that it runs.
+    """
+
+    methods: Collection[str]
+    views: Collection[str]
+
+    def run(
+        self, turn: Turn, state: PopulationState, streams: FrameStreams, frame: Frame
+    ) -> NDArray[np.bool_]:
+        """Process a turn; returns a mask of the rows that must run in Python, shape (rows,)."""
+        ...
+
+    def view(self, state: PopulationState, rows: Rows, event: Event) -> Scene | None:
+        """The views of these rows for an event for all; None if the method itself must run."""
+        ...
+
+    def code(self) -> Iterable[tuple[str, Callable[[], object]]]:
+        """Titles of the compiled code, each with the function that compiles it."""
+        ...
+
+
+MakeAccelerator: TypeAlias = Callable[
+    [Any, Mapping[str, Mode], Mapping[str, Mode]], tuple[Accelerator | None, list[str]]
+]
+"""Makes the accelerator of a class from the modes of its methods and of its views by event type.
+
+Returns also why methods are not compiled whose mode is "if possible". Raises NotCompilable.
+"""
+
+
+def check_mode(compiled: object) -> None:
+    """Raise MisuseError unless this is True, False or "if possible"."""
+    if compiled not in (True, False, IF_POSSIBLE):
+        raise MisuseError(f'compiled is True, False or "{IF_POSSIBLE}", not {compiled!r}')
+
+
+def accelerated(cls: Any, default: Mode = False) -> tuple[Accelerator | None, list[str]]:
+    """The accelerator of a class, None if nothing is compiled, and why methods are not.
+
+    `default` is the mode of methods and views that are not marked. Raises NotCompilable.
+    """
+    methods, views = _modes(cls, default)
+    if not methods and not views:
+        return None, []
+    installed = entries(ACCELERATORS)
+    if installed:
+        make: MakeAccelerator = installed[min(installed)].load()
+        return make(cls, methods, views)
+    functions = [cls.activities[each] for each in methods] + [cls.views[each] for each in views]
+    reason = (
+        f"{handler_name(functions[0])} cannot be compiled: no accelerator is installed; add the"
+        f" extension fast (minerva_fast), or {REMEDY}"
+    )
+    if True in (*methods.values(), *views.values()):
+        raise NotCompilable(reason)
+    return None, [reason]
+
+
+def compile_all(cls: Any, mode: Mode) -> list[str]:
+    """Compile all methods and views of a class for one agent, beside those marked.
+
+    Returns why methods are not compiled, for `mode` "if possible". Raises NotCompilable for True.
+    """
+    own, reasons = cls.accelerator, list[str]()
+    compiled = [set[str](), set[str]()] if own is None else [{*own.methods}, {*own.views}]
+    if [{*modes} for modes in _modes(cls, mode)] != compiled:
+        cls.accelerator, reasons = accelerated(cls, mode)
+    return reasons
+
+
+def _modes(cls: Any, default: Mode) -> tuple[dict[str, Mode], dict[str, Mode]]:
+    """The modes of the methods and of the views for one agent, without False, by event type."""
+    # Methods for populations are activities of one agent by a wrapper.
+    methods = {
+        event_type: getattr(marked(cls, event_type, function), COMPILED, False) or default
+        for event_type, function in sorted(cls.activities.items())
+        if event_type not in cls.population
+    }
+    views = {
+        event_type: getattr(function, COMPILED, False) or default
+        for event_type, function in sorted(cls.views.items())
+        if event_type not in cls.population_views
+    }
+    return _wanted(methods), _wanted(views)
+
+
+def _wanted(modes: dict[str, Mode]) -> dict[str, Mode]:
+    return {event_type: mode for event_type, mode in modes.items() if mode}
+
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def on(
+    *event_types: str,
+    population: bool | None = None,
+    together: bool = False,
+    probability: float | str = 1.0,
+    compiled: bool | str = False,
+) -> Callable[[_F], _F]:
+    """Mark a method `(self, event, moment)` as the evolution λ for these event types (equation 2).
+
+    The method changes attributes of `self`, or returns the string of L(M) that replaces the agent;
+    None keeps it.
+
+    Args:
+        event_types: names, such as "eHunger".
+        population: `self` is a population (world/population.py): attributes are arrays of shape
+            (n,), a row for each agent, and the method returns nothing.
+        together: `event` is an `EventBatch` of all events of the type in a frame: data are arrays
+            with a row per event, and `event.row` has the receivers. Implies `population` unless
+            that is False: then `self` is one agent and the batch has its events only, for example
+            the beams of a scan.
+        probability: h of a^{d,h} (section 5), a number from 0 to 1 or the name of an attribute: the
+            agent responds to each event of these types with that probability.
+        compiled: run the method for one agent as machine code over the columns of a population,
+            with the same results; needs minerva-bus[fast]. `"if possible"` leaves a method as it is
+            if it uses something that cannot be compiled, and warns.
+
+    Raises:
+        MisuseError: no event type is named, or the probability is neither.
+        NotCompilable: when the class is made: `compiled=True`, and the method cannot be.
+
+    Example:
+        >>> @on("eHunger", probability=0.5)
+        ... def starve(self, hunger, moment):
+        ...     self.energy -= hunger.amount
+
+    """
+    if isinstance(probability, bool) or not isinstance(probability, float | int | str):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError("a probability is a number from 0 to 1, or the name of an attribute")
+    h = probability if isinstance(probability, str) else float(probability)
+    for_population = together and not compiled if population is None else population
+    check_mode(compiled)
+    if compiled and for_population:
+        raise MisuseError("a method with compiled=True is for one agent; leave out population=True")
+    return _mark(ON, event_types, for_population, together, h, compiled)
+
+
+def view(*event_types: str, population: bool = False, compiled: Mode = False) -> Callable[[_F], _F]:
+    """Mark a method `(self, event)` as the view θ for these visual event types (equation 4).
+
+    The method returns a string of primitives and transformations, and changes nothing.
+
+    Args:
+        event_types: names of event types with `visual=True`, such as "ePicture".
+        population: `self` is a population, and the method returns a string with a node per agent:
+            primitives and transformations whose parameters are arrays make one.
+        compiled: for agents in columns, run the method as machine code. "if possible" gives a
+            warning if it cannot be compiled.
+
+    Raises:
+        MisuseError: no event type is named, or a view for populations is to be compiled.
+
+    Example:
+        >>> @view("ePicture")
+        ... def picture(self, event):
+        ...     return TMove(self.x, self.y)(PFox())
+
+    """
+    check_mode(compiled)
+    if compiled and population:
+        raise MisuseError("a view with compiled=True is for one agent; leave out population=True")
+    return _mark(VIEW, event_types, population, False, 1.0, compiled)
+
+
+def _mark(
+    name: str,
+    event_types: tuple[object, ...],
+    population: bool,
+    together: bool,
+    probability: float | str,
+    compiled: Mode,
+) -> Callable[[_F], _F]:
+    named = all(isinstance(event_type, str) and event_type for event_type in event_types)
+    if not (event_types and named):
+        raise MisuseError('name the event types: @on("eHunger"), @view("ePicture")')
+
+    def mark(function: _F) -> _F:
+        # Built-in functions and partial objects have no attributes for the marks, or no name.
+        if isinstance(function, type) or not hasattr(function, "__dict__") or not _name(function):
+            what = "@on" if name == ON else "@view"
+            raise MisuseError(
+                f"{what} marks a method, written with def; {function!r:.80} is of type"
+                f" {type(function).__name__}"
+            )
+        setattr(function, COMPILED, compiled)
+        setattr(function, name, event_types)
+        setattr(function, POPULATION, population)
+        setattr(function, TOGETHER, together)
+        setattr(function, PROBABILITY, probability)
+        return function
+
+    return mark
+
+
+def _name(function: object) -> str:
+    return getattr(function, "__name__", "")

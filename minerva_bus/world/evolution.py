@@ -22,10 +22,10 @@ from minerva_bus.grammar.scene import (
     walk,
     with_scope,
 )
-from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import ActivityError, Agent, Kinds, kinds_of
 from minerva_bus.world.agent_step import AgentStep, evolve_agent, process_all
 from minerva_bus.world.context import Context, Frame
+from minerva_bus.world.delivery import Addressed, addressed
 from minerva_bus.world.population import copy_id, newest_copy
 from minerva_bus.world.population_step import evolve_population
 

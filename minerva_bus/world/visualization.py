@@ -22,8 +22,8 @@ from minerva_bus.grammar.scene import (
     rescoped,
     with_scope,
 )
-from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import ActivityError, Agent, Kinds, kinds_of
+from minerva_bus.world.delivery import Addressed, addressed
 from minerva_bus.world.population import Population, PopulationState
 
 

@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from minerva_bus.world.readings import Odometry, Scan
-from minerva_bus.world.recordings import Recorded
+from minerva_bus.world.readings import Odometry, Recorded, Scan
 
 WIDE = 2.0
 """Width of the corridors in metres."""

@@ -15,13 +15,15 @@ from minerva_agents.robot.mapping import Drift, TrajectoryPoint, draw_map
 from minerva_agents.robot.trajectories import Posed, ScanMotion, located_scans, posed_scans
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Odometry, Scan, hits
-from minerva_bus.world.recordings import (
+from minerva_bus.world.readings import (
     STEP_SECONDS,
     Compensator,
     MapChoice,
+    Odometry,
     Recorded,
     RecordingClock,
+    Scan,
+    hits,
 )
 from minerva_services.sensors.carmen import CarmenLog
 

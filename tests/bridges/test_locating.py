@@ -12,7 +12,7 @@ from minerva_agents.robot.trajectories import Posed, located_scans, posed_scans
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose, moved
-from minerva_bus.world.recordings import MapChoice
+from minerva_bus.world.readings import MapChoice
 from minerva_services.sensors.carmen import CarmenLog, open_log
 
 

@@ -13,8 +13,7 @@ from looping import Block, recorded
 from minerva_agents.robot.loop_closure import Edge, closed_loops, optimised
 from minerva_agents.robot.mapping import doubled_walls, doubling_notes, draw_map, errors_of
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Scan
-from minerva_bus.world.recordings import MapChoice
+from minerva_bus.world.readings import MapChoice, Scan
 
 
 class Tape:

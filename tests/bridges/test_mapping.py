@@ -17,8 +17,7 @@ from minerva_bus import Frame, Tick, Vocabulary, WorldInfo, evolve
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.readings import Odometry, Scan, hits
-from minerva_bus.world.recordings import MapChoice, Recorded, RecordingError
+from minerva_bus.world.readings import MapChoice, Odometry, Recorded, RecordingError, Scan, hits
 from minerva_services.sensors.carmen import CarmenLog
 from minerva_services.sensors.laser import Laser
 from minerva_services.sensors.playback import MountOverride

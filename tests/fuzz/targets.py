@@ -42,7 +42,7 @@ from minerva_bus.log.record import Record
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.status_codec import read_lines, read_status
-from minerva_bus.world.recordings import RecordingError
+from minerva_bus.world.readings import RecordingError
 from minerva_services.bridges.mqtt.rules import InvalidPayload, Pattern, Payload
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros_messages import GarbageError, images

@@ -14,8 +14,8 @@ from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.agent import kinds_of
 from minerva_bus.world.context import Context, Frame
+from minerva_bus.world.delivery import Priority, collect
 from minerva_bus.world.evolution import Policy, evolve
-from minerva_bus.world.priority import Priority, collect
 from minerva_bus.world.visualization import visualize
 
 law = settings(suppress_health_check=list(HealthCheck))

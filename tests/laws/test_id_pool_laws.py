@@ -20,7 +20,7 @@ from minerva_bus.grammar.ids import (
     row_delta_of_ids,
     updated_ids,
 )
-from minerva_bus.world.rng import hash_of
+from minerva_bus.world.context import hash_of
 
 # Few different texts, so that the dead are born again and newborns have the ids of others.
 TEXTS = st.sampled_from(

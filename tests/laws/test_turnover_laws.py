@@ -37,9 +37,8 @@ from minerva_bus.log.entries import apply_delta, delta_between
 from minerva_bus.wire.columns_codec import plain_columns, plain_patch
 from minerva_bus.wire.plain import Limits
 from minerva_bus.wire.strings_codec import Reader
-from minerva_bus.world.context import Frame
+from minerva_bus.world.context import Frame, RngBatch, hash_of
 from minerva_bus.world.evolution import Policy
-from minerva_bus.world.rng import RngBatch, hash_of
 from minerva_bus.world.visualization import visualize
 
 PDot = Primitive("PDot", who=str, size=float)

@@ -44,7 +44,7 @@ from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.agent import kinds_of
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.priority import Priority
+from minerva_bus.world.delivery import Priority
 
 Script = dict[str, Callable[[int], list[Event]]]
 """Generators by name: C(t), the events of each at t."""

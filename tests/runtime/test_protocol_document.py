@@ -27,9 +27,8 @@ from minerva_bus.wire.columns_codec import plain_patch
 from minerva_bus.wire.plain import DEFAULT
 from minerva_bus.wire.strings_codec import Reader, plain_event, plain_scene, plain_value
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
-from minerva_bus.world.context import Context, Frame
+from minerva_bus.world.context import Context, Frame, Rng, answer_key, hash_of, stream
 from minerva_bus.world.evolution import Policy
-from minerva_bus.world.rng import Rng, answer_key, hash_of, stream
 from tools.protocol_tables import TABLES, protocol, with_tables
 
 DOCUMENT = protocol()

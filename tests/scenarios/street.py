@@ -3,8 +3,8 @@
 from minerva_bus import EMPTY, Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import agents
+from minerva_bus.world.delivery import Priority
 from minerva_bus.world.norms import Norm, Then
-from minerva_bus.world.priority import Priority
 
 eStep = EventType("eStep")
 eBoo = EventType("eBoo")

@@ -22,8 +22,8 @@ from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents, walk
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.context import Frame
+from minerva_bus.world.delivery import Priority, collect
 from minerva_bus.world.norms import Norm
-from minerva_bus.world.priority import Priority, collect
 from tests.one_process import run_world
 
 ORDER = Priority(("eAdd", "eStep", "eHit"))

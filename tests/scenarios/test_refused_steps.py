@@ -28,8 +28,8 @@ from minerva_bus.grammar.assignment import rested
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.scene import FigureNode, agents, walk
+from minerva_bus.world.delivery import Priority
 from minerva_bus.world.norms import Norm
-from minerva_bus.world.priority import Priority
 
 PPush = Primitive("PPush", who=str, push=float)
 eWord, eStep, eAfter = EventType("eWord"), EventType("eStep"), EventType("eAfter")

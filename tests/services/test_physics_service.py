@@ -19,8 +19,8 @@ from driving_world import (
 )
 
 from minerva_bus import EventType, MinervaError, Scene, Tick, View
+from minerva_bus.world.context import stream
 from minerva_bus.world.readings import Scan, Sightings
-from minerva_bus.world.rng import stream
 from minerva_services.physics import arena
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.kept import kept_bodies

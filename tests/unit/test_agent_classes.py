@@ -23,8 +23,8 @@ from minerva_bus import (
 from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.scene import AGENT_ID, scene_of
-from minerva_bus.world.accelerator import NotCompilable
 from minerva_bus.world.agent import ActivityError, kinds_of
+from minerva_bus.world.class_declaration import NotCompilable
 
 eHit = EventType("eHit")
 eStep = EventType("eStep")
@@ -361,7 +361,7 @@ def test_a_kind_with_a_matrix_cannot_be_written_for_populations():
 
 
 def test_without_an_accelerator_compiled_methods_say_what_they_need(monkeypatch):
-    monkeypatch.setattr("minerva_bus.world.accelerator.entries", lambda group: {})
+    monkeypatch.setattr("minerva_bus.world.class_declaration.entries", lambda group: {})
 
     def walker(mode):
         class Walker(Agent, symbol="AWalker"):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import minerva_bus.portable as portable
 from minerva_bus.portable.polynomials import FEW
-from minerva_bus.world.rng import Rng, RngBatch, stream
+from minerva_bus.world.context import Rng, RngBatch, stream
 
 ONE = ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "expm1", "tanh"]
 ONE += ["log", "log2", "log10", "log1p"]

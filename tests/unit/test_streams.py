@@ -11,7 +11,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.portable import distributions as d
 from minerva_bus.portable import log
 from minerva_bus.portable.distributions import GAMMA, MASK, mixed_one, standard_normal
-from minerva_bus.world.rng import Rng, RngBatch, Streams, hash_of, stream
+from minerva_bus.world.context import Rng, RngBatch, Streams, hash_of, stream
 
 KEY = 0x0123456789ABCDEF
 NAMES = [f"a{number}" for number in range(40)]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from minerva_bus.world.context import Rng, answer_key, frame_key, hash_of, stream
 from minerva_bus.world.population import copy_id
-from minerva_bus.world.rng import Rng, answer_key, frame_key, hash_of, stream
 from tools.vectors.notation import Cases, Json, bits
 
 STREAMS: Final = (

@@ -38,8 +38,7 @@ from minerva_agents.robot.trajectories import (
     transformed,
 )
 from minerva_bus.semantics.poses import Pose, moved
-from minerva_bus.world.readings import Scan
-from minerva_bus.world.recordings import Progress
+from minerva_bus.world.readings import Progress, Scan
 
 _MIN_WEIGHT: Final = 0.25
 """Minimum weight for a closure to be kept."""

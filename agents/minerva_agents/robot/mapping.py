@@ -57,14 +57,15 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import counted, install
-from minerva_bus.world.readings import Displacement, Scan
-from minerva_bus.world.recordings import (
+from minerva_bus.world.readings import (
     Compensator,
+    Displacement,
     MapChoice,
     Progress,
     Recorded,
     Recording,
     RecordingClock,
+    Scan,
     needs_path,
     seconds_of,
 )

@@ -24,14 +24,16 @@ from minerva_agents.robot.pose import GridPose, Reals, at_distances
 from minerva_bus import Cells, portable
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import HasPose, Pose, interpolated, moved
-from minerva_bus.world.readings import Odometry, Scan, hits
-from minerva_bus.world.recordings import (
+from minerva_bus.world.readings import (
     CORRECTION,
     POSE,
     STEP_SECONDS,
+    Odometry,
     Recorded,
     RecordingClock,
     RecordingError,
+    Scan,
+    hits,
     needs_path,
     path_of,
 )

@@ -44,9 +44,9 @@ from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.log.record import Record
 from minerva_bus.user_code import SourceLine, assignments, defined, handler_name
 from minerva_bus.wording import named_some, short
-from minerva_bus.world.addressing import addressed
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
+from minerva_bus.world.delivery import addressed
 from minerva_bus.world.evolution import TracedCall, trace_calls
 from minerva_bus.world.norms import REFUSED, SOURCE, Norm
 from minerva_bus.world.population import parents_of

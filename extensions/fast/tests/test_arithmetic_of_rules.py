@@ -13,7 +13,7 @@ import numba
 from space_worlds import Sheep, meadow, moment
 
 from minerva_bus import Cells, portable
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast import ORDERED, CellGrid, Draws, beside, integers, interpreted, rule, within
 from minerva_fast.space.compiling import compiler
 from minerva_fast.space.kernels import OPTIONS, rebound

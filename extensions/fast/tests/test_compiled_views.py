@@ -25,8 +25,8 @@ from minerva_bus import (
 from minerva_bus.grammar.columns import has_columns
 from minerva_bus.grammar.digest import scene_digest
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.world.accelerator import NotCompilable
 from minerva_bus.world.agent import ActivityError
+from minerva_bus.world.class_declaration import NotCompilable
 
 ePicture = EventType("ePicture", zoom=float, visual=True)
 TAt = Transformation("TAt", Motion(x="x", y="y"), x=Metres, y=Metres)

@@ -8,7 +8,7 @@ from space_worlds import eStep, moment
 
 from minerva_bus import Reals, evolve, on
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_bus.world.context import Frame
 from minerva_fast import ORDERED, SHUFFLED, CellGrid, Space, beside, interpreted, kernel, rule
 

@@ -9,7 +9,7 @@ from space_worlds import Sheep, meadow, moment
 
 from minerva_bus import Cells
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast import ORDERED, interpreted, rule
 
 COLOURS = np.array([1, 2])

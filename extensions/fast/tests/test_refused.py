@@ -8,7 +8,7 @@ from importlib import import_module
 import pytest
 
 from minerva_bus.user_code import described
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 
 HEAD = """
 import math

@@ -7,7 +7,7 @@ import pytest
 from space_worlds import Sheep, meadow, moment
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast import ORDERED, interpreted, rule
 from minerva_fast.compiled.origin import EXPRESSIONS, STATEMENTS
 from minerva_fast.space import checking

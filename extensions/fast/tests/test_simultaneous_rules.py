@@ -4,7 +4,7 @@ import pytest
 from space_worlds import Bird, Sheep, meadow, moment
 
 from minerva_bus import Cells, Reals
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast import (
     ORDERED,
     SIMULTANEOUS,

@@ -22,8 +22,8 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.agent import Agent, Handler
+from minerva_bus.world.class_declaration import on
 from minerva_bus.world.context import Context
-from minerva_bus.world.decorators import on
 from minerva_bus.world.visualization import visualize
 from minerva_learning.acting import Acting, AnySpace, acting_of
 from minerva_learning.observing import Observe, Observing, observing_of

@@ -15,8 +15,8 @@ from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.class_declaration import on, view
 from minerva_bus.world.context import Context
-from minerva_bus.world.decorators import on, view
 from minerva_messages.message import NEVER, eMessage
 
 eMail = EventType("eMail", visual=True)  # noqa: N816 - event types begin with e

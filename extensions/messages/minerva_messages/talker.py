@@ -23,8 +23,8 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.class_declaration import on
 from minerva_bus.world.context import Context
-from minerva_bus.world.decorators import on
 from minerva_messages.acts import ACTS, Act
 from minerva_messages.conversation import Conversation, Conversations, PConversation
 from minerva_messages.message import NEVER, eMessage, reply

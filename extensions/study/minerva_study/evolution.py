@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.world.rng import stream
+from minerva_bus.world.context import stream
 from minerva_study.domains import extent
 from minerva_study.evaluation import Score, merit
 from minerva_study.mutation.mutator import Mutator, Stream

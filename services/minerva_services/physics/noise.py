@@ -18,8 +18,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from minerva_bus.portable import expm1, log1p, normal, normals
+from minerva_bus.world.context import stream
 from minerva_bus.world.readings import Sighting
-from minerva_bus.world.rng import stream
 from minerva_bus.world.services import Tick
 from minerva_services.physics.errors import PhysicsError, finite, positive
 from minerva_services.physics.sensors import Distances

@@ -14,9 +14,9 @@ from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import is_stream
-from minerva_bus.world.readings import Mount
-from minerva_bus.world.recordings import (
+from minerva_bus.world.readings import (
     Compensator,
+    Mount,
     Recorded,
     Recording,
     RecordingClock,

@@ -24,8 +24,8 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
 from minerva_bus.grammar.types import Reals
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.class_declaration import on, view
 from minerva_bus.world.context import Context
-from minerva_bus.world.decorators import on, view
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.world.accelerator import IF_POSSIBLE, Mode, NotCompilable
-from minerva_bus.world.class_declaration import takes_batch
+from minerva_bus.world.class_declaration import IF_POSSIBLE, Mode, NotCompilable, takes_batch
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import PopulationState, Turn
 from minerva_fast.compiled.code_generation import FAULT, GONE, written

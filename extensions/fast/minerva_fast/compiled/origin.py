@@ -14,7 +14,7 @@ from types import FunctionType
 from typing import Any, Final, cast
 
 from minerva_bus.user_code import SourceLine, handler_name
-from minerva_bus.world.accelerator import REMEDY, NotCompilable
+from minerva_bus.world.class_declaration import REMEDY, NotCompilable
 
 MISSING: Final = object()
 

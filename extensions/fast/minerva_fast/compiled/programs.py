@@ -21,7 +21,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.grammar.symbols import Primitive, Transformation
 from minerva_bus.grammar.types import Type
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.compiled.form import (
     Append,
     Assign,

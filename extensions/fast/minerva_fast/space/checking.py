@@ -24,7 +24,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from minerva_bus.errors import nearest
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.compiled.functions import FUNCTIONS, OF_PORTABLE
 from minerva_fast.compiled.machine_code import is_portable
 from minerva_fast.compiled.origin import (

@@ -21,7 +21,7 @@ from typing import Any, Final, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.compiled.machine_code import generated, versions
 from minerva_fast.space.checking import uncompilable
 from minerva_fast.space.kernels import (

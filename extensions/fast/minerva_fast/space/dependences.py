@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.world.accelerator import NotCompilable
+from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.compiled.origin import Origin
 from minerva_fast.space.checking import called
 from minerva_fast.space.kernels import Kernel

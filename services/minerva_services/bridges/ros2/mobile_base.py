@@ -16,8 +16,7 @@ from typing import Any, Final, TypeVar
 
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
-from minerva_bus.world.recordings import ClockWatch, span
+from minerva_bus.world.readings import ClockWatch, Displacement, Mount, Scan, Sightings, span
 from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.driver import (

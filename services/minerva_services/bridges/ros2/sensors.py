@@ -11,8 +11,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Cells, Degrees, Metres
-from minerva_bus.world.readings import Mount, Reading
-from minerva_bus.world.recordings import STEPS_BACK, ClockWatch, Compensator, Recorded
+from minerva_bus.world.readings import STEPS_BACK, ClockWatch, Compensator, Mount, Reading, Recorded
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.messages import (
     BATTERY,

@@ -8,8 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.wording import install
-from minerva_bus.world.readings import Reading
-from minerva_bus.world.recordings import FirstSkip, PassOver, Recorded, RecordingError, watched
+from minerva_bus.world.readings import (
+    FirstSkip,
+    PassOver,
+    Reading,
+    Recorded,
+    RecordingError,
+    watched,
+)
 from minerva_services.bridges.ros_messages import (
     Frames,
     GarbageError,

@@ -10,8 +10,7 @@ from functools import partial
 from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.world.readings import Position
-from minerva_bus.world.recordings import STEP_SECONDS, STEPS_BACK
+from minerva_bus.world.readings import STEP_SECONDS, STEPS_BACK, Position
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.options import require
 from minerva_services.sensors.serial_line import LineSplitter, SerialLine, open_line
