@@ -46,6 +46,7 @@ LINKED = (
     "agents",
     "benchmarks",
     "checks",
+    "conftest.py",
     "deploy",
     "docs",
     "examples",

@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import pytest
 
+from minerva_bus.frame import placement as module
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.placement import MIN_AGENTS, Placement
-from minerva_bus.testing.family import FAMILY_VOCABULARY, eHit
+from minerva_bus.frame.placement import MIN_AGENTS, MIN_BATCH, WINDOW, Placement, UnassignedLog
+from minerva_bus.frame.stimuli import Instructions
+from minerva_bus.testing.family import FAMILY_VOCABULARY, eHit, eMark, eShow, eStep
 
 read = FAMILY_VOCABULARY.read
 BOTH = frozenset({"AWalker", "AMortal"})
 OFFERS = {"east": BOTH, "west": frozenset({"AWalker"})}
+THREE = dict.fromkeys(("a", "b", "c"), BOTH)
 
 
 def arranged(text, offers=OFFERS, limit=0):
@@ -21,6 +24,16 @@ def arranged(text, offers=OFFERS, limit=0):
     for host in offers:
         placement.lacking(host)
     return placement, composition
+
+
+def population(rows):
+    return " · ".join(f"AMortal#m{n}" for n in range(rows))
+
+
+def divided(placement, composition):
+    """The rows on each host of the only population, in order; None: on none."""
+    (parts,) = composition.populations
+    return [(placement.host_of(part), composition.parts[part].count) for part in parts]
 
 
 def test_a_host_holds_what_it_has_received_until_its_process_is_gone():
@@ -51,20 +64,48 @@ def test_within_a_frame_the_limit_of_a_host_does_not_count():
 
 def test_within_a_frame_the_parts_of_a_population_stay():
     """Undivided, on hosts that may be evolving them; only those of a lost host move."""
-    text = " · ".join(f"AMortal#m{n}" for n in range(3 * MIN_AGENTS))
-    placement, composition = arranged(text, {"east": BOTH, "west": BOTH})
+    placement, composition = arranged(population(3 * MIN_AGENTS), {"east": BOTH, "west": BOTH})
     (parts,) = composition.populations
     hosts = [placement.host_of(part) for part in parts]
     assert hosts == ["east", "west"]
     for offers, expected in (
         ({"a": BOTH, "east": BOTH, "west": BOTH}, hosts),
         ({"a": BOTH, "west": BOTH}, ["a", "west"]),
+        ({"i": BOTH, "west": BOTH}, ["i", "west"]),
     ):
         placement.arrange(offers, mid_frame=True)
         assert list(composition.populations) == [parts]
         assert [placement.host_of(part) for part in parts] == expected
     placement.arrange({"a": BOTH, "east": BOTH, "west": BOTH})
     assert len(composition.populations[0]) == 3
+
+
+@pytest.mark.parametrize(
+    ("rows", "limit", "expected"),
+    [
+        (70, 0, [("a", 70)]),
+        (100, 60, [("a", 50), ("b", 50)]),
+        (100, 50, [("a", 50), ("b", 50)]),
+        (70, 1, [("a", 1), ("b", 1), ("c", 1), (None, 67)]),
+    ],
+)
+def test_a_population_has_as_many_hosts_as_its_size_and_their_room_require(rows, limit, expected):
+    assert divided(*arranged(population(rows), THREE, limit)) == expected
+
+
+def test_a_population_is_divided_by_the_measured_speed_of_its_hosts(monkeypatch):
+    monkeypatch.setattr(module, "_MIN_ROWS", 1)
+    placement, composition = arranged(population(2 * MIN_AGENTS), {"a": BOTH, "b": BOTH})
+    for _ in range(WINDOW):
+        placement.note_elapsed("a", 1.0)
+        placement.note_elapsed("b", 3.0)
+    assert placement.imbalanced
+    placement.arrange({"a": BOTH, "b": BOTH})
+    assert divided(placement, composition) == [("a", 96), ("b", 32)]
+    for _ in range(WINDOW):
+        placement.note_elapsed("a", 1.5)
+        placement.note_elapsed("b", 1.5)
+    assert not placement.imbalanced
 
 
 def test_nothing_is_unwanted_before_hosts_are_known():
@@ -81,7 +122,29 @@ def test_a_rejected_result_is_sent_again():
     assert placement.lacking("east") is None
     placement.forget("east")
     placement.resend("b")
-    assert list(placement.lacking("east").given) == ["b"]
+    placement.arrange({"east": frozenset(), "west": BOTH})
+    assert placement.lacking("east").dropped == ("b",)
+
+
+def test_an_agent_that_is_gone_is_not_sent_again():
+    placement, composition = arranged("AMortal#a · AMortal#b")
+    composition.become(read("AMortal#b"))
+    placement.resend("a")
+    assert placement.lacking("east") is None
+
+
+def test_a_host_keeps_its_own_result_unless_it_was_to_drop_the_agent():
+    placement, composition = arranged("AMortal#a", {"east": BOTH})
+    result = read("AMortal#a<energy=2>")
+    composition.replace({"a": result})
+    placement.changed("east", "a", result)
+    placement.arrange({"east": BOTH})
+    assert placement.lacking("east") is None
+    placement.arrange({"east": frozenset(), "west": BOTH})
+    assert placement.lacking("east").dropped == ("a",)
+    placement.changed("east", "a", result)
+    placement.arrange({"east": BOTH})
+    assert list(placement.lacking("east").given) == ["a"]
 
 
 def test_a_former_host_of_a_rejected_result_gets_the_agent_again():
@@ -106,6 +169,19 @@ def test_an_event_concerns_the_hosts_of_its_receivers():
     placement, _ = arranged("AMortal#a · AMortal#b", {"east": BOTH})
     assert placement.concerned([replace(eHit(1.0), receivers=("a",))], []) == ["east"]
     assert placement.concerned([replace(eHit(1.0), receivers=("nobody",))], []) == []
+    many = ("a", *(f"n{n}" for n in range(MIN_BATCH)))
+    assert placement.concerned([replace(eHit(1.0), receivers=many)], []) == ["east"]
+
+
+def test_an_event_concerns_the_hosts_of_the_kinds_that_subscribe_to_it():
+    placement, _ = arranged("AWalker#w · AMortal#a", {"east": BOTH})
+    assert placement.concerned([eStep(1.0)], []) == ["east"]
+    placement, _ = arranged("AMortal#a", {"east": BOTH, "west": BOTH, "new": frozenset()})
+    (home,) = placement.occupied
+    assert placement.concerned([eStep(1.0)], []) == []
+    assert placement.concerned([], [eMark(1.0)]) == []
+    assert placement.concerned([], [eShow(), eMark(1.0)]) == [home]
+    assert placement.fragments_of("nobody") == ()
 
 
 @pytest.mark.parametrize(
@@ -116,11 +192,30 @@ def test_an_event_concerns_the_hosts_of_its_receivers():
         ({}, 0, False),
         ({"west": BOTH}, 2, False),
         ({"west": BOTH, "new": BOTH}, 2, True),
+        ({"new": BOTH}, 2, True),
     ],
-    ids=["any", "other kinds", "no host", "a full host", "room on another"],
+    ids=["any", "other kinds", "no host", "a full host", "room on another", "another alone"],
 )
 def test_whether_others_can_take_over_from_a_host(offers, limit, able):
     placement, _ = arranged("AMortal#a · AMortal#b · AWalker#c", limit=limit)
     # With two agents per host, the walker is on west.
     assert sorted(placement.fragments_of("east"))[:2] == ["a", "b"]
     assert placement.may_take_over("east", offers) is able
+
+
+@pytest.mark.parametrize(
+    ("limit", "reason"), [(0, "see [placement]"), (3, "a host takes 3 (agents_per_host)")]
+)
+def test_changes_of_agents_without_a_host_are_logged_once(limit, reason):
+    out, log = Instructions(lambda _: False), UnassignedLog(limit)
+    for agents in (0, 2, 2, 0, 0):
+        log.count(agents, rules=True, out=out)
+    for missing in ({"C"}, {"A", "B"}, {"C"}, {"A"}):
+        log.kinds([frozenset("A")], [frozenset(missing)], out)
+    still = "these agents do not evolve; attach a host that does"
+    assert [(line.member, line.text) for line in out.pending] == [
+        ("placement", f"2 agents have no host and do not evolve: {reason}; attach another host"),
+        ("placement", "every agent has a host again"),
+        ("placement", f"no host offers C: {still}"),
+        ("placement", f"no host offers all of A, B: {still}"),
+    ]
