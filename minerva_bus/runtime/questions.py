@@ -37,7 +37,6 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, unknown_agent
 from minerva_bus.frame.composition import PART
-from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.members import MemberEntry
 from minerva_bus.frame.orders import (
     OrderFates,
@@ -49,7 +48,7 @@ from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Of, Unfit
 from minerva_bus.runtime.admission import Admission
-from minerva_bus.runtime.metrics import Metrics, StatusMeter
+from minerva_bus.runtime.metrics import EventLog, Metrics, StatusMeter
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import System
