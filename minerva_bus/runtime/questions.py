@@ -67,7 +67,7 @@ from minerva_bus.wire.plain import (
     unpack,
     values_in,
 )
-from minerva_bus.wire.status_codec import plain_lines, plain_orders, plain_series, plain_status
+from minerva_bus.wire.status_codec import plain_entries, plain_series, plain_status
 from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.world.operator import FileStatus, MemberStatus, PersonOperation, WorldStatus
@@ -474,12 +474,12 @@ def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 def _logs(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member", ""), "the member")
     lines = running.event_log.lines(as_int(asked.get("since", 0), "since"), member)
-    return {"lines": plain_lines(lines[-MAX_LINES:])}
+    return {"lines": plain_entries(lines[-MAX_LINES:])}
 
 
 def _orders(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     since = as_int(asked.get("since", 0), "since")
-    return {"orders": plain_orders(running.orders.changed_since(since))}
+    return {"orders": plain_entries(running.orders.changed_since(since))}
 
 
 def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from minerva_bus.wire.columns_codec import is_patch, plain_patch
 from minerva_bus.wire.plain import (
     OF_A_HOST,
     as_bool,
+    as_bytes,
     as_event_type,
     as_int,
     as_list,
@@ -32,7 +33,6 @@ from minerva_bus.wire.plain import (
     as_text,
     as_topic,
     check,
-    name_of,
 )
 from minerva_bus.wire.strings_codec import Reader, plain_event_list, plain_scene
 from minerva_bus.wire.vocabulary_codec import (
@@ -242,22 +242,9 @@ def _float(of: DeclaredField) -> FieldCodec:
     return FieldCodec("number", read)
 
 
-def _bool(of: DeclaredField) -> FieldCodec:
-    return FieldCodec("bool", lambda _, plain: as_bool(plain, of.what))
-
-
-def _text(of: DeclaredField) -> FieldCodec:
-    what = of.what
-    return FieldCodec("text", lambda _, plain: as_text(plain, what))
-
-
-def _bytes(of: DeclaredField) -> FieldCodec:
-    def read(_: Reader, plain: Any) -> bytes:
-        if not isinstance(plain, bytes):
-            raise ProtocolError(f"{of.what} must be binary, not {name_of(plain)}")
-        return plain
-
-    return FieldCodec("binary", read)
+def _checked(text: str, check: Callable[[Any, str], Any]) -> Callable[[DeclaredField], FieldCodec]:
+    """A codec of values that are plain data, and only have to be checked."""
+    return lambda of: FieldCodec(text, lambda _, plain: check(plain, of.what))
 
 
 def _texts(of: DeclaredField) -> FieldCodec:
@@ -586,9 +573,9 @@ _READERS: dict[str, tuple[int, Callable[[str, float, Sequence[Any]], Reading]]] 
 _CODECS: Final[dict[Any, Callable[[DeclaredField], FieldCodec]]] = {
     int: _int,
     float: _float,
-    bool: _bool,
-    str: _text,
-    bytes: _bytes,
+    bool: _checked("bool", as_bool),
+    str: _checked("text", as_text),
+    bytes: _checked("binary", as_bytes),
     When: _when,
     tuple[str, ...]: _texts,
     m.Saved: _saved,

@@ -1,11 +1,16 @@
-"""Status of a world and its members, and log lines, as plain data: PROTOCOL.md, section 13."""
+"""Status of a world and its members, and log lines, as plain data: PROTOCOL.md, section 13.
+
+A value is a map by the names of the fields of its class. Unknown names are ignored, because the
+protocol allows later versions to add some.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, fields, is_dataclass
+from functools import cache
 from math import isfinite, nan
-from typing import Any, get_type_hints
+from typing import Any, Final, get_args, get_origin, get_type_hints
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.wire.plain import (
@@ -16,25 +21,16 @@ from minerva_bus.wire.plain import (
     as_number,
     as_scalar,
     as_text,
-    as_texts,
 )
-from minerva_bus.world.operator import (
-    CollectedSeries,
-    FileStatus,
-    LogEntry,
-    LogLine,
-    MemberStatus,
-    NormStatus,
-    OrderStatus,
-    WorldStatus,
-)
+from minerva_bus.world.operator import CollectedSeries, LogLine, OrderStatus, WorldStatus
 
-
-def _from_minus_one(plain: Any, what: str) -> int:
-    return as_int(plain, what, -1)
-
-
-_SCALARS: dict[Any, Any] = {str: as_text, int: _from_minus_one, float: as_number, bool: as_bool}
+_SCALARS: Final[dict[Any, Callable[[Any, str], Any]]] = {
+    str: as_text,
+    int: lambda plain, what: as_int(plain, what, -1),
+    float: as_number,
+    bool: as_bool,
+    bool | int | float | str: as_scalar,
+}
 
 
 def plain_status(status: WorldStatus) -> dict[str, Any]:
@@ -46,94 +42,69 @@ def _listed(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return {name: list(value) if isinstance(value, tuple) else value for name, value in pairs}  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
 
 
-def plain_lines(lines: tuple[LogLine, ...]) -> list[dict[str, Any]]:
-    """Log lines as plain data."""
-    return [asdict(line) for line in lines]
+def plain_entries(entries: Iterable[LogLine | OrderStatus]) -> list[dict[str, Any]]:
+    """Log lines or orders of people as plain data."""
+    return [asdict(entry) for entry in entries]
 
 
 def read_status(plain: Any) -> WorldStatus:
     """A status from plain data. Raises ProtocolError."""
-    given = as_map(plain, "a status")
-    members = [_read(MemberStatus, item) for item in as_list(given.get("members", []), "members")]
-    happenings = [_read(LogEntry, item) for item in as_list(given.get("happenings", []), "events")]
-    norms = [_read(NormStatus, item) for item in as_list(given.get("norms", []), "norms")]
-    files = [_read(FileStatus, item) for item in as_list(given.get("files", []), "files")]
-    return _read(
-        WorldStatus,
-        given,
-        members=tuple(members),
-        happenings=tuple(happenings),
-        norms=tuple(norms),
-        files=tuple(files),
-    )
+    return _value(WorldStatus, plain, "a status")
 
 
 def read_lines(plain: Any) -> tuple[LogLine, ...]:
     """Log lines from plain data. Raises ProtocolError."""
-    return tuple([_read(LogLine, item) for item in as_list(plain, "lines")])
-
-
-def plain_orders(orders: Sequence[OrderStatus]) -> list[dict[str, Any]]:
-    """Orders of people as plain data."""
-    return [asdict(order) for order in orders]
+    return _value(tuple[LogLine, ...], plain, "lines")
 
 
 def read_orders(plain: Any) -> tuple[OrderStatus, ...]:
     """Orders of people from plain data. Raises ProtocolError."""
-    return tuple([_read(OrderStatus, item) for item in as_list(plain, "orders")])
+    return _value(tuple[OrderStatus, ...], plain, "orders")
 
 
-def plain_series(series: Sequence[CollectedSeries]) -> list[dict[str, Any]]:
+def plain_series(series: Iterable[CollectedSeries]) -> list[dict[str, Any]]:
     """Collected series as plain data; nil stands for NaN."""
     return [
-        {
-            "name": each.name,
-            "unit": each.unit,
-            "frames": list(each.frames),
-            "values": [value if isfinite(value) else None for value in each.values],
-        }
+        asdict(each, dict_factory=_listed)
+        | {"values": [value if isfinite(value) else None for value in each.values]}
         for each in series
     ]
 
 
 def read_series(plain: Any) -> tuple[CollectedSeries, ...]:
     """Collected series from plain data. Raises ProtocolError."""
-    return tuple([_series(as_map(item, "a series")) for item in as_list(plain, "series")])
+    series: tuple[CollectedSeries, ...] = _value(tuple[CollectedSeries, ...], plain, "series")
+    for each in series:
+        if len(each.frames) != len(each.values):
+            count = f"{len(each.frames)} frames and {len(each.values)} values"
+            raise ProtocolError(f"a series has {count}")
+    return series
 
 
-def _series(given: Mapping[str, Any]) -> CollectedSeries:
-    frames = [as_int(frame, "a frame") for frame in as_list(given.get("frames", []), "frames")]
-    values = [
-        nan if value is None else as_number(value, "a value")
-        for value in as_list(given.get("values", []), "values")
-    ]
-    if len(frames) != len(values):
-        raise ProtocolError(f"a series has {len(frames)} frames and {len(values)} values")
-    name, unit = as_text(given.get("name"), "the name"), as_text(given.get("unit", ""), "the unit")
-    return CollectedSeries(name, unit, tuple(frames), tuple(values))
+def _value(hint: Any, plain: Any, what: str) -> Any:
+    """Plain data as a value of this type. Raises ProtocolError."""
+    if (scalar := _SCALARS.get(hint)) is not None:
+        return scalar(plain, what)
+    if is_dataclass(hint):
+        return _entry(hint, plain, what)
+    if hint == tuple[float, ...]:  # The values of a series.
+        return tuple(
+            [nan if item is None else as_number(item, what) for item in as_list(plain, what)]
+        )
+    of = get_args(hint)
+    if get_origin(hint) is tuple:
+        return tuple([_value(of[0], item, what) for item in as_list(plain, what)])
+    items = as_map(plain, what).items()
+    return {key: _value(of[1], item, f"{what}: {key[:40]}") for key, item in items}
 
 
-def _read(kind: type[Any], plain: Any, **read: Any) -> Any:
-    """A dataclass of scalars, tuples of text and maps of numbers from plain data."""
-    given, hints = as_map(plain, kind.__name__), get_type_hints(kind)
-    for field in fields(kind):
-        # Unknown keys are ignored: the protocol allows later versions to add some.
-        if field.name not in read and field.name in given:
-            read[field.name] = _value(hints[field.name], given[field.name], field.name)
+_hints: Final = cache(get_type_hints)
+
+
+def _entry(kind: Any, plain: Any, what: str) -> Any:
+    given, hints = as_map(plain, what), _hints(kind)
+    names = [field.name for field in fields(kind) if field.name in given]
     try:
-        return kind(**read)
+        return kind(**{name: _value(hints[name], given[name], name) for name in names})
     except TypeError as error:
         raise ProtocolError(f"{kind.__name__}: {error}") from None
-
-
-def _value(hint: Any, plain: Any, name: str) -> Any:
-    scalar = _SCALARS.get(hint)
-    if scalar is not None:
-        return scalar(plain, name)
-    if hint == tuple[str, ...]:
-        return as_texts(plain, name)
-    if hint == Mapping[str, float]:
-        return {key: as_number(item, name) for key, item in as_map(plain, name).items()}
-    return {
-        key: as_scalar(item, f"{name}: {key[:40]}") for key, item in as_map(plain, name).items()
-    }
