@@ -120,7 +120,11 @@ def parse_located(text: str, source: str = "") -> Parsed:
 
 @dataclass(slots=True)
 class _StringReader:
-    """Reads one string: the complete text, or at `depth` > 0 a part of it in braces."""
+    """Reads one string: the complete text, or at `depth` > 0 a part of it in braces.
+
+    Lists and braces may be nested `DEPTH` deep, because values are the only part of the language
+    that is read, printed and compared recursively.
+    """
 
     text: str
     source: str
@@ -165,39 +169,33 @@ class _StringReader:
             at = self.separator(at, bool(stack), figure)
         if stack:
             last = stack[-1]
-            raise self.wrong(f"the scope of {last.symbol} is not closed", at, "')'", last.offset)
+            raise self.wrong(at, "')'", f"the scope of {last.symbol} is not closed", last.offset)
         return Scene(tuple(top)), at
 
     def ends(self, at: int) -> bool:
         return self.text.startswith("}", at) if self.depth else at == len(self.text)
-
-    def inner(self, at: int, depth: int) -> tuple[Scene, int]:
-        """A string in braces; its ids are independent of those outside."""
-        return _StringReader(self.text, self.source, depth, self.offsets, self.given_ids()).world(
-            at
-        )
 
     def symbol(self, at: int, nodes: list[Node]) -> tuple[_Open | None, int]:
         """Read one symbol; unless it is a figure or an agent without a scope, it remains open."""
         start = at
         match = _HEAD.match(self.text, at)
         if match is None:
-            raise self.wrong(f"found {self.shown(at)}", at, _ALPHABETS)
+            raise self.wrong(at, _ALPHABETS)
         name, agent_id = match.group(1), match.group(2)
         at = match.end()
         if agent_id is not None and name[0] != "A":
-            raise self.wrong(f"{name} cannot have an id", match.start(2) - 1, "ids of agents only")
+            raise self.wrong(match.start(2) - 1, "ids of agents only", f"{name} cannot have an id")
         values, at = self.values(at)
         at = self.skip(at)
         scoped = self.text.startswith("(", at)
         if name[0] == "P":
             if scoped:
-                raise self.wrong(f"the primitive {name} has no scope", at, "'·', ')' or the end")
+                raise self.wrong(at, "'·', ')' or the end", f"the primitive {name} has no scope")
             nodes.append(self.figure(name, values, start))
             return None, at
         # Rules 4 and 5: a transformation always has a scope, an agent may omit an empty one.
         if name[0] == "T" and not scoped:
-            raise self.wrong(f"the transformation {name} needs a scope", at, "'('")
+            raise self.wrong(at, "'('", f"the transformation {name} needs a scope")
         agent_id = self.agent_id(name, agent_id, start) if name[0] == "A" else ""
         opened = _Open(name, agent_id, values, start, [])
         if scoped:
@@ -228,7 +226,7 @@ class _StringReader:
     def agent_id(self, symbol: str, given: str | None, start: int) -> str:
         name = given or self.new_id(symbol)
         if name in self.ids:
-            raise self.wrong(f"duplicate id #{name}", start, "a unique id for each agent")
+            raise self.wrong(start, "a unique id for each agent", f"duplicate id #{name}")
         self.ids.add(name)
         return name
 
@@ -254,7 +252,7 @@ class _StringReader:
             return self.skip(at + 1)
         end = "'}'" if self.depth else "the end"
         wanted = "'·' or ')'" if inside else f"'·' or {end}"
-        raise self.wrong(f"found {self.shown(at)}", at, wanted)
+        raise self.wrong(at, wanted)
 
     def values(self, at: int) -> tuple[_Values, int]:
         if not self.text.startswith("<", at):
@@ -266,8 +264,7 @@ class _StringReader:
             known = self.parsed_values.get(plain.group())
             if known is not None:
                 return known, plain.end()
-        literals = Literals(self.text, self.source, self.skip, self.inner, self.depth)
-        values, end = literals.values(at)
+        values, end = self.pairs(self.skip(at + 1))
         if plain is not None:
             self.parsed_values[plain.group()] = values
         return values, end
@@ -279,42 +276,8 @@ class _StringReader:
         match = _BLANK.match(self.text, at)
         return match.end() if match else at
 
-    def shown(self, at: int) -> str:
-        return "the end" if at >= len(self.text) else repr(self.text[at])
-
-    def wrong(self, problem: str, at: int, expected: str, opened: int = -1) -> GrammarError:
-        if opened >= 0:
-            line = self.text.count("\n", 0, opened) + 1
-            column = opened - self.text.rfind("\n", 0, opened)
-            problem += f" (opened at line {line}, column {column})"
-        return GrammarError(
-            problem, text=self.text, offset=at, expected=expected, source=self.source
-        )
-
-
-def parse_value(text: str, source: str = "") -> Value:
-    """The value of a text such as `0.5`, `"red"` or `{PFox}`. Raises GrammarError."""
-    return parse(f"P<value={text}>", source).nodes[0].values[0]
-
-
-@dataclass(slots=True)
-class Literals:
-    """Reads values from a text.
-
-    `skip` returns the offset after blanks and comments; `world` reads a string in braces at an
-    offset and a depth. Lists and braces may be nested `DEPTH` deep, because values are the only
-    part of the language that is read, printed and compared recursively.
-    """
-
-    text: str
-    source: str
-    skip: Callable[[int], int]
-    world: Callable[[int, int], tuple[Scene, int]]
-    depth: int = 0
-
-    def values(self, at: int) -> tuple[tuple[tuple[str, ...], tuple[Value, ...]], int]:
-        """Names and values of `<name=value, ...>` at an offset, and the offset after it."""
-        at = self.skip(at + 1)
+    def pairs(self, at: int) -> tuple[_Values, int]:
+        """Names and values of `name=value, ...>` at an offset, and the offset after them."""
         if self.text.startswith(">", at):
             return ((), ()), at + 1
         pairs: dict[str, Value] = {}
@@ -420,7 +383,10 @@ class Literals:
         return tuple(items), at + 1
 
     def scene(self, at: int) -> tuple[Scene, int]:
-        scene, end = self.world(at, self.depth)
+        """A string in braces; its ids are independent of those outside."""
+        given = self.given_ids()
+        inner = _StringReader(self.text, self.source, self.depth, self.offsets, given)
+        scene, end = inner.world(at)
         return scene, end + 1
 
     def matrix(self, match: re.Match[str]) -> Array:
@@ -455,14 +421,15 @@ class Literals:
             raise self.wrong(at, f"'{sign}' or {or_else}" if or_else else f"'{sign}'")
         return self.skip(at + 1)
 
-    def wrong(self, at: int, expected: str, problem: str = "") -> GrammarError:
+    def wrong(self, at: int, expected: str, problem: str = "", opened: int = -1) -> GrammarError:
         actual = "the end" if at >= len(self.text) else repr(self.text[at])
+        problem = problem or f"found {actual}"
+        if opened >= 0:
+            line = self.text.count("\n", 0, opened) + 1
+            column = opened - self.text.rfind("\n", 0, opened)
+            problem += f" (opened at line {line}, column {column})"
         return GrammarError(
-            problem or f"found {actual}",
-            text=self.text,
-            offset=at,
-            expected=expected,
-            source=self.source,
+            problem, text=self.text, offset=at, expected=expected, source=self.source
         )
 
 
@@ -473,3 +440,8 @@ def _shaped(flat: _A, rows: int, columns: int) -> _A:
     """A read-only matrix of these cells."""
     flat.flags.writeable = False
     return flat.reshape(rows, columns)
+
+
+def parse_value(text: str, source: str = "") -> Value:
+    """The value of a text such as `0.5`, `"red"` or `{PFox}`. Raises GrammarError."""
+    return parse(f"P<value={text}>", source).nodes[0].values[0]
