@@ -148,12 +148,9 @@ class DataTable:
 
     def to_arrow(self) -> Any:
         """A `pyarrow.Table`. Raises MisuseError if pyarrow is not installed."""
-        arrow = needed("pyarrow", "parquet")
         # 64-bit offsets, as the texts of one column may have more than 2 GiB.
-        kinds = {"float64": arrow.float64(), "int64": arrow.int64(), "bool": arrow.bool_(),
-                 "text": arrow.large_string()}  # fmt: skip
-        schema = arrow.schema([(name, kinds[kind]) for name, kind in self.types.items()])
-        return arrow.table(self._columns, schema=schema)
+        schema = _arrow_schema(self.types, "large_string")
+        return needed("pyarrow", "parquet").table(self._columns, schema=schema)
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`. Raises MisuseError if pandas is not installed."""
@@ -191,7 +188,7 @@ class Gathered:
 
     def __init__(self, name: str, types: Mapping[str, str]) -> None:
         self._name = name
-        self._types = types
+        self.types = types
         self._chunks: list[Mapping[str, Data]] = []
         self._single: list[Mapping[str, Any]] = []
 
@@ -209,17 +206,20 @@ class Gathered:
     @property
     def table(self) -> DataTable:
         """All rows so far."""
-        if self._single:
-            self._chunks.append(columns_of(self._single, self._types))
-            self._single = []
+        self._take_single()
         made = {
             # The empty array gives the type if there are no rows.
             column: np.concatenate(
                 [np.empty(0, ARRAY_TYPES[kind]), *[texts(chunk[column]) for chunk in self._chunks]]
             )
-            for column, kind in self._types.items()
+            for column, kind in self.types.items()
         }
-        return DataTable(self._name, self._types, made)
+        return DataTable(self._name, self.types, made)
+
+    def _take_single(self) -> None:
+        if self._single:
+            self._chunks.append(columns_of(self._single, self.types))
+            self._single = []
 
 
 def columns_of(rows: list[Mapping[str, Any]], types: Mapping[str, str]) -> dict[str, NDArray[Any]]:
@@ -272,6 +272,14 @@ def needed(library: str, extra: str) -> Any:
         raise MisuseError(f"this needs {library}: {install(extra)}") from None
 
 
+def _arrow_schema(types: Mapping[str, str], text: str) -> Any:
+    """The schema of a table in Arrow; `text` names the type of texts."""
+    arrow = needed("pyarrow", "parquet")
+    # A type has the name of numpy's, which is its alias in Arrow.
+    names = {name: text if kind == "text" else kind for name, kind in types.items()}
+    return arrow.schema([(name, arrow.type_for_alias(alias)) for name, alias in names.items()])
+
+
 def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
@@ -301,7 +309,7 @@ class Writer(Protocol):
         ...
 
 
-class FileWriter:
+class FileWriter(Gathered):
     """Base of writers: gathers rows until there are BUFFERED_ROWS.
 
     `spelled` has the last ids by column, with their Arrow array: ids are often the same object in
@@ -309,20 +317,18 @@ class FileWriter:
     """
 
     def __init__(self, types: Mapping[str, str]) -> None:
-        self.types = types
-        self._single: list[Mapping[str, Any]] = []
-        self._chunks: list[Mapping[str, Data]] = []
+        super().__init__("", types)
         self._waiting = 0
         self.spelled: dict[str, tuple[Ids, Any]] = {}
 
     def row(self, values: Mapping[str, Any]) -> None:
         """Add one row."""
-        self._single.append(values)
+        super().row(values)
         self._add(1)
 
     def rows(self, columns: Mapping[str, Data]) -> None:
         """Add rows as columns of equal length."""
-        self._chunks.append(columns)
+        super().rows(columns)
         self._add(len(next(iter(columns.values()))))
 
     def _add(self, rows: int) -> None:
@@ -344,15 +350,10 @@ class FileWriter:
 
     def waiting(self) -> Mapping[str, Data] | None:
         """The gathered rows; None if there are none."""
-        if self._single:
-            self._chunks.append(columns_of(self._single, self.types))
-            self._single = []
+        self._take_single()
         if len(self._chunks) > 1:
             # One large chunk instead of many small ones, which would be as many row groups.
-            gathered = Gathered("", self.types)
-            for chunk in self._chunks:
-                gathered.rows(chunk)
-            self._chunks = [gathered.table.to_dict()]
+            self._chunks = [self.table.to_dict()]
         return self._chunks[0] if self._chunks else None
 
     def write(self, columns: Mapping[str, Data]) -> None:
@@ -395,12 +396,8 @@ class ArrowWriter(FileWriter):
     def __init__(self, path: Path, types: Mapping[str, str]) -> None:
         super().__init__(types)
         self._pa = needed("pyarrow", "parquet")
-        kinds = {"float64": self._pa.float64(), "int64": self._pa.int64(), "bool": self._pa.bool_(),
-                 "text": self._pa.string()}  # fmt: skip
         # The mark, so that a later run may replace the file.
-        self._schema = self._pa.schema(
-            [(name, kinds[kind]) for name, kind in types.items()], {"software": MARK}
-        )
+        self._schema = _arrow_schema(types, "string").with_metadata({"software": MARK})
         self._writer = self._open(path)
 
     def _open(self, path: Path) -> Any:
