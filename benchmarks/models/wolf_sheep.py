@@ -202,7 +202,8 @@ def shown(scene: Scene) -> Shown:
         return np.concatenate(columns) if columns else np.empty(0, dtype)
 
     def who(symbol: str) -> Ids:
-        ids = [part.ids_in("who") for part in by_symbol[symbol]]
+        whos = [part.columns[part.names.index("who")] for part in by_symbol[symbol]]
+        ids = [who.ids or Ids.of(who.list()) for who in whos]
         return Ids.concatenated(ids) if ids else Ids.of([])
 
     return Shown(

@@ -301,7 +301,7 @@ def _looked_up(numbers: dict[str, int], texts: Sequence[str]) -> NDArray[np.int6
 
 SCALARS: Final = frozenset(("real", "int", "bool", "text"))
 _KINDS = {"real": "fiub", "int": "iu", "bool": "b", "text": "OUT"}
-NUMPY_TYPES: Final[dict[str, Any]] = {
+NUMPY_TYPES: Final = {
     "real": np.float64,
     "int": np.int64,
     "bool": np.bool_,
@@ -357,9 +357,7 @@ def _texts(array: NDArray[Any]) -> Column:
     texts = array.tolist()
     if not are_texts(texts):
         raise Unfit("an array of texts")
-    plain = np.empty(len(texts), object)
-    plain[:] = texts
-    return Column(plain)
+    return Column(_array(texts))
 
 
 def repeated(kind: Type, value: Any, count: int) -> Column:
@@ -431,11 +429,6 @@ class Columns(Digested):
     def column(self, name: str) -> NDArray[Any]:
         """The values of one name of the outermost level."""
         return self.columns[self.names.index(name)].array
-
-    def ids_in(self, name: str) -> Ids:
-        """The texts of one name of the outermost level, as ids."""
-        column = self.columns[self.names.index(name)]
-        return Ids.of(column.list()) if column.ids is None else column.ids
 
     def all_columns(self) -> tuple[Column, ...]:
         """The columns of all levels, from outside to inside."""
@@ -630,11 +623,6 @@ def one_by_one(scene: Scene) -> Scene:
     for piece in scene.pieces:
         made += (piece,) if piece.ids is None else piece.nodes()
     return of_pieces(scene, made)
-
-
-def columns_in(scene: Scene) -> Iterator[Columns]:
-    """The pieces at the outermost level that are held in columns."""
-    return (piece for piece in scene.pieces if isinstance(piece, Columns))
 
 
 def has_columns(scene: Scene) -> bool:

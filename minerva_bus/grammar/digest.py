@@ -32,9 +32,9 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.columns import CHUNK, MANY, Column, Columns, merged, runs, size
+from minerva_bus.grammar.columns import CHUNK, MANY, Column, Columns, bits, merged, runs, size
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.printer import bits, number_text, shape_text, value_text
+from minerva_bus.grammar.printer import number_text, shape_text, value_text
 from minerva_bus.grammar.scene import (
     AgentNode,
     Array,

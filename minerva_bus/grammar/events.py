@@ -277,39 +277,26 @@ class Events:
             return kept
         # The sort is not stable, so the first event of equal ones is the one with the least number.
         firsts = np.repeat(np.minimum.reduceat(order, begins), sizes)
-        equal = self._are_equal(order, firsts)
+        arrays = self._arrays()
+        equal = np.ones(len(order), np.bool_)
+        for array in arrays:
+            equal &= array[order] == array[firsts]
         if equal.all():
             kept[order] = order == firsts
-        else:  # Different events have one hash, or their texts must be compared one by one.
-            doubtful = np.sort(order)
-            kept[doubtful[self.take(doubtful)._again()]] = False
+            return kept
+        # Different events have one hash.
+        known = set[tuple[Any, ...]]()
+        rows = np.sort(order)
+        values = zip(*[array[rows].tolist() for array in arrays], strict=True)
+        for row, event in zip(rows.tolist(), values, strict=True):
+            kept[row] = event not in known
+            known.add(event)
         return kept
-
-    def _are_equal(self, rows: Rows, others: Rows) -> NDArray[np.bool_]:
-        """Whether the events at `rows` equal those at `others`; False for any with texts."""
-        equal = np.ones(len(rows), np.bool_)
-        for array in self._arrays():
-            equal &= array.dtype != object and array[rows] == array[others]
-        return equal
 
     def _arrays(self) -> list[NDArray[Any]]:
         """Data that are equal if and only if the events are."""
         known = [ids.data for ids in (self.senders, self.receivers) if ids is not None]
         return [*[bits(column.array) for column in self.columns], *known]
-
-    def _again(self) -> NDArray[np.bool_]:
-        """Which events equal an earlier one, shape (count,)."""
-        codes = [np.unique(array, return_inverse=True)[1] for array in self._arrays()]
-        codes.append(np.zeros(self.count, np.intp))  # An event may have no data at all.
-        # The sort is stable: of equal events the earliest comes first, and the others are
-        # repetitions.
-        order = np.lexsort(codes)
-        same = np.ones(self.count - 1, np.bool_)
-        for code in codes:
-            same &= code[order[1:]] == code[order[:-1]]
-        again = np.zeros(self.count, np.bool_)
-        again[order[1:]] = same
-        return again
 
     def _hashes(self) -> NDArray[np.uint64]:
         hashes = np.zeros(self.count, np.uint64)

@@ -13,7 +13,7 @@ from operator import is_
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.columns import Column, fit_array, is_array, repeated
+from minerva_bus.grammar.columns import Column, Columns, fit_array, is_array, repeated
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.types import INT_END, Type, Unfit, type_of
@@ -196,16 +196,11 @@ class Fields:
         except Unfit as unfit:
             raise MisuseError(str(unfit)) from None
 
-    def bind_columns(
-        self, owner: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]
-    ) -> tuple[tuple[Column, ...], int]:
-        """Columns from a call's arguments, some of them arrays, and their length.
-
-        Raises MisuseError.
-        """
+    def bind_columns(self, owner: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Columns:
+        """Nodes of a symbol from a call's arguments, some of them arrays. Raises MisuseError."""
         given = self.merged(owner, args, kwargs) if args else kwargs
         count = next((len(value) for value in given.values() if is_array(value)), 0)
-        return self.columns(owner, given, count), count
+        return Columns(owner, self.names, self.columns(owner, given, count), count)
 
     def columns(self, owner: str, given: Mapping[str, Any], count: int) -> tuple[Column, ...]:
         """Columns of a length from arrays, and from single values for all. Raises MisuseError."""

@@ -471,7 +471,18 @@ class Ids(Joinable):
 
     def rows_of(self, others: Ids) -> Rows:
         """The row of each of the other ids, -1 if it is not here; shape (len(others),)."""
-        return rows_in(self, others)
+        # The usual case in a frame without births and deaths.
+        if self.spells(others) and self.duplicate is None:
+            return np.arange(len(self))
+        if self.pool is not None:
+            return _rows_of_entries(self, others)
+        if self.alike(others):
+            return _rows_of_numbers(self, others.raw)
+        if apart(self, others):
+            return np.full(len(others), -1, np.intp)
+        if self.stem is not None and others.stem is None:
+            return _numbered_among(self, self.stem, others)
+        return _rows_of_texts(self, others)
 
     def row_of(self, agent_id: str) -> int:
         """The row of an id, or -1."""
@@ -604,22 +615,6 @@ def _with(array: NDArray[Any], count: int, more: NDArray[Any]) -> NDArray[Any]:
 
 
 _NUMBER: Final = re.compile(r"0|[1-9][0-9]{0,17}")
-
-
-def rows_in(ids: Ids, others: Ids) -> Rows:
-    """The row of each of the other ids, -1 if it is not in `ids`; shape (len(others),)."""
-    # The usual case in a frame without births and deaths.
-    if ids.spells(others) and ids.duplicate is None:
-        return np.arange(len(ids))
-    if ids.pool is not None:
-        return _rows_of_entries(ids, others)
-    if ids.alike(others):
-        return _rows_of_numbers(ids, others.raw)
-    if apart(ids, others):
-        return np.full(len(others), -1, np.intp)
-    if ids.stem is not None and others.stem is None:
-        return _numbered_among(ids, ids.stem, others)
-    return _rows_of_texts(ids, others)
 
 
 def apart(ids: Ids, others: Ids) -> bool:

@@ -1,11 +1,11 @@
 """The canonical text of a string: parse(text(w)) = w."""
 
 import json
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from minerva_bus.grammar.columns import bits
 from minerva_bus.grammar.scene import AgentNode, Array, FigureNode, Node, Scene, Value, walk
 from minerva_bus.grammar.types import Quantity
 from minerva_bus.wording import short
@@ -96,11 +96,6 @@ def _matrix_text(matrix: Array) -> str:
         for value, length in zip(flat[starts].tolist(), lengths.tolist(), strict=True)
     ]
     return f"{shape_text(matrix)}[{' '.join(runs)}]"
-
-
-def bits(matrix: Array) -> NDArray[np.integer[Any]]:
-    """A matrix's values as integers that are equal exactly if the values print the same."""
-    return matrix.view(np.int64) if matrix.dtype == np.float64 else matrix.view(np.int16)
 
 
 def shape_text(matrix: Array) -> str:

@@ -71,8 +71,7 @@ class Primitive:
 
     def __call__(self, /, *args: Any, **kwargs: Any) -> Scene:
         if any(map(is_array, (*args, *kwargs.values()))):
-            columns, count = self.fields.bind_columns(self.name, args, kwargs)
-            return Scene((Columns(self.name, self.fields.names, columns, count),))
+            return Scene((self.fields.bind_columns(self.name, args, kwargs),))
         values = self.fields.bind(self.name, args, kwargs)
         return Scene((FigureNode(self.name, self.fields.names, values),))
 
@@ -109,10 +108,7 @@ class Transformation:
 
     def __call__(self, /, *args: Any, **kwargs: Any) -> OpenTransformation:
         if any(map(is_array, (*args, *kwargs.values()))):
-            columns, count = self.fields.bind_columns(self.name, args, kwargs)
-            return OpenTransformation(
-                self, (), Columns(self.name, self.fields.names, columns, count)
-            )
+            return OpenTransformation(self, (), self.fields.bind_columns(self.name, args, kwargs))
         return OpenTransformation(self, self.fields.bind(self.name, args, kwargs))
 
     def __repr__(self) -> str:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.columns import columns_in
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wording import counted
 
@@ -216,7 +216,8 @@ def column_bytes(scene: Scene) -> int:
     """Bytes of the numbers in a string's columns, which its populations will send."""
     return sum(
         column.array.nbytes
-        for piece in columns_in(scene)
+        for piece in scene.pieces
+        if isinstance(piece, Columns)
         for column in piece.all_columns()
         if column.array.dtype != object
     )
