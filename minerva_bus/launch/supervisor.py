@@ -34,7 +34,7 @@ from minerva_bus.launch.console import (
     live_line,
     starting_line,
 )
-from minerva_bus.launch.coordinator_process import CoordinatorStart, discard_journal, journal_path
+from minerva_bus.launch.coordinator_process import CoordinatorStart
 from minerva_bus.launch.machine_resources import check_capacity, prepare, remove_orphans
 from minerva_bus.launch.process_specs import compile_agents
 from minerva_bus.launch.process_table import (
@@ -51,7 +51,13 @@ from minerva_bus.launch.process_table import (
     SupervisedProcess,
 )
 from minerva_bus.launch.registry import WorldLock
-from minerva_bus.launch.run_outputs import check_record, check_tables, complete_tables
+from minerva_bus.launch.run_outputs import (
+    check_record,
+    check_tables,
+    complete_tables,
+    discard_journal,
+    journal_path,
+)
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.coordinator import MORE_TIME, Coordinator
 from minerva_bus.runtime.participants import RAISED, RAISED_BY_CHANCE

@@ -30,8 +30,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.pace import Overruns
-from minerva_bus.launch.coordinator_process import find_past
 from minerva_bus.launch.registry import WorldLock
+from minerva_bus.launch.run_outputs import find_past
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.journal import Journal
 from minerva_bus.runtime.joining import Arrival

@@ -7,7 +7,7 @@ from harbour import harbour
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import FrameInputs
-from minerva_bus.launch.coordinator_process import next_epoch
+from minerva_bus.launch.run_outputs import next_epoch
 from minerva_bus.log import journal
 from minerva_bus.log.journal import Journal, read_journal
 from minerva_bus.wire.codec import stamp, stamped

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from minerva_bus.launch.coordinator_process import journal_path
+from minerva_bus.launch.run_outputs import journal_path
 from tests.simulator.history import Fault
 from tests.simulator.process import SimulatedProcess
 

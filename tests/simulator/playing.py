@@ -10,8 +10,8 @@ from typing import Final
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.console import RunSummary
-from minerva_bus.launch.coordinator_process import journal_path
 from minerva_bus.launch.process_specs import SERVICES
+from minerva_bus.launch.run_outputs import journal_path
 from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.participants import Leave, MemberProcess
