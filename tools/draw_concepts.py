@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from minerva_bus import Scene, Vocabulary, visualize
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Node, rescoped
-from minerva_bus.semantics.picture import Discs, Lists
+from minerva_services.geometry.picture import Discs, Lists
 from tools.draw_processes import PROCESSES
 from tools.svg_sheet import AGENT, EVENT, FAINT, PRIMITIVE, TRANSFORMATION, Sheet
 

@@ -27,7 +27,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from minerva_bus import EMPTY, EventType, Frame, MinervaError, Scene, Tick, View
-from minerva_bus.semantics.volumes import Volumes, volumes
+from minerva_services.geometry.volumes import Volumes, volumes
 from minerva_services.physics.collisions import Collisions
 from minerva_services.physics.collisions.contacts import (
     TOLERANCE,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from minerva_agents.robot.world import vocabulary
-from minerva_bus.semantics.colors import legend, rgb
+from minerva_services.geometry.colors import legend, rgb
 
 SIGHTS = {
     "normal": np.eye(3),

@@ -17,10 +17,10 @@ from minerva_bus import (
     Transformation,
     Vocabulary,
 )
-from minerva_bus.semantics.colors import LegendEntry, legend, words
-from minerva_bus.semantics.picture import Lists, Marks, Picture, Texts, combined
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
+from minerva_services.geometry.colors import LegendEntry, legend, words
+from minerva_services.geometry.picture import Lists, Marks, Picture, Texts, combined
 
 PFir = Primitive("PFirTree", Disc(0.3, "#009e73"))
 PSign = Primitive("PSign", Label("text", "#0072b2", "name of a place"), text=str)

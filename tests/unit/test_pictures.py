@@ -12,8 +12,8 @@ from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
 from minerva_bus.grammar.types import Cells, Degrees
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Discs, Lists, Polyline, Texts, Tiles
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Discs, Lists, Polyline, Texts, Tiles
 
 PDot = Primitive("PDot", Disc("r", "#ff8000", heading=True, height=0.5), name=str, r=Metres)
 PWay = Primitive("PWay", Line("xs", "ys"), xs=tuple[float, ...], ys=tuple[float, ...])

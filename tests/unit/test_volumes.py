@@ -26,7 +26,7 @@ from minerva_bus import (
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.semantics.plane import bounds
-from minerva_bus.semantics.volumes import Bodies, Volumes, mask_rectangles, volumes
+from minerva_services.geometry.volumes import Bodies, Volumes, mask_rectangles, volumes
 
 PDisc = Primitive("PDisc", Disc("radius"), radius=Metres)
 PBody = Primitive("PBody", Disc(0.5), who=str)

@@ -19,7 +19,7 @@ from minerva_bus import (
     WorldInfo,
 )
 from minerva_bus.errors import MisuseError
-from minerva_bus.semantics.picture import Lists
+from minerva_services.geometry.picture import Lists
 from minerva_services.views.window.painter import Sight
 
 pytest.importorskip("moderngl", reason="moderngl is not installed")

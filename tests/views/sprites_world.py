@@ -20,7 +20,7 @@ from minerva_bus import (
     Vocabulary,
     WorldInfo,
 )
-from minerva_bus.semantics.picture import Lists
+from minerva_services.geometry.picture import Lists
 from minerva_services.views.sprites.painter import SpritePainter
 from minerva_services.views.window.painter import Sight
 

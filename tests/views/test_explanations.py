@@ -27,9 +27,9 @@ from minerva_bus import (
     on,
 )
 from minerva_bus.grammar.scene import AgentNode, Scene
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Lists, Picture
 from minerva_bus.world.operator import LogEntry
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Lists, Picture
 from minerva_services.views.layout import flow
 from minerva_services.views.names import MAX_NAMES, agent_names
 from minerva_services.views.opengl.painter import GLPainter

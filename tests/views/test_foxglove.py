@@ -29,7 +29,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from minerva_bus import MinervaError, View
-from minerva_bus.semantics.colors import rgb
+from minerva_services.geometry.colors import rgb
 from minerva_services.views.foxglove import Foxglove
 
 WORLD = PFloor(FLOOR) + named("hall", 3.0, 2.0) + slot("ACart", "c")

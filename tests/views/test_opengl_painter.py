@@ -18,7 +18,7 @@ from opengl_world import (
 from sprites_world import ROBOT, PMap, PRobot, PSign, TPut
 
 from minerva_bus import EMPTY
-from minerva_bus.semantics.picture import Discs, Picture
+from minerva_services.geometry.picture import Discs, Picture
 from minerva_services.views.opengl.drums import instances
 from minerva_services.views.opengl.ribbons import raised_lines, ribbon
 from minerva_services.views.sprites.painter import SpritePainter

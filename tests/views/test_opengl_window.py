@@ -16,8 +16,8 @@ from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch import registry
 from minerva_bus.runtime.operator_client import Client
-from minerva_bus.semantics.picture import Lists
 from minerva_bus.world.visualization import visualize
+from minerva_services.geometry.picture import Lists
 from minerva_services.views.names import AgentName
 from minerva_services.views.opengl.painter import GLPainter
 from minerva_services.views.window.painter import Sight

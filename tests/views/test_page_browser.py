@@ -15,7 +15,7 @@ playwright = pytest.importorskip("playwright.sync_api")
 from page_run import CHROMIUM, FLAGS, copied, eventually, running, shown  # noqa: E402
 
 from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
-from minerva_bus.semantics.picture import Lists, Texts, Tiles  # noqa: E402
+from minerva_services.geometry.picture import Lists, Texts, Tiles  # noqa: E402
 from minerva_services.views.layout import extremes  # noqa: E402
 from tests.patience import patience  # noqa: E402
 

@@ -12,11 +12,11 @@ from svg_world import VOCABULARY, PBall, PHeat, PInner, PMap, PPath, PRobot, PSi
 from minerva_agents.robot import world as house
 from minerva_bus import Label, Metres, Primitive, Scene, Vocabulary
 from minerva_bus.grammar.appearance import Disc
-from minerva_bus.semantics.colors import legend
-from minerva_bus.semantics.picture import Discs, Lists, Marks, Polyline, Texts, Tiles
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.strings_codec import plain_scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
+from minerva_services.geometry.colors import legend
+from minerva_services.geometry.picture import Discs, Lists, Marks, Polyline, Texts, Tiles
 
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "services" / "minerva_services" / "views" / "page" / "static"

@@ -27,8 +27,8 @@ from sprites_world import (
 )
 
 from minerva_bus import EMPTY
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Discs, Picture, Polyline, Tiles
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Discs, Picture, Polyline, Tiles
 from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.sprites.matrices import MatrixLayer, averaged, colored
 from minerva_services.views.sprites.overlay import grid_step

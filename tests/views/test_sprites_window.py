@@ -21,8 +21,8 @@ from minerva_bus import visualize
 from minerva_bus.frame.world_state import Phase
 from minerva_bus.grammar.events import single
 from minerva_bus.runtime.operator_client import Client
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Lists, Picture
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Lists, Picture
 from minerva_services.views.names import AgentName
 from minerva_services.views.palette import BORDER
 from minerva_services.views.sprites.painter import SpritePainter

@@ -7,7 +7,7 @@ import pytest
 from web_world import PCart, PStone, taken_port, yard
 
 from minerva_bus import View
-from minerva_bus.semantics.picture import Discs
+from minerva_services.geometry.picture import Discs
 from minerva_services.views import page_access
 from minerva_services.views.page_access import listen
 

@@ -24,8 +24,8 @@ from minerva_bus import Raster  # noqa: E402
 from minerva_bus.errors import BusError  # noqa: E402
 from minerva_bus.grammar.scene import AgentNode  # noqa: E402
 from minerva_bus.runtime.operator_client import Client  # noqa: E402
-from minerva_bus.semantics.picture import Lists, Texts  # noqa: E402
 from minerva_bus.semantics.plane import Bounds  # noqa: E402
+from minerva_services.geometry.picture import Lists, Texts  # noqa: E402
 from minerva_services.views.web.camera_control import FIELD, bounds_of, camera_pose  # noqa: E402
 from tests.patience import eventually, patience  # noqa: E402
 

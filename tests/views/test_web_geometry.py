@@ -13,8 +13,8 @@ from web_world import FLOOR, PFloor, PStone, PWay, cart, named, picture, slot
 pytest.importorskip("viser")
 
 from minerva_bus import Line
-from minerva_bus.semantics.picture import Discs, Polyline, Texts
 from minerva_bus.semantics.plane import Bounds
+from minerva_services.geometry.picture import Discs, Polyline, Texts
 from minerva_services.views.solids import (
     arrow,
     cylinder,

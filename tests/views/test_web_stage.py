@@ -23,7 +23,7 @@ pytest.importorskip("viser")
 
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, Scene
-from minerva_bus.semantics.picture import Lists
+from minerva_services.geometry.picture import Lists
 from minerva_services.views.web.page_scene import Eye, PageScene
 
 WALK = slot("ACart", "c")

@@ -4,7 +4,7 @@ import pytest
 from window_world import BUGS, WORDS, Ledger, shown_by, status
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.semantics.picture import Picture
+from minerva_services.geometry.picture import Picture
 from minerva_services.views.window.actions import PauseAction, ResumeAction, StepAction
 from minerva_services.views.window.controls import KEYS, Action, WindowControls, action_of
 from minerva_services.views.window.order_types import check_named, order_types

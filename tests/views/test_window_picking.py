@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from window_world import BUGS, discs, flat
 
-from minerva_bus.semantics.picture import Picture
+from minerva_services.geometry.picture import Picture
 from minerva_services.views.window.painter import Box
 from minerva_services.views.window.picking import Hit, first_agent, pick, spot_of
 

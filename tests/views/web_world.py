@@ -25,8 +25,8 @@ from minerva_bus import (
 from minerva_bus.errors import BusError
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.types import Cells
-from minerva_bus.semantics.picture import Lists
 from minerva_bus.world.operator import MemberStatus, WorldStatus
+from minerva_services.geometry.picture import Lists
 
 PFloor = Primitive(
     "PFloor", Raster("cells", 0.5, colors=((0, "#ffffff"), (1, "#222222")), height=1.0), cells=Cells

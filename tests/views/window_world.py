@@ -20,8 +20,8 @@ from minerva_bus import (
     Vocabulary,
 )
 from minerva_bus.errors import BusError
-from minerva_bus.semantics.picture import Discs, Picture
 from minerva_bus.world.operator import MemberStatus, WorldStatus
+from minerva_services.geometry.picture import Discs, Picture
 
 PBug = Primitive("PBug", Disc(0.5, "#ff8000", heading=True), name=str)
 PSign = Primitive("PSign", Label("words"), words=str)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from minerva_analysis.plotting import FAINT, Plot, label_ends, show_grid
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.semantics.colors import OKABE_ITO
+from minerva_services.geometry.colors import OKABE_ITO
 
 COLORS: Final = (*OKABE_ITO, "#000000")
 

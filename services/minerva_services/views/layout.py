@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.picture import Discs, Item, Marks, Polyline, Texts
+from minerva_services.geometry.picture import Discs, Item, Marks, Polyline, Texts
 
 Floats = NDArray[np.float64]
 

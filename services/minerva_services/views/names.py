@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minerva_bus.semantics.picture import Discs, Picture
+from minerva_services.geometry.picture import Discs, Picture
 
 MAX_NAMES = 24
 """Number of agents from which no names are shown: they would cover the picture."""

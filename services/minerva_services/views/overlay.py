@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.picture import Lists, Picture, combined
 from minerva_bus.world.services import View
+from minerva_services.geometry.picture import Lists, Picture, combined
 
 
 class Overlay:

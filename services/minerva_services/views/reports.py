@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.colors import words
 from minerva_bus.world.operator import WorldStatus
+from minerva_services.geometry.colors import words
 
 _SENDER = re.compile(r" from #(\S+)")
 _TEXTS = re.compile(r'"((?:[^"\\]|\\.)*)"')

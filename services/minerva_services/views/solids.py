@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from minerva_bus.semantics.colors import Color, rgb
-from minerva_bus.semantics.picture import Discs, Polyline, Tiles
-from minerva_bus.semantics.volumes import mask_rectangles
+from minerva_services.geometry.colors import Color, rgb
+from minerva_services.geometry.picture import Discs, Polyline, Tiles
+from minerva_services.geometry.volumes import mask_rectangles
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -48,7 +48,7 @@ from minerva_bus import (
     portable,
     view,
 )
-from minerva_bus.semantics.volumes import Bodies
+from minerva_services.geometry.volumes import Bodies
 
 CELL, RADIUS, EVERY = 0.5, 0.22, 2
 FREE, WALL, EXIT = " ", "#", "E"

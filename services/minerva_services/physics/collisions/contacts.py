@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.volumes import Volumes
+from minerva_services.geometry.volumes import Volumes
 
 Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]

@@ -17,8 +17,8 @@ import numpy as np
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.semantics.volumes import Bodies, Texts, Volumes
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
+from minerva_services.geometry.volumes import Bodies, Texts, Volumes
 from minerva_services.physics.agent_lines import AGENTS, agent_lines, by_agent
 from minerva_services.physics.collision_events import CollisionEvents
 from minerva_services.physics.collisions.contacts import ANYTHING, Pair, Touches, contacts

@@ -40,8 +40,8 @@ from foxglove.messages import (
 )
 from foxglove.websocket import ChannelView, Client, ServerListener
 
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_services.views.solids import (
     DiscTable,
     Floor,

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.picture import Discs
+from minerva_services.geometry.picture import Discs
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.gpu import GrowingBuffer, fitting, program
 from minerva_services.views.opengl.solids import Single, drum

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_services.views.opengl.camera import Floats
 from minerva_services.views.opengl.painting import walled
 from minerva_services.views.opengl.solids import placed

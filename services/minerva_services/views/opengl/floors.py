@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Tiles
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Tiles
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.gpu import COLORS, OPENNESS, GpuCache, Uploaded, program
 from minerva_services.views.opengl.painting import lidded, open_floor, painted, walled

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from minerva_bus.semantics.picture import Discs, Picture, Texts, Tiles
+from minerva_services.geometry.picture import Discs, Picture, Texts, Tiles
 from minerva_services.views.layout import round_step
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.camera import Floats, OrbitCamera

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Tiles
-from minerva_bus.semantics.volumes import color_ranges
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Tiles
+from minerva_services.geometry.volumes import color_ranges
 from minerva_services.views.solids import enclosed
 
 _WALL_DISTANCE = 0.45

@@ -9,8 +9,8 @@ from types import MappingProxyType
 import moderngl
 import numpy as np
 
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Texts
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Texts
 from minerva_services.views.names import AgentName
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.camera import Floats, OrbitCamera

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.grammar.appearance import Line
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Discs, Picture, Polyline
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Discs, Picture, Polyline
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.gpu import GrowingBuffer, program
 from minerva_services.views.window.painter import Beams

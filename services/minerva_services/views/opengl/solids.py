@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.semantics.volumes import mask_rectangles
+from minerva_services.geometry.volumes import mask_rectangles
 from minerva_services.views.solids import Cells, sides
 
 Single = NDArray[np.float32]

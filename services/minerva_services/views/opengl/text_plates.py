@@ -8,7 +8,7 @@ from typing import Any
 
 import moderngl
 
-from minerva_bus.semantics.colors import Legend, rgb
+from minerva_services.geometry.colors import Legend, rgb
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.gpu import LETTERS, program

@@ -16,8 +16,8 @@ import rerun as rr
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import MARK, target_of
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_services.views.solids import (
     DiscTable,
     Floor,

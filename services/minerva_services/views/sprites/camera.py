@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from minerva_bus.semantics.picture import Discs, Picture, Tiles
 from minerva_bus.semantics.plane import Bounds
+from minerva_services.geometry.picture import Discs, Picture, Tiles
 from minerva_services.views.layout import extremes
 from minerva_services.views.window.painter import Floats
 

@@ -12,8 +12,8 @@ import pygame
 from numpy.typing import NDArray
 
 from minerva_bus.grammar.appearance import Raster
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Tiles
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Tiles
 from minerva_services.views.sprites.camera import MapCamera
 
 Image: TypeAlias = NDArray[np.uint32]

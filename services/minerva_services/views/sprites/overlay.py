@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pygame
 
-from minerva_bus.semantics.colors import Legend
+from minerva_services.geometry.colors import Legend
 from minerva_services.views.layout import round_step
 from minerva_services.views.palette import BORDER, FAINT, INK, PANEL, PAPER
 from minerva_services.views.sprites.camera import MapCamera

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pygame
 
-from minerva_bus.semantics.colors import Legend
-from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_bus.semantics.plane import Bounds
+from minerva_services.geometry.colors import Legend
+from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_services.views.palette import CHOSEN, PAPER
 from minerva_services.views.sprites.camera import MapCamera, extent
 from minerva_services.views.sprites.matrices import MatrixLayer

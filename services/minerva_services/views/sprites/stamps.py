@@ -8,7 +8,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.picture import Discs
+from minerva_services.geometry.picture import Discs
 from minerva_services.views.palette import HEADING_MARK, OUTLINE
 from minerva_services.views.sprites.camera import MapCamera
 

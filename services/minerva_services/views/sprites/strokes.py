@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pygame
 
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Polyline
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Polyline
 from minerva_services.views.palette import BEAM
 from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.window.painter import Beams, Floats

@@ -9,8 +9,8 @@ from types import MappingProxyType
 import numpy as np
 import pygame
 
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Texts
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Texts
 from minerva_services.views.names import AgentName
 from minerva_services.views.palette import INK
 from minerva_services.views.sprites.camera import MapCamera

@@ -21,9 +21,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.colors import Legend, LegendEntry, legend
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.picture import text_parameter
 from minerva_bus.semantics.plane import (
     BoundingGeometry,
     Bounds,
@@ -32,8 +30,10 @@ from minerva_bus.semantics.plane import (
     resolve,
 )
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.semantics.volumes import color_ranges, rectangles
 from minerva_bus.wording import xml_characters
+from minerva_services.geometry.colors import Legend, LegendEntry, legend
+from minerva_services.geometry.picture import text_parameter
+from minerva_services.geometry.volumes import color_ranges, rectangles
 from minerva_services.views.layout import flow, round_step
 from minerva_services.views.names import MAX_NAMES
 from minerva_services.views.palette import BORDER, DARK, FAINT, HEADING_MARK, INK, PANEL, PAPER

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import CameraHandle, ClientHandle, ViserServer
 
-from minerva_bus.semantics.picture import Picture
 from minerva_bus.semantics.plane import Bounds
+from minerva_services.geometry.picture import Picture
 from minerva_services.views.layout import extremes
 
 FIELD = math.radians(40.0)

@@ -13,9 +13,9 @@ from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.operator_client import activity, awaited
-from minerva_bus.semantics.colors import Legend, LegendEntry, rgb
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import LogEntry, WorldStatus
+from minerva_services.geometry.colors import Legend, LegendEntry, rgb
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.palette import DARK
 

@@ -23,9 +23,9 @@ from viser import (
     ViserServer,
 )
 
-from minerva_bus.semantics.colors import rgb
-from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_bus.semantics.plane import Bounds
+from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_services.views.names import AgentName, agent_names
 from minerva_services.views.solids import (
     DiscTable,

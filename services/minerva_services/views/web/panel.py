@@ -29,8 +29,8 @@ from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.colors import OKABE_ITO, Legend
 from minerva_bus.world.operator import CollectedSeries, LogEntry, Operator, WorldStatus
+from minerva_services.geometry.colors import OKABE_ITO, Legend
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.reports import LatestReport
 from minerva_services.views.web import html

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.picture import Texts
+from minerva_services.geometry.picture import Texts
 from minerva_services.views.solids import DiscTable
 
 _TOLERANCE = 0.012

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from minerva_bus.runtime.operator_client import activity, awaited
-from minerva_bus.semantics.picture import Picture
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.readings import Reading, Scan, origins
 from minerva_bus.world.services import View, WorldInfo
+from minerva_services.geometry.picture import Picture
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.names import agent_names
 from minerva_services.views.overlay import Overlay

@@ -8,8 +8,8 @@ from __future__ import annotations
 from enum import Enum
 
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.picture import Picture
 from minerva_bus.world.operator import WorldStatus
+from minerva_services.geometry.picture import Picture
 from minerva_services.views.window.actions import (
     AdjustAction,
     OrderAction,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pygame
 
-from minerva_bus.semantics.picture import Picture
+from minerva_services.geometry.picture import Picture
 from minerva_services.views.window.actions import WorldAction
 from minerva_services.views.window.controls import NUMBERS, Action, WindowControls, action_of
 from minerva_services.views.window.painter import Painter

@@ -7,7 +7,7 @@ from functools import lru_cache
 import pygame
 
 from minerva_bus.grammar.appearance import Disc, Label, Line
-from minerva_bus.semantics.colors import Legend, LegendEntry, rgb
+from minerva_services.geometry.colors import Legend, LegendEntry, rgb
 from minerva_services.views.layout import flow
 from minerva_services.views.palette import BORDER, DARK, INK, OUTLINE, PANEL, PAPER
 from minerva_services.views.sprites.text import one_line, pin, written

@@ -9,8 +9,8 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.colors import Legend
-from minerva_bus.semantics.picture import Picture
+from minerva_services.geometry.colors import Legend
+from minerva_services.geometry.picture import Picture
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.names import AgentName
 

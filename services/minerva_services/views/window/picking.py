@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from minerva_bus.semantics.picture import Discs, Picture
+from minerva_services.geometry.picture import Discs, Picture
 from minerva_services.views.window.painter import Box, Floats
 
 Projection: TypeAlias = Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]

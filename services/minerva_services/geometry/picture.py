@@ -18,10 +18,10 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.colors import Color, Legend, legend, rgb
-from minerva_bus.semantics.incremental import ByParts, ItemGeometry, batched
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
+from minerva_services.geometry.colors import Color, Legend, legend, rgb
+from minerva_services.geometry.incremental import ByParts, ItemGeometry, batched
 
 Floats: TypeAlias = NDArray[np.float64]
 

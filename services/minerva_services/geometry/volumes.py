@@ -28,9 +28,9 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.incremental import ByParts, ItemGeometry, batched
 from minerva_bus.semantics.plane import Floats, outline, raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Point, Pose
+from minerva_services.geometry.incremental import ByParts, ItemGeometry, batched
 
 Integers: TypeAlias = NDArray[np.int64]
 
