@@ -18,7 +18,6 @@ import contextlib
 import errno
 import os
 import re
-import secrets
 import stat
 import struct
 import zlib
@@ -323,7 +322,7 @@ def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Genera
     path = target_of(path)
     # In the same folder, because a file is renamed atomically within one file system only. The name
     # is random, because several processes may write the same output.
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    draft = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
     descriptor = open_itself(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
     try:
         with os.fdopen(descriptor, "w+b") as file:

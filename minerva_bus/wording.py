@@ -5,8 +5,8 @@ import re
 import shlex
 import sys
 from collections.abc import Sequence
+from html import escape
 from typing import Final
-from xml.sax.saxutils import escape
 
 
 def counted(number: int, noun: str) -> str:
@@ -60,4 +60,4 @@ def xml_characters(text: str) -> str:
 
 def xml_text(text: str) -> str:
     """Any text as XML character data."""
-    return escape(xml_characters(text))
+    return escape(xml_characters(text), quote=False)

@@ -1,9 +1,10 @@
 """`minerva`: the command line.
 
 Each command is a function in cli/commands, with examples; to add one, write the function and list
-its name here. Those modules declare options and import little else, because `minerva --help` has to
-be fast. Extensions add commands by entry points: functions of the same kind, or a `typer.Typer` as
-a group, in a module whose `TOPIC` is the topic in the help.
+its name here. Those modules are imported when one of their commands is used, and declare options
+and import little else, because `minerva --help` has to be fast. Extensions add commands by entry
+points: functions of the same kind, or a `typer.Typer` as a group. The constant `TOPIC` of a module
+is the topic of its commands in the help.
 """
 
 from __future__ import annotations
@@ -20,13 +21,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 import typer
 
 from minerva_bus.cli.argument_order import TAKES_OTHERS, OtherOptionsCommand, WorldFirstCommand
-from minerva_bus.cli.commands import (
-    observing,
-    operating,
-    records,
-    setting_up,
-    worlds,
-)
 from minerva_bus.cli.json_guarantee import promised
 from minerva_bus.cli.options import examples_of
 from minerva_bus.cli.output import (
@@ -45,21 +39,28 @@ from minerva_bus.uncaught import report_threads
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-GROUPS: Final = {
-    "Run": ("run", "worlds", "check", "attach", "bridge"),
-    "Observe": ("list", "logs", "echo"),
-    "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
-    "Records": ("info", "replay", "seek", "recover", "map"),
-    "Set up": ("doctor", "version"),
+COMMANDS: Final = {
+    "worlds": ("run", "worlds", "check", "attach", "bridge"),
+    "observing": ("list", "logs", "echo"),
+    "operating": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
+    "records": ("info", "replay", "seek", "recover"),
+    "setting_up": ("doctor", "version"),
 }
-"""The kernel's commands by topic, in the order of the help."""
-COMMANDS: Final = "minerva.commands"
+"""The kernel's commands by module of cli/commands, in the order of the help."""
+_MODULES: Final = {
+    name: f"minerva_bus.cli.commands.{module}"
+    for module, names in COMMANDS.items()
+    for name in names
+}
+FURTHER: Final = "minerva.commands"
 """The entry points of further commands."""
 
 
 def topics() -> dict[str, list[str]]:
     """All commands by topic, in the order of the help."""
-    by_topic = {topic: [*names] for topic, names in GROUPS.items()}
+    by_topic: dict[str, list[str]] = {}
+    for name, module in _MODULES.items():
+        by_topic.setdefault(import_module(module).TOPIC, []).append(name)
     for name, entry in sorted(_further().items()):
         by_topic.setdefault(_loaded(name, import_module, entry.module).TOPIC, []).append(name)
     return by_topic
@@ -68,7 +69,7 @@ def topics() -> dict[str, list[str]]:
 def _further() -> Mapping[str, EntryPoint]:
     from minerva_bus.entry_points import entries
 
-    return entries(COMMANDS)
+    return entries(FURTHER)
 
 
 def _loaded(name: str, load: Callable[..., Any], *arguments: Any) -> Any:
@@ -107,20 +108,17 @@ class _Made(Mapping[str, Any]):
         self._made: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
-        if name not in _NAMES and name not in _further():
+        if name not in _MODULES and name not in _further():
             raise KeyError(name)
         if name not in self._made:
             self._made[name] = _make(name)
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:
-        return chain(_NAMES, sorted(_further()))
+        return chain(_MODULES, sorted(_further()))
 
     def __len__(self) -> int:
-        return len(_NAMES) + len(_further())
-
-
-_NAMES: Final = tuple(chain.from_iterable(GROUPS.values()))
+        return len(_MODULES) + len(_further())
 
 
 app = typer.Typer(
@@ -130,21 +128,15 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
 )
-_MODULES: Final = (
-    worlds,
-    observing,
-    operating,
-    records,
-    setting_up,
-)
 
 
 def command_of(name: str) -> Callable[..., None] | typer.Typer:
     """The function that declares a command."""
-    if name not in _NAMES:
+    if name not in _MODULES:
         return _loaded(name, _further()[name].load)
-    names = (name, f"{name}_")  # `list_`, because `list` is a type of an option.
-    return next(getattr(m, n) for m in _MODULES for n in names if hasattr(m, n))
+    module = import_module(_MODULES[name])
+    # `list_`, because `list` is a type of an option.
+    return getattr(module, f"{name}_", None) or getattr(module, name)
 
 
 def _make(name: str) -> Any:

@@ -342,19 +342,6 @@ class MapChoice:
             )
 
 
-class Mapper(Protocol):
-    """Writes the map of a recording to files."""
-
-    def __call__(
-        self, open: Callable[[], Recording], into: Path, choice: MapChoice, progress: Progress
-    ) -> list[str]:
-        """Lines that describe the map. `open` may be called several times.
-
-        Raises MinervaError.
-        """
-        ...
-
-
 STEP_SECONDS: Final = 1.0
 """Maximum seconds by which a reading is late; an older time is a step of the clock."""
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from recorded import Passed, flaser, messages, odom, raw_laser, write, write_bag
 from sweeping import drive, place_at, spread
 
+from minerva_agents.robot.map_recording import map_recording
 from minerva_agents.robot.mapping import Drift, TrajectoryPoint, draw_map
 from minerva_agents.robot.trajectories import Posed, ScanMotion, located_scans, posed_scans
-from minerva_bus.cli.mapping import map_recording
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import (
     STEP_SECONDS,

@@ -13,8 +13,8 @@ pytest.importorskip("rosbags")
 from recorded import messages, write_bag
 from sweeping import drive, place_at, spread, without_path
 
+from minerva_agents.robot.map_recording import map_recording
 from minerva_agents.robot.maps import OCCUPIED, load_map
-from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan, hits

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from recorded import DEMO, INTEL, Passed, flaser, needs_demo, needs_intel, odom, raw_laser, write
 
+from minerva_agents.robot.map_recording import map_recording
 from minerva_agents.robot.mapping import draw, draw_map, save_map, save_picture
 from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, load_map
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.trajectories import Posed, Unposed, posed_scans
 from minerva_agents.robot.vocabulary import eLaser
 from minerva_bus import Frame, Tick, Vocabulary, WorldInfo, evolve
-from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.readings import MapChoice, Odometry, Recorded, RecordingError, Scan, hits

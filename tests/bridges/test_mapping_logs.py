@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from recorded import DATA, flaser, messages, robot_laser, write, write_bag
 
+from minerva_agents.robot.map_recording import map_recording
 from minerva_agents.robot.maps import FREE, OCCUPIED, load_map
-from minerva_bus.cli.mapping import map_recording
 from minerva_services.physics.arena import Arena
 from minerva_services.physics.walls import wall_segments
 from tests.bridges.ros2_rig import house

@@ -20,7 +20,7 @@ from pages import ROOT
 from site_links import broken, broken_in_markdown, build, page
 
 import minerva_bus
-from minerva_bus.cli.main import GROUPS, app, topics
+from minerva_bus.cli.main import COMMANDS, app, topics
 
 ROBOT = ROOT / "agents" / "minerva_agents" / "robot" / "robot.toml"
 
@@ -79,7 +79,7 @@ def test_the_reference_has_every_command_and_option(site):
     text = (site / "reference" / "cli.html").read_text(encoding="utf-8")
     anchors = page(site / "reference" / "cli.html").anchors
     program: Any = typer.main.get_command(app)
-    for name in chain.from_iterable(GROUPS.values()):
+    for name in chain.from_iterable(COMMANDS.values()):
         assert f"minerva-{name}" in anchors
         options = program.commands[name].params
         assert not [o for each in options for o in each.opts if escape(o) not in text]

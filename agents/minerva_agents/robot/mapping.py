@@ -77,7 +77,7 @@ if TYPE_CHECKING:
 def draw(
     open: Callable[[], Recording], into: Path, choice: MapChoice, progress: Progress
 ) -> list[str]:
-    """Draw the map of a recording into files (a `Mapper`). Raises MinervaError."""
+    """Draw the map of a recording into files. Raises MinervaError."""
     check_name(into)
     # Checked first, because drawing takes long.
     for suffix in (".pgm", ".yaml", ".png"):

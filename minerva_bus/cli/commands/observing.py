@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
 from minerva_bus.cli import completing
 from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import Json, NamedTarget, examples
+
+TOPIC: Final = "Observe"
 
 
 @examples(

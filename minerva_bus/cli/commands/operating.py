@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
 from minerva_bus.cli import completing
 from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import By, Json, NamedTarget, examples
+
+TOPIC: Final = "Control"
 
 
 @examples(
@@ -166,20 +168,3 @@ def drain(
     from minerva_bus.cli.operation import drain_member
 
     drain_member(member, by, target, json)
-
-
-@examples(
-    "minerva seek 120",
-    "minerva seek robot 0",
-)
-@grouped
-def seek(
-    frame: Annotated[int, typer.Argument(help="The frame to continue with.", min=0)],
-    json: Json = False,
-    *,
-    target: NamedTarget,
-) -> None:
-    """Continue a replay at another frame."""
-    from minerva_bus.cli.operation import seek_frame
-
-    seek_frame(frame, target, json)

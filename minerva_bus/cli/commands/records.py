@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
-from minerva_bus.cli import completing, startup
+from minerva_bus.cli import startup
 from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import (
     Force,
     Json,
     MovedWorld,
+    NamedTarget,
     QuietRun,
     Record,
     examples,
 )
 from minerva_bus.cli.startup import uncollected
 from minerva_bus.settings.overrides import Overrides
+
+TOPIC: Final = "Records"
 
 
 @examples(
@@ -135,44 +138,17 @@ def _refuse(context: typer.Context, options: Mapping[str, object], reason: str) 
 
 
 @examples(
-    "minerva map run.log",
-    "minerva map scans.mcap --output house.pgm --cell 0.1",
+    "minerva seek 120",
+    "minerva seek robot 0",
 )
-def map(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="A CARMEN log or a bag: .log, .bag, .db3, .mcap.",
-            autocompletion=completing.recordings,
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="The .pgm file; default: named after FILE."),
-    ] = None,
-    cell: Annotated[float, typer.Option(help="Side of a cell, metres.")] = 0.05,
-    range_: Annotated[
-        float,
-        typer.Option("--range", help="Ignore hits beyond this range, metres; 0: as recorded."),
-    ] = 0.0,
-    from_: Annotated[
-        float, typer.Option("--from", help="Start, seconds after the beginning.")
-    ] = 0.0,
-    to: Annotated[float | None, typer.Option(help="End, seconds after the beginning.")] = None,
-    poses: Annotated[
-        str, typer.Option(help="Source of the robot's poses: published, odometry or matched.")
-    ] = "published",
-    time_offset: Annotated[
-        float,
-        typer.Option(help="Seconds to add to scan times, if the lidar's clock differs."),
-    ] = 0.0,
+@grouped
+def seek(
+    frame: Annotated[int, typer.Argument(help="The frame to continue with.", min=0)],
     json: Json = False,
-    force: Force = False,
+    *,
+    target: NamedTarget,
 ) -> None:
-    """Draw the occupancy map of a recording.
+    """Continue a replay at another frame."""
+    from minerva_bus.cli.operation import seek_frame
 
-    It writes a .pgm, a .yaml and a picture.
-    """
-    from minerva_bus.cli.mapping import map_recording
-
-    map_recording(file, output, cell, range_, from_, to, poses, time_offset, as_json=json)
+    seek_frame(frame, target, json)

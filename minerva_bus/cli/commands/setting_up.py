@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import typer
 
 from minerva_bus.cli.options import Json, examples
+
+TOPIC: Final = "Set up"
 
 
 @examples(

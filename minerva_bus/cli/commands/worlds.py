@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -21,6 +21,8 @@ from minerva_bus.cli.options import (
 from minerva_bus.cli.startup import uncollected
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.overrides import Overrides
+
+TOPIC: Final = "Run"
 
 
 @examples(

@@ -13,6 +13,7 @@ from typing import Any, Final, cast
 
 import typer
 
+from minerva_agents.robot.mapping import draw
 from minerva_bus.cli.output import Done, print_report
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import WorldFileError, nearest
@@ -20,14 +21,13 @@ from minerva_bus.files import forget_inputs
 from minerva_bus.launch.specs import load
 from minerva_bus.world.readings import (
     MapChoice,
-    Mapper,
     PassOver,
     Progress,
     Recording,
     RecordingError,
 )
 
-RECORDINGS, MAPPERS = "minerva.recordings", "minerva.mappers"
+RECORDINGS: Final = "minerva.recordings"
 
 _STEPS: Final = 1000
 
@@ -53,7 +53,6 @@ def map_recording(
     forget_inputs()
     choice = MapChoice(cell, farthest, begin, last, poses, time_offset)
     into = output or Path(f"{file.name.partition('.')[0]}.pgm")
-    draw: Mapper = load(_installed(MAPPERS, "grid", "mapper"))
     passed = _Passed()
     with _progress(file.name) as progress:
         try:
@@ -70,18 +69,16 @@ def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:
         raise WorldFileError(f"there is no file {file}; expected a recording: check its name")
     # A bag of ROS 2 is a folder.
     suffix = "db3" if file.is_dir() else file.name.removesuffix(".gz").rpartition(".")[2].lower()
-    read = load(_installed(RECORDINGS, suffix, f"{file}: reader of recordings"))
+    known = entries(RECORDINGS)
+    if suffix not in known:
+        hint = nearest(suffix, list(known), f"there are {', '.join(sorted(known)) or 'none'}")
+        raise WorldFileError(
+            f"{file}: reader of recordings: none for {suffix!r} is installed{hint}"
+        )
+    read = load(known[suffix].value)
     # The mapper reads the recording several times.
     reporters = chain([passed], repeat(_silently))
     return lambda: read(file, next(reporters))
-
-
-def _installed(group: str, name: str, what: str) -> str:
-    known = entries(group)
-    if name not in known:
-        hint = nearest(name, list(known), f"there are {', '.join(sorted(known)) or 'none'}")
-        raise WorldFileError(f"{what}: none for {name!r} is installed{hint}")
-    return known[name].value
 
 
 def _silently(what: str, line: str) -> None:
