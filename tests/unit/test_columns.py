@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from minerva_bus import Agent, Vocabulary
 from minerva_bus.grammar.columns import Coded, Column, Columns, fits, packed
-from minerva_bus.grammar.delta import difference, patched
+from minerva_bus.grammar.delta import Change, Delta, difference, patched
 from minerva_bus.grammar.digest import scene_digest
-from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.ids import Ids, RowDelta
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.types import parse_type
+from minerva_bus.grammar.types import Unfit, parse_type
 
 
 class Fox(Agent, symbol="AFox"):
@@ -48,6 +48,35 @@ def test_columns_of_one_shape_have_one():
     patch = difference(old, new)
     assert patch is not None
     assert patched(old, patch) == new
+    unchanged = difference(old, old)
+    assert (unchanged.changes, unchanged.empty) == ((), True)
+
+
+def test_a_foreign_patch_may_change_a_column_several_times():
+    """One of this project has one change of each column."""
+    old = piece("AFox", 1, 70)
+    turnover = RowDelta(70, np.array([0]), np.array([69]))
+    (node,) = VOCABULARY.read("AFox#a0<energy=1>").pieces
+
+    def foreign(*changes, turnover=None, born=None):
+        parts = [
+            Change(0, 0, rows and np.array(rows), Column(np.array(values, float)))
+            for rows, values in changes
+        ]
+        return Delta(70, ("AFox",), tuple(parts), turnover, born)
+
+    def energies(*changes, **rest):
+        return patched(old, foreign(*changes, **rest)).columns[0].list()
+
+    with_newborn = {"turnover": turnover, "born": Ids.of(("new",))}
+    assert energies(([1], [5]), ([2], [6]), ([1], [7])) == [1, 7, 6, *[1] * 67]
+    first, second, third = ([69, 0], [5, 6]), ([1], [7]), ([2, 0], [8, 9])
+    assert energies(first, second, third, **with_newborn) == [9, 7, 8, *[1] * 66, 5]
+    assert energies((None, range(70)), second, **with_newborn) == [0, 7, *range(2, 70)]
+    with pytest.raises(Unfit, match="without values for 1 added AFox"):
+        energies(([1, 2], [5, 6]), **with_newborn)
+    with pytest.raises(Unfit, match="a patch of AFox, which is not in columns"):
+        patched(node, foreign())
 
 
 TEXTS = st.one_of(
