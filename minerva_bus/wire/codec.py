@@ -27,6 +27,7 @@ from minerva_bus.frame.messages import Mark, Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.field_codecs import DeclaredField, FieldCodec, Write, field_codec
 from minerva_bus.wire.plain import (
+    COLLECTED,
     DEFAULT,
     Limits,
     as_list,
@@ -336,7 +337,9 @@ class Decoder:
             # A message with fewer bytes than every limit cannot exceed one, and most are so small.
             if limited and len(data) > self._light:
                 check_weight(data, declaration(data), self._limits)
-            with uncollected(len(data)):
+            if len(data) <= COLLECTED:
+                return self._message(codecs, key, data, limited)
+            with uncollected():
                 return self._message(codecs, key, data, limited)
         except (ProtocolError, SceneError):
             raise

@@ -11,7 +11,7 @@ from __future__ import annotations
 import gc
 import math
 from collections.abc import Generator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Final, cast, get_args, get_type_hints
@@ -320,8 +320,6 @@ COLLECTED: Final = 1 << 12
 """Messages from this size on are decoded with the garbage collector off: they create many
 containers and no garbage, so collections would only cost time."""
 
-_AS_USUAL: Final = nullcontext()
-
 
 def extension(code: int, data: bytes) -> msgpack.ExtType:
     """An extension of MessagePack, without the checks of its constructor, which take longer."""
@@ -345,19 +343,18 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
     if size > limits.items and values_in(data, limits.items) > limits.items:
         raise ProtocolError("this is not msgpack: too many items")
     try:
-        with uncollected(size):
+        # Without a context: it would take longer than decoding a small message.
+        if size <= COLLECTED:
+            return _unpacked(data)
+        with uncollected():
             return _unpacked(data)
     except Exception as error:
         raise ProtocolError(f"this is not msgpack: {type(error).__name__} {error}"[:200]) from None
 
 
-def uncollected(size: int) -> AbstractContextManager[None]:
-    """Decode a message of `size` bytes without garbage collection if it is large."""
-    return _uncollected() if size > COLLECTED else _AS_USUAL
-
-
 @contextmanager
-def _uncollected() -> Generator[None]:
+def uncollected() -> Generator[None]:
+    """Decode without garbage collection, for a message of more than COLLECTED bytes."""
     paused = gc.isenabled()
     # Inside `try`, because an interrupt between the two statements would leave the collector off.
     # Of two threads, the first one to end enables it: the other only becomes slower.
@@ -425,7 +422,7 @@ def as_list(plain: Any, what: str) -> list[Any]:
     """`plain` as a list. Raises ProtocolError."""
     if not isinstance(plain, list):
         raise ProtocolError(f"{what} must be a list, not {name_of(plain)}")
-    return cast("list[Any]", plain)
+    return plain  # pyright: ignore[reportUnknownVariableType]
 
 
 def as_pairs(plain: Any, what: str) -> list[tuple[Any, Any]]:

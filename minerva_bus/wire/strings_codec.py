@@ -133,7 +133,7 @@ def plain_event(event: AnyEvent) -> list[Any]:
 
 def plain_event_list(events: Sequence[AnyEvent]) -> list[Any]:
     """Events in order."""
-    return [plain_event(event) for event in events]
+    return [plain_event(event) for event in events] if events else []
 
 
 def are_plain_lists(items: Sequence[Any], kind: type[Any]) -> bool:
