@@ -11,6 +11,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any, Final
 
 import zenoh
@@ -214,9 +215,9 @@ class ForParticipant:
 class Participant:
     """A member of the process with its link to the world; handles items that are for it alone.
 
-    `has_left`: it takes part no more, though its process may. `put` adds to the inbox of the
-    process, from any thread. `hear` receives the readings that it publishes, for the members of the
-    process, and whether this is another thread than the main one.
+    `present`: whether it takes part, or is about to; its process may outlast it. `put` adds to the
+    inbox of the process, from any thread. `hear` receives the readings that it publishes, for the
+    members of the process, and whether this is another thread than the main one.
     """
 
     def __init__(
@@ -232,7 +233,7 @@ class Participant:
         name = checked_name(member.name, "a member")
         self.member = member
         self.link = WorldLink(Keys(world), name, notify, system.monotonic)
-        self.has_left = False
+        self.present = True
         self.figures: m.Figures = {}
         self._connect = connect
         self._notify = notify
@@ -265,11 +266,6 @@ class Participant:
         }
 
     @property
-    def present(self) -> bool:
-        """Whether it takes part, or is about to."""
-        return not (self.has_left or self.member.stopped)
-
-    @property
     def observes(self) -> bool:
         """Whether it shows the newest view instead of each."""
         service = self.member.service
@@ -283,7 +279,7 @@ class Participant:
         if isinstance(item, Exception):
             raise item
         if self._handlers[item.__class__](item) is False:
-            self.has_left = True
+            self.present = False
 
     # --- joining ---
 
@@ -353,6 +349,8 @@ class Participant:
             self.link.send(reply)
             if isinstance(reply, m.Readings):
                 self._hear(reply, False)
+        if self.member.stopped:
+            self.present = False
 
     def _send_aside(self, output: AnyEvent | Published) -> None:
         """Send an event or a reading of a free-running generator; called in its thread."""
@@ -428,7 +426,7 @@ class Participant:
     def leave(self) -> None:
         """Leave the world."""
         self.link.send(m.Leaving(self.member.name))
-        self.has_left = True
+        self.present = False
 
     def stop(self) -> None:
         """Stop threads and timers, which put into the inbox."""
@@ -461,6 +459,9 @@ BACK_WITHIN: Final = 5.0
 
 POLL_SECONDS: Final = 0.02
 """Interval in seconds between checks for the world or for a free name."""
+
+
+_PRESENT: Final = attrgetter("present")
 
 
 class MemberProcess:
@@ -626,7 +627,7 @@ class MemberProcess:
             participant.greeting.start()
         observers = [each for each in self._participants if each.observes]
         try:
-            while any(each.present for each in self._participants):
+            while any(map(_PRESENT, self._participants)):
                 item = self._next_for(observers) if observers else self.inbox.wait()
                 handler = self._handlers.get(item.__class__)  # None for a wake-up without an item.
                 if handler is not None and handler(item) is False:
@@ -678,8 +679,11 @@ class MemberProcess:
 
     def _on_message(self, data: bytes) -> None:
         """Process a message from the channel."""
-        for participant in self._each(self._by_channel):
-            participant.receive(data)
+        # As `_each`, without a generator for each message.
+        for participant in self._by_channel:
+            if participant.present:
+                self._running = participant
+                participant.receive(data)
 
     def _on_sample(self, sample: KeyedSample) -> None:
         """Process a sample from the side queue: readings, a message or the coordinator's token."""

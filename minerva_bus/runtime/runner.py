@@ -146,9 +146,11 @@ class Runner:
         self.ended: s.Ended | None = None
         self._queue: deque[s.Stimulus] = deque()
         self._sinks = tuple(sinks)
-        self._observers: dict[type[Notice], list[Callable[[Any], None]]] = {
+        self._executors: dict[type[s.Instruction], list[Callable[[Any], None]]] = {
             notice: self._overridden(name, functions=True) for notice, name in _METHODS.items()
         }
+        self._executors |= {s.Send: [self._send], s.Show: [self._show]}
+        self._executors[s.Ended].insert(0, self._end)
         for sink in self._sinks:
             if isinstance(sink, Sink):
                 sink.runner = self
@@ -182,27 +184,24 @@ class Runner:
             for decided in self._decided:
                 decided(stimulus, instructions)
             for instruction in instructions:
-                self._execute(instruction)
+                for execute in self._executors[type(instruction)]:
+                    execute(instruction)
             for executed in self._executed:
                 executed(stimulus)
             if not queue:
                 return
             stimulus = queue.popleft()
 
-    def _execute(self, instruction: s.Instruction) -> None:
-        if isinstance(instruction, s.Send):
-            # Queued instead of handled at once: all instructions of a
-            # stimulus are executed before the next.
-            self._queue.extend(self.transport.send(instruction.to, instruction.message))
-            return
-        if isinstance(instruction, s.Show):
-            event_type, message = instruction.event_type, instruction.message
-            self._queue.extend(self.transport.show(event_type, message, instruction.to))
-            return
-        if isinstance(instruction, s.Ended):
-            self.ended = instruction
-        for observe in self._observers[type(instruction)]:
-            observe(instruction)
+    def _send(self, send: s.Send) -> None:
+        # Queued instead of handled at once: all instructions of a
+        # stimulus are executed before the next.
+        self._queue.extend(self.transport.send(send.to, send.message))
+
+    def _show(self, show: s.Show) -> None:
+        self._queue.extend(self.transport.show(show.event_type, show.message, show.to))
+
+    def _end(self, ended: s.Ended) -> None:
+        self.ended = ended
 
     def _overridden(self, name: str, *, functions: bool = False) -> list[Any]:
         """The sinks' own methods of a name; with `functions` also the sinks that are functions."""

@@ -91,10 +91,13 @@ class FrameSchedule(Sink):
             self.runner.refresh()
         self.overruns.began(period, now)
         rates = self._algorithm.members.index.rates
+        if not rates:
+            self._omits_views = False
+            return _BEGIN
         # No later frame would correct the views if this is the last one before a pause.
         due = self._views.due(now, rates, everything=self.pace.paused)
         self._omits_views = len(due) < len(rates)
-        return s.Begin(due) if rates else _BEGIN
+        return s.Begin(due)
 
     def pause(self) -> None:
         """Pause, after one more frame if the latest one left out views that were not due yet."""

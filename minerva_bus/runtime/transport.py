@@ -74,11 +74,7 @@ class ZenohTransport:
         key = self._keys_to.get(to)
         if key is None:
             key = self._keys_to[to] = self._keys.to(to)
-        if isinstance(message, m.TickRequest):
-            if to == s.TICKED:
-                frame = self.ticked = message.frame
-                self.empty_reply = self.stamp + _BEFORE_FRAME + pack(frame) + _AFTER_FRAME
-        elif isinstance(message, m.EvolveRequest):
+        if isinstance(message, m.EvolveRequest):
             # Part 0 is the request to all hosts; later parts repeat some of it.
             if not message.part:
                 self.evolving_since = self._clock()
@@ -90,6 +86,10 @@ class ZenohTransport:
         elif to not in _GROUPS:
             self._notify(to, message)
         self._put(key, message, _BLOCK)
+        # After it is sent: members compute already.
+        if to == s.TICKED and isinstance(message, m.TickRequest):
+            frame = self.ticked = message.frame
+            self.empty_reply = self.stamp + _BEFORE_FRAME + pack(frame) + _AFTER_FRAME
         return ()
 
     def show(self, event_type: str, message: m.ToMember, to: str) -> tuple[()]:
@@ -116,7 +116,7 @@ class ZenohTransport:
     def _publisher(self, key: str, control: zenoh.CongestionControl) -> zenoh.Publisher:
         # A key may have two publishers, because congestion control is a property of the publisher:
         # an observer gets views that may be dropped and messages that must not be on one key.
-        drops = control == _DROP
+        drops = control is _DROP
         publisher = self._publishers.get((key, drops))
         if publisher is None:
             if len(self._publishers) >= MAX_PUBLISHERS:
