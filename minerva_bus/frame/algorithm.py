@@ -748,8 +748,8 @@ class FrameAlgorithm:
 
     def _report_unknown_receivers(self) -> None:
         # Repeated frames have reported theirs.
-        if self.now.in_flight.logged is None:
-            events = self.now.in_flight.events.ordered
+        events = self.now.in_flight.events.ordered
+        if events and self.now.in_flight.logged is None:
             for problem in self.inbox.unknown.problems(events, self.composition):
                 self.out.log(EVENTS, problem)
 

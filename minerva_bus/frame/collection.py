@@ -256,7 +256,7 @@ class FrameInbox:
     def take_sanctions(self) -> list[AnyEvent]:
         """Remove and return the sanctions, sorted by receivers; those of one keep their order."""
         taken, self.sanctions = self.sanctions, []
-        return sorted(taken, key=_receivers)
+        return sorted(taken, key=_receivers) if taken else taken
 
     def replace(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
         """Replace all waiting events by these."""
@@ -480,6 +480,9 @@ ORDERS: Final = "orders"
 _TYPE: Final = attrgetter("type")
 
 
+_NOBODY: Final = frozenset[str]()
+
+
 class CollectionStep:
     """Collects the events of frames from generators, agents, people and norms."""
 
@@ -510,12 +513,12 @@ class CollectionStep:
         index = self._members.index
         in_flight = self._now.in_flight
         # Orders precede the tick, because a generator derives events of this frame from them.
-        if in_flight.logged is None:
-            self._hand_over(self._inbox.take_orders(self._has_taker))
-        else:
+        if in_flight.logged is not None:
             self._load(in_flight.logged)
+        elif self._inbox.events:
+            self._hand_over(self._inbox.take_orders(self._has_taker))
         # `tickers` includes members that are away and awaited: the frame waits for their return.
-        resting = self._resting()
+        resting = self._resting() if index.on_orders or index.at_intervals else _NOBODY
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
             self._out.send(s.TICKED, m.TickRequest(self._now.frame))
@@ -530,10 +533,7 @@ class CollectionStep:
         if resting and self._now.in_flight.events.permitted:
             entries = map(members.get, resting)
             resting = frozenset(entry.name for entry in entries if not self._orders_for(entry))
-        at_intervals = members.index.at_intervals
-        if not at_intervals:
-            return resting
-        frame = self._now.frame
+        frame, at_intervals = self._now.frame, members.index.at_intervals
         return resting.union(m.name for m, every in at_intervals if m.active and frame % every)
 
     def ask(self, member: MemberEntry) -> None:
@@ -658,7 +658,7 @@ class CollectionStep:
         due = due_views(self._members.index, self._now.frame, in_flight.clock_views)
         later: Mapping[str, Sequence[AnyEvent]]
         if in_flight.logged is None:
-            later = self._inbox.hold_back()
+            later = self._inbox.hold_back() if self._inbox.events else {}
         else:  # Logged events were few enough for one frame.
             later = in_flight.logged.waiting
             # The devices that requested these views may be absent now.
@@ -734,7 +734,8 @@ class CollectionStep:
             people = self._now.in_flight.events.people
             sources = dict(self._norms.events(self._now.frame, sources, people))
             self._inbox.sanctions += self._norms.publish(self._out, self._members.saved)
-        self._report_orders(sources)
+        if sources or self._world.norms:
+            self._report_orders(sources)
         return {**sources, SOURCE: sanctions} if sanctions else sources
 
     def _permitted_orders(self, orders: OrdersBySource) -> tuple[AnyEvent, ...]:

@@ -335,6 +335,8 @@ class Composition:
     @property
     def layout(self) -> Layout:
         """The parts of each population: names and rows."""
+        if not self.populations:
+            return ()
         return tuple(
             [
                 tuple([(name, self.parts[name].count) for name in population])

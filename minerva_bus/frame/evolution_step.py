@@ -209,6 +209,8 @@ class EvolutionStep:
         self._arrange_if_needed()
         requests.layout = self._composition.layout
         hosts, events = self._hosts_to_ask(), in_flight.events
+        if not hosts:
+            return
         for host in hosts:
             requests.outstanding[host, 0] = self._placement.fragments_of(host)
             # Fragments are sent before the request that needs them;
@@ -453,6 +455,8 @@ class EvolutionStep:
     def _enforce(self) -> None:
         """Replace the results by the permitted ones; rejected agents are halted."""
         in_flight = self._now.in_flight
+        if in_flight.trial is None and not in_flight.events.visual:
+            return
         result = in_flight.result
         # The view shows an action of these agents that λ has not counted, because they did not
         # evolve. A device that executes it would move a body that does not move in the string.
@@ -484,8 +488,9 @@ class EvolutionStep:
         result, inbox = in_flight.result, self._inbox
         # Before the replacement, because an agent that died in this frame has no place after it.
         sent = self.sent_in_order()
-        self._placement.outdated |= self._composition.replace(result.changed)
-        self._note_holders()
+        if result.changed or result.rejected:
+            self._placement.outdated |= self._composition.replace(result.changed)
+            self._note_holders()
         inputs = in_flight.inputs(self._now.frame, inbox.events)
         record = frame_record(self._now, self._composition)
         self._out.add(s.FrameDone(self._now.frame, record, in_flight.events.ordered, inputs))

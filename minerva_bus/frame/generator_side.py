@@ -202,18 +202,17 @@ class GeneratorSide:
     def answer(self, frame: Frame, vocabulary: Vocabulary) -> tuple[Outgoing, ...]:
         """C^d(t): the events of a frame, and the readings that are published."""
         self.asked = None
-        self._answer = tuple(self._made(frame, vocabulary))
+        self._answer = self._made(frame, vocabulary)
         self._answered = frame.number
         return self._answer
 
-    def _made(self, frame: Frame, vocabulary: Vocabulary) -> Iterator[Outgoing]:
+    def _made(self, frame: Frame, vocabulary: Vocabulary) -> tuple[Outgoing, ...]:
         service = self._service
         # A coupled device without events answers as well: the frame
         # waits until it has acted on its view.
         if not (isinstance(service, Generator) and self._is_awaited):
-            if isinstance(service, Device) and service.coupled:
-                yield m.TickReply(self._name, frame.number)
-            return
+            answers = isinstance(service, Device) and service.coupled
+            return (m.TickReply(self._name, frame.number),) if answers else ()
         readings, orders = self.buffer.taken(frame.number), self._ordered(frame.number)
         tick = Tick(frame, self._name, readings=readings, orders=orders)
         with blamed(service.generate):
@@ -225,8 +224,7 @@ class GeneratorSide:
             published = self._publish(service, tick) if service.publishes or tick.published else ()
         # Readings are sent before the reply. If the process dies between the two, it has not
         # answered, so its successor receives the request and publishes them again.
-        yield from published
-        yield m.TickReply(self._name, frame.number, events, saved_by(service))
+        return (*published, m.TickReply(self._name, frame.number, events, saved_by(service)))
 
     # --- orders ---
 

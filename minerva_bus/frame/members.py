@@ -67,6 +67,9 @@ TRANSITIONS: Final[Mapping[tuple[MemberState, MemberChange], MemberState]] = {
 }
 
 
+_ACTIVE: Final = (MemberState.PRESENT, MemberState.LATE)
+
+
 @dataclass(slots=True)
 class MemberEntry:
     """One member: a row of the table `Members`.
@@ -111,7 +114,7 @@ class MemberEntry:
     @property
     def active(self) -> bool:
         """Whether it takes part in frames."""
-        return self.state in (MemberState.PRESENT, MemberState.LATE)
+        return self.state in _ACTIVE
 
     @property
     def needed(self) -> bool:

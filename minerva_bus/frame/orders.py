@@ -247,7 +247,7 @@ class OrderFates:
             order = self._orders.get(number)
             if order is not None and order.event.type not in self._ended:
                 self._change(number, "accepted", frame, "", is_open=False)
-        changed = self._replace(frame)
+        changed = self._replace(frame) if self._accepted else []
         if self._open:
             changed += self._report(frame, events)
         return changed

@@ -117,6 +117,8 @@ class Views:
         last: bool = False,
     ) -> None:
         """Step 7 of Table 2: send v = π(w, e^v) to the devices, which interpret it."""
+        if not in_flight.events.visual:
+            return
         result = in_flight.result
         for event_type in sorted(set(map(_TYPE, in_flight.events.visual))):
             stream = self._streams.setdefault(event_type, ViewStream(event_type))
