@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 
 from minerva_agents.robot.maps import load_map
 from minerva_bus import files, record, resume
-from minerva_bus.collect.data_tables import CsvWriter, TableFiles
-from minerva_bus.collect.plans import TablePlan
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.files import (
     check_file,
@@ -118,23 +116,10 @@ def test_a_text_file_is_the_programs_until_it_is_edited(tmp_path, suffix):
         check_output(path)
 
 
-def test_an_error_of_writing_names_the_file_and_leaves_none(tmp_path, monkeypatch):
-    def fail(writer, columns=None):
+def test_an_error_of_writing_names_the_file_and_leaves_none(tmp_path):
+    with pytest.raises(OSError, match="No space") as caught, replacing(tmp_path / "a.svg"):
         raise OSError(28, "No space left on device")
-
-    def written():
-        with replacing(tmp_path / "a.svg"):
-            fail(None)
-
-    def exported():
-        with TableFiles(tmp_path / "a.csv", several=False, sparse=False) as files:
-            files.open(TablePlan("t", 1, {"n": "int64"})).close()
-
-    monkeypatch.setattr(CsvWriter, "finish", fail)
-    for write, name in ((written, "a.svg"), (exported, "a.csv")):
-        with pytest.raises(OSError, match="No space") as caught:
-            write()
-        assert caught.value.filename == str(tmp_path / name)
+    assert caught.value.filename == str(tmp_path / "a.svg")
     assert not list(tmp_path.iterdir())
 
 
@@ -199,16 +184,7 @@ def test_a_link_stays_and_names_the_new_file(tmp_path):
         write_output(link, content)
         assert link.is_symlink()
         assert target.read_bytes().startswith(content)
-    table = tmp_path / "a.csv"
-    table.symlink_to(tmp_path / "elsewhere" / "b.csv")
-    with TableFiles(table, several=False, sparse=False) as files:
-        files.open(TablePlan("t", 1, {"n": "int64"})).close()
-    assert table.is_symlink()
-    assert table.read_text() == "n\n"
-    assert sorted(path.name for path in (tmp_path / "elsewhere").iterdir()) == [
-        "b.csv",
-        "house.svg",
-    ]
+    assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["house.svg"]
 
 
 @pytest.mark.parametrize("forced", [False, True])

@@ -1,6 +1,7 @@
 """Records as tables, and in the formats of other tools: bags of ROS 2, Rerun, LeRobot.
 
 record_tables             `export`: tables of what was not collected while the world ran
+table_files               its files, which appear when they are complete
 datasets                  `export_dataset`, and the interface of the formats
 sources                   what several formats read and check
 rosbag, ros_readings      a bag of ROS 2

@@ -15,7 +15,7 @@ from minerva_bus.cli.output import (
     print_result,
     progress_bar,
 )
-from minerva_bus.collect.data_tables import CsvWriter, TableFiles
+from minerva_bus.collect.data_tables import CsvWriter
 from minerva_bus.collect.plans import TablePlan, parse_entries
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import note_read
@@ -23,6 +23,7 @@ from minerva_bus.log.record import Record
 from minerva_bus.wording import counted
 from minerva_exporters.datasets import export_dataset
 from minerva_exporters.record_tables import Export, export_plans, read_plans
+from minerva_exporters.table_files import TableFiles
 
 if TYPE_CHECKING:
     from minerva_exporters.command import ExportTargets

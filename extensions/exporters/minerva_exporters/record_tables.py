@@ -11,12 +11,13 @@ from typing import Any, Final
 from minerva_bus.api.run_result import pick_table
 from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.collector import Collector
-from minerva_bus.collect.data_tables import Data, DataTable, Gathered, TableFiles, Writer
+from minerva_bus.collect.data_tables import Data, DataTable, Gathered, Writer
 from minerva_bus.collect.plans import TablePlan, plans_of, read_entries, whole_plans
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.wording import frames_up_to
+from minerva_exporters.table_files import TableFiles
 
 Progress = Callable[[int, int], None]
 _END: Final = 1 << 62
