@@ -27,7 +27,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.codec import encode
 
 ROOT = Path(__file__).resolve().parents[1]

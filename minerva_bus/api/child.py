@@ -21,7 +21,7 @@ from minerva_bus.launch.replays import Replay
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import Collecting, WorldFile, read_world_file
 from minerva_bus.runtime.coordinator import Coordinator, Watchers
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.world.expressions import read_expression
 
 KILL_SECONDS: Final = 5.0

@@ -13,7 +13,7 @@ from minerva_bus.collect.data_tables import check_ending
 from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.world_files import Collecting, WorldFile, several_hosts
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 if TYPE_CHECKING:
     from minerva_bus.launch.past import WorldSource

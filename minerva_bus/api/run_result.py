@@ -13,7 +13,7 @@ from minerva_bus.arguments import text
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
 from minerva_bus.wording import counted
 
 if TYPE_CHECKING:

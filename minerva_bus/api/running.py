@@ -28,7 +28,7 @@ from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.runner import Notice
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.world.expressions import Expression
 
 

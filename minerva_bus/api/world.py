@@ -18,7 +18,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.toml_tables import option_text, read_toml
 from minerva_bus.launch.world_files import WorldFile, read_tables, read_world_file
-from minerva_bus.settings.overrides import AS_WRITTEN, OPTIONS, Overrides
+from minerva_bus.settings.world_settings import AS_WRITTEN, OPTIONS, Overrides
 from minerva_bus.world.agent import Agent
 
 if TYPE_CHECKING:

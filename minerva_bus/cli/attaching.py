@@ -25,7 +25,7 @@ from minerva_bus.runtime.endpoints import check_endpoint, check_reachable
 from minerva_bus.runtime.joining import ARRIVAL
 from minerva_bus.runtime.participants import BACK_WITHIN, MemberProcess
 from minerva_bus.runtime.session import CONNECT_SECONDS, end_at_once
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.user_code import report
 from minerva_bus.world.services import Device
 

@@ -13,7 +13,7 @@ import typer
 from minerva_bus.cli import completing
 from minerva_bus.cli.argument_order import WORLD
 from minerva_bus.cli.options import Collect, Settings, Views
-from minerva_bus.settings.overrides import OPTIONS, Overrides
+from minerva_bus.settings.world_settings import OPTIONS, Overrides
 
 Parameter = inspect.Parameter
 

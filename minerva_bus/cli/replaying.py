@@ -18,7 +18,7 @@ from minerva_bus.cli.output import (
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.replays import read_replay
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 
 def replay_record(

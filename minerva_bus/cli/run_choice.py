@@ -17,7 +17,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.process_table import NOTHING, Profiling
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile, read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 
 def read_world(world: str, overrides: Overrides) -> WorldFile:

@@ -25,7 +25,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.toml_tables import Table, TomlError, of_nodes, option_text, read_toml
 from minerva_bus.launch.world_files import WorldFile, read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.wording import named_some
 from minerva_bus.world.agent import Agent, Kinds, kinds_of

@@ -45,7 +45,7 @@ from minerva_bus.log.record import Cursor, Record
 from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.questions import COMMANDS, Operated, status_of
 from minerva_bus.runtime.runner import InProcessRunner, Notice
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
 from minerva_bus.wire.status_codec import plain_status

@@ -33,7 +33,7 @@ from minerva_bus.grammar.assignment import names_nodes
 from minerva_bus.launch.installed import SERVICES, is_file
 from minerva_bus.launch.specs import load
 from minerva_bus.settings.kinds import TABLE, Kind, Setting, fits, phrase_of, settings_of
-from minerva_bus.settings.overrides import AS_WRITTEN, Overrides, plain_value
+from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides, plain_value
 from minerva_bus.user_code import place_of, report
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.world.services import Service

@@ -66,11 +66,12 @@ from minerva_bus.launch.toml_tables import (
 from minerva_bus.runtime.endpoints import check_endpoint, check_listening
 from minerva_bus.runtime.waiting import Deadlines, Patience
 from minerva_bus.settings.kinds import ALL, TEXT, TEXTS, TOPICS, number, whole
-from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.settings.world_settings import (
+    AS_WRITTEN,
     BusSettings,
     CollectSettings,
     NormSettings,
+    Overrides,
     PlacementSettings,
     RecordSettings,
     WatchSettings,

@@ -16,7 +16,7 @@ from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 TESTS = Path(__file__).parents[1]
 FRAMES = 12

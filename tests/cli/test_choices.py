@@ -8,7 +8,7 @@ from minerva_agents.robot.control import PLANNERS
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from tests.runtime.running import here, write_world
 
 CHOICES = """

@@ -12,8 +12,7 @@ import pytest
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch import run_outputs
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
-from minerva_bus.settings.world_settings import WatchSettings
+from minerva_bus.settings.world_settings import Overrides, WatchSettings
 from tests.runtime.running import Run, World, eventually, here, write_world
 
 pytest.importorskip("prometheus_client")

@@ -9,7 +9,7 @@ from minerva_bus import Event, Scene
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.events import single
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from tests.one_process import run_file
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "worlds" / "minerva_worlds"

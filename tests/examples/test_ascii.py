@@ -26,7 +26,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.specs import find_service
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from tests.one_process import run_file
 
 ROOT = Path(__file__).resolve().parents[2]

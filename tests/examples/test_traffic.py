@@ -10,7 +10,7 @@ import pytest
 from minerva_bus import Frame, evolve
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from tests.one_process import run_file
 from tests.runtime.running import here, minerva, summary
 

@@ -13,7 +13,7 @@ from minerva_bus.log.entries import Kept, RecordHeader
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 ROOT = Path(__file__).parents[2]
 WORLDS = {

@@ -23,7 +23,7 @@ from minerva_bus.log.record import Record
 from minerva_bus.log.record_summary import info_of
 from minerva_bus.log.record_writer import RecordWriter, recover, recovered_name
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from tests.log.recorded_runs import (
     CHECKPOINTS,
     ROOT,

@@ -17,7 +17,7 @@ from minerva_bus.launch.replays import recomputed
 from minerva_bus.log.comparison import compare
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_summary import info_of
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from tests.log.recorded_runs import ROOT
 from tests.runtime.running import environment
 
@@ -31,7 +31,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.launch.run_outputs import recording
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.launch.world_files import read_world_file
 
 _, world, path, flush, durable = sys.argv

@@ -7,7 +7,7 @@ import pytest
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from tests.runtime.running import Run, World, eventually, here, minerva, summary, write_world
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")

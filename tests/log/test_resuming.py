@@ -19,7 +19,7 @@ from minerva_bus.log.entries import Kept, Keyframe, decode_checkpoint, encode_ch
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.plain import ON_DISK
 from minerva_bus.wire.strings_codec import Reader
 from tests.log.recorded_runs import (

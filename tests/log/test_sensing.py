@@ -22,7 +22,7 @@ from minerva_bus.log.entries import Dropped, decode_sensed, encode_readings
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.log.recorder import Recorder
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.field_codecs import plain_reading
 from minerva_bus.world.readings import (

@@ -13,7 +13,7 @@ from minerva_bus import Agent, Scene
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.world.delivery import Priority
 from tests.one_process import run_file, run_world
 

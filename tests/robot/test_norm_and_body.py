@@ -12,7 +12,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 STEP = 0.08
 """Metres that a robot drives per frame: between frames, w is one frame ahead of the body."""

@@ -16,7 +16,7 @@ from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap
 from minerva_agents.robot.world import RobotOptions, notes, scene
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 ROBOT = Path(minerva_agents.robot.__file__).with_name("robot.toml")
 

@@ -6,7 +6,7 @@ from street import eFine
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.entries import plain_norm, read_norms
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.plain import DEFAULT
 from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.world.norms import Norm, Then

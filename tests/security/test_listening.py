@@ -11,7 +11,7 @@ from minerva_bus.errors import BusError, KeysError, WorldFileError
 from minerva_bus.launch.coordinator_process import local_endpoint, security
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint, for_others, own_endpoint
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.plain import DEFAULT
 from minerva_certificates import AuthorityFolder
 from minerva_services.views.page_access import page_url

@@ -8,7 +8,7 @@ from PIL import Image as Pillow
 
 from minerva_bus import Agent, Degrees, EventType, Generator, Metres, World, on
 from minerva_bus.api.running import run_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.world.readings import (
     Battery,
     Image,

@@ -31,8 +31,14 @@ from minerva_bus.settings.kinds import (
     single,
     whole,
 )
-from minerva_bus.settings.overrides import OPTIONS, Overrides
-from minerva_bus.settings.world_settings import TABLES, RecordSettings, WatchSettings, WorldSettings
+from minerva_bus.settings.world_settings import (
+    OPTIONS,
+    TABLES,
+    Overrides,
+    RecordSettings,
+    WatchSettings,
+    WorldSettings,
+)
 from minerva_bus.world.services import Generator
 from tools.settings_tables import PAGES, filled, table_of
 

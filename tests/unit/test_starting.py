@@ -30,7 +30,7 @@ from minerva_bus.launch.world_files import (
     hosts_for,
     read_world_text,
 )
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 
 def test_without_limits_everything_fits():

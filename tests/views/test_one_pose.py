@@ -18,7 +18,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_services.geometry.picture import Lists
 from minerva_services.views.svg import Svg
 from minerva_services.views.window.painter import Sight

@@ -6,7 +6,7 @@ from pathlib import Path
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_services.views.sound import Sound
 from tests.one_process import run_file
 

@@ -14,7 +14,7 @@ from minerva_bus.api.running import run_file
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_services.geometry.picture import Picture
 from minerva_services.views.window.composer import ScanBuffer, beams_of

@@ -40,8 +40,7 @@ from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference
 from minerva_bus.log.record import Record, RecordedReadings
 from minerva_bus.runtime.runner import InProcessRunner, Notice
-from minerva_bus.settings.overrides import Overrides
-from minerva_bus.settings.world_settings import RecordSettings
+from minerva_bus.settings.world_settings import Overrides, RecordSettings
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Generator, Service
 

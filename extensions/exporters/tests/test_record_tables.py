@@ -15,7 +15,7 @@ from minerva_bus.collect.plans import read_entries
 from minerva_bus.errors import MinervaError, MisuseError, RecordError, VocabularyError
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.log.record import Record
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_exporters import export
 from tests.api.frogs import Frog, eCroak, eCross, pond, race
 

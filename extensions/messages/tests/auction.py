@@ -9,7 +9,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_messages import CONTRACT_NET, MESSAGES, Talker
 
 eStep = EventType("eStep")

@@ -23,7 +23,7 @@ from minerva_bus.launch.past import (
 from minerva_bus.launch.toml_tables import of_nodes
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.entries import Keyframe
-from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
 
 if TYPE_CHECKING:
     from minerva_bus.log.entries import RecordHeader

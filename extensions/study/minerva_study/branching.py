@@ -19,7 +19,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.past import wait_for_frame
 from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import Collecting
-from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
 from minerva_bus.world.operator import WorldStatus
 from minerva_study.branch_point import BranchPoint, read_branch_point, recorded_digest
 from minerva_study.executor_pool import ExecutorSource, Workers

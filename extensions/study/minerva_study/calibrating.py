@@ -18,7 +18,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.toml_tables import option_text
 from minerva_bus.launch.world_files import Collecting
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_study.branching import Branches
 from minerva_study.executor_pool import ExecutorSource, Workers
 from minerva_study.grid import Combination, Grid, ListedGrid

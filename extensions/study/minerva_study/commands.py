@@ -130,7 +130,7 @@ def evolve(
     """
     from minerva_bus.cli.run_choice import read_world
     from minerva_bus.launch.console import Console
-    from minerva_bus.settings.overrides import Overrides
+    from minerva_bus.settings.world_settings import Overrides
     from minerva_study.evolution import Plan
     from minerva_study.evolve_command import EvolveOptions, evolve_world, read_fitness
     from minerva_study.executor_pool import Workers
@@ -192,7 +192,7 @@ def sweep(
     from minerva_bus.launch.installed import find_world
     from minerva_bus.launch.toml_tables import read_toml
     from minerva_bus.launch.world_files import read_world_file
-    from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+    from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
     from minerva_study.code_digests import identity, named_objects
     from minerva_study.grid import parse_grid
     from minerva_study.sent_world import SentWorld
@@ -272,7 +272,7 @@ def branch(
     table are kept. Like replay, this runs the Python code of the world file that the record names.
     """
     from minerva_bus.launch.console import Console
-    from minerva_bus.settings.overrides import Overrides
+    from minerva_bus.settings.world_settings import Overrides
     from minerva_study.branch_command import BranchFiles, branch_record, grid_of_branches
     from minerva_study.branching import Branches
 

@@ -12,7 +12,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.in_process import never
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
 from minerva_bus.user_code import place_of
 from minerva_study.domains import extent
 from minerva_study.outcome import Outcome

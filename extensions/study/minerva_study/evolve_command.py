@@ -13,7 +13,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import folder_of, load
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_study.evaluation import EvaluationCache, Fitness
 from minerva_study.evolution import Evolution, Plan
 from minerva_study.evolution_plots import draw_fitness, draw_tree

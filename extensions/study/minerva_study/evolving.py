@@ -15,7 +15,7 @@ from minerva_bus.grammar.assignment import places
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_study.domains import Extent
 from minerva_study.evaluation import EvaluationCache, Evaluator, Fitness
 from minerva_study.evolution import Evolution, Generation, Plan

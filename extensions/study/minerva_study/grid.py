@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 from minerva_bus.collect.data_tables import SEED
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.toml_tables import option_text, toml_value
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 MAX_COMBINATIONS: Final = 1_000_000
 _RANGE = re.compile(r"(-?[0-9.]+(?:e-?[0-9]+)?):(-?[0-9.]+(?:e-?[0-9]+)?)(?::([0-9.e-]+))?")

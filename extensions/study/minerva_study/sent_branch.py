@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_study.branch_point import BranchPoint
 from minerva_study.sent_world import SentWorld
 

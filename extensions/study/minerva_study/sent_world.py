@@ -20,7 +20,7 @@ import minerva_bus
 from minerva_bus.errors import MinervaError
 from minerva_bus.launch.toml_tables import read_toml
 from minerva_bus.launch.world_files import WorldFile, read_world_text
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_study.code_digests import changed, code_digests, named_objects
 
 MAX_NAMES: Final = 3

@@ -19,7 +19,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.toml_tables import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
-from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
 from minerva_study.code_digests import identity, named_objects
 from minerva_study.executor_pool import ExecutorSource, Workers, open_pool
 from minerva_study.grid import Grid

@@ -18,7 +18,7 @@ from zlib import crc32
 from minerva_bus.files import replacing
 from minerva_bus.launch.in_process import never
 from minerva_bus.launch.world_files import Collecting, WorldFile, read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_study.grid import Combination, Grid
 from minerva_study.journal import StudyJournal, invalid_line
 from minerva_study.results import OWN, ResultTable, Row

@@ -34,7 +34,7 @@ from minerva_bus.launch.in_process import never
 from minerva_bus.launch.machine_resources import cores
 from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 MAX_LINES: Final = 9
 """Lines of an error; a further one names the run."""

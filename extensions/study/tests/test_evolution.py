@@ -8,7 +8,7 @@ from pathlib import Path
 
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.world.context import stream
 from minerva_study.mutation.mutable import parse_targets
 from minerva_study.mutation.mutator import Mutator

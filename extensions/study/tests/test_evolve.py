@@ -17,7 +17,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_study.evaluation import EvaluationCache, Score, run_fitness
 from minerva_study.trial import prepared, run_trial
 

@@ -18,7 +18,7 @@ from extensions.study.tests.bombs import ALWAYS, MARK, NEVER, ONCE, bombs, fuse
 from extensions.study.tests.ponds import pond as pond_file
 from minerva_bus import Agent, World, count, each, on
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.settings.overrides import AS_WRITTEN
+from minerva_bus.settings.world_settings import AS_WRITTEN
 from minerva_study import evolve_strings, executor_pool, sweep
 from minerva_study.sent_world import SentWorld
 from tests.api.frogs import Frog, eTick, marsh, pond

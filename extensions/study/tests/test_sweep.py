@@ -13,7 +13,7 @@ import pytest
 from extensions.study.tests.ponds import pond
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 from minerva_study.comparison import draw_comparison, shown
 from minerva_study.grid import parse_grid
 from minerva_study.journal import StudyJournal

@@ -20,7 +20,7 @@ from minerva_bus.cli.options import (
     examples,
 )
 from minerva_bus.cli.startup import uncollected
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 TOPIC: Final = "Records"
 

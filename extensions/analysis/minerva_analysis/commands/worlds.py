@@ -9,7 +9,7 @@ import typer
 
 from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import Force, Json, WorldArgument, examples, options_of
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.world_settings import Overrides
 
 TOPIC: Final = "Run"
 
