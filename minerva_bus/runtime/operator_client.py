@@ -54,7 +54,8 @@ def ask(
     Raises BusError if the world rejects the question.
     """
     try:
-        replies = session.get(key, payload=pack({"ask": question, **details}), timeout=seconds)
+        payload, sender = pack({"ask": question, **details}), str(session.zid())
+        replies = session.get(key, payload=payload, attachment=sender, timeout=seconds)
     except zenoh.ZError as error:
         raise BusError(f"the question cannot be sent: {error}") from None
     # A key for any world may have several answers; the first one counts.

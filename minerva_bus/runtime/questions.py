@@ -24,10 +24,11 @@ An invalid question is answered with {"error": text}.
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import zenoh
@@ -537,12 +538,61 @@ class LocalQuestion:
     answer: Future[Mapping[str, Any]] = field(default_factory=Future[Mapping[str, Any]])
 
 
+Sender: TypeAlias = str | bytes
+"""The name of a certificate, or without one, what a question says of its session."""
+
+
+class Turns:
+    """Questions that wait: those of a sender in order of arrival, those of several in turns.
+
+    A sender may have as many as all others leave room for: `most` if it is alone, and some while
+    others ask as fast as they can.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._room = 2 * most
+        self._lock = Lock()  # Several threads of Zenoh admit questions.
+        self._admitted = Counter[Sender]()
+        self._queues: dict[Sender, deque[Question]] = {}
+
+    def admits(self, sender: Sender) -> bool:
+        """Whether one more question of a sender may wait, which counts until `answered`."""
+        with self._lock:
+            if self._admitted[sender] >= self._room - self._admitted.total():
+                return False
+            self._admitted[sender] += 1
+            return True
+
+    def add(self, sender: Sender, asked: Question) -> None:
+        """Queue an admitted question."""
+        self._queues.setdefault(sender, deque()).append(asked)
+
+    def __bool__(self) -> bool:
+        return bool(self._queues)
+
+    def take(self) -> tuple[Sender, Question]:
+        """Remove and return the next question, with its sender."""
+        sender = next(iter(self._queues))
+        # Inserted again: the order of the dict is the order of the turns.
+        queue = self._queues.pop(sender)
+        asked = queue.popleft()
+        if queue:
+            self._queues[sender] = queue
+        return sender, asked
+
+    def answered(self, sender: Sender) -> None:
+        """Note that a question waits no more."""
+        with self._lock:
+            self._admitted[sender] -= 1
+            self._admitted += Counter()  # Forgets senders without questions.
+
+
 class Answers:
     """Checks and queues the questions to one world and answers them with `commands`.
 
-    At most `limits.questions` wait at the same time, and as many of those who may not operate the
-    world, which come last. Answering takes at most a third of the coordinator's time, so that
-    questions cannot stop the frames. `operated` is called before an answer is sent.
+    At most `limits.questions` of one sender wait at the same time, and as many of those who may not
+    operate the world, which come last. Answering takes at most a third of the coordinator's time,
+    so that questions cannot stop the frames. `operated` is called before an answer is sent.
     """
 
     def __init__(
@@ -554,17 +604,13 @@ class Answers:
         system: System,
         commands: Mapping[str, Command],
     ) -> None:
-        self._operators = deque[Question]()
-        self._readers = deque[Question]()
+        self._readers, self._operators = Turns(limits.questions), Turns(limits.questions)
         self._world = world
         self._admission = admission
         self._limits = limits
         self._operated = operated
         self._clock = system.monotonic
         self._commands = commands
-        # Count the questions of readers and of operators between `admit` and their answers. Deques,
-        # because several threads of Zenoh may append at the same time.
-        self._admitted = deque[None](), deque[None]()
         self._next_at = 0.0
 
     def admit(self, query: zenoh.Query) -> Question | None:
@@ -573,22 +619,20 @@ class Answers:
         # not fill the coordinator's inbox, nor its memory.
         most, most_bytes = self._limits.questions, self._limits.small_bytes
         asked, size = question(query, most_bytes), len(query.payload) if query.payload else 0
-        _, orders, key = self._asker(asked)
-        admitted = self._admitted[orders]
+        waiting, sender, key = self._turns(asked)
         if size > most_bytes:
             problem = f"a question has {size} bytes, over {most_bytes}"
-        elif len(admitted) >= most:
+        elif not waiting.admits(sender):
             problem = f"{most} questions wait for an answer already; ask again in a moment"
         else:
-            admitted.append(None)
             return asked
         asked.reply(key, pack({"error": problem}))
         return None
 
     def add(self, asked: Question) -> None:
         """Queue an admitted question."""
-        _, orders, _ = self._asker(asked)
-        (self._operators if orders else self._readers).append(asked)
+        waiting, sender, _ = self._turns(asked)
+        waiting.add(sender, asked)
 
     def __bool__(self) -> bool:
         """Whether a question waits for its answer."""
@@ -605,11 +649,12 @@ class Answers:
         if not self or self.wait > 0:
             return
         began = self._clock()
-        orders = bool(self._operators)
+        waiting = self._operators or self._readers
+        sender, asked = waiting.take()
         try:
-            self._answer((self._operators if orders else self._readers).popleft())
+            self._answer(asked)
         finally:
-            self._admitted[orders].pop()
+            waiting.answered(sender)
             now = self._clock()
             # In proportion to the answer, so that expensive questions are answered less often.
             self._next_at = now + PAUSE_FACTOR * (now - began)
@@ -634,6 +679,11 @@ class Answers:
             reply = {"error": str(error)}
         self._operated()  # The journal must contain the change before the operator is notified.
         question.reply(key, pack(reply))
+
+    def _turns(self, question: Question) -> tuple[Turns, Sender, str]:
+        """Where a question waits, its sender, and the key of its answer."""
+        asker, orders, key = self._asker(question)
+        return self._operators if orders else self._readers, asker or question.session, key
 
     def _asker(self, question: Question) -> tuple[str, bool, str]:
         return who_asks(question.key, self._world.algorithm.world.name)

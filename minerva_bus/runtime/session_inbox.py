@@ -27,6 +27,8 @@ MAX_WAKE_UPS = CAPACITY // 2
 MEMBER_CAPACITY = 1 << 20
 """Messages that may wait for a member: if the channel of an observer that is busy drawing were full
 of views, the link would be, too, and the coordinator would wait for it."""
+MAX_SESSION_ID = 32
+"""Bytes by which a question names the session that asks."""
 WAKE_UP = b"\x00"
 WAKE_UP_SECONDS = 1.0
 
@@ -53,9 +55,14 @@ def keyed_sample(sample: zenoh.Sample) -> KeyedSample:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A question on a key; `reply` answers it once, on a key."""
+    """A question on a key; `reply` answers it once, on a key.
+
+    `session` is what it says of the session that asks, so that questions of several can be told
+    apart.
+    """
 
     key: str
+    session: bytes
     data: bytes
     reply: Callable[[str, bytes], None]
 
@@ -67,9 +74,10 @@ def question(query: zenoh.Query, most: int) -> Question:
         with query:
             query.reply(key, data)
 
-    payload = query.payload
+    payload, named = query.payload, query.attachment
     data = payload.to_bytes() if payload and len(payload) <= most else b""
-    return Question(str(query.key_expr), data, reply)
+    session = named.to_bytes() if named and len(named) <= MAX_SESSION_ID else b""
+    return Question(str(query.key_expr), session, data, reply)
 
 
 class Watch:
@@ -175,11 +183,13 @@ class Inbox:
     def handler(self, read: Callable[[Any], Any] = _as_it_is) -> Callback[Any]:
         """A handler for a Zenoh declaration that puts into the side queue, in order of arrival.
 
-        `read` converts each item.
+        `read` converts each item; None is left out.
         """
 
         def put(item: Any) -> None:
-            self.put(read(item))
+            # A flood of what is not let in must not even wake the main thread.
+            if (known := read(item)) is not None:
+                self.put(known)
 
         return Callback(put, indirect=self.indirect)
 

@@ -23,11 +23,11 @@ def asked():
     admission = Admission(Keys("w"), limits, ListenConfig(), lambda *line: None)
     answers = Answers(world, admission, limits, lambda: None, REAL, {"status": lambda *_: {}})
 
-    def ask(key, data=STATUS):
+    def ask(key, data=STATUS, session=b""):
         def reply(answer):
-            replies.append((key, unpack(answer)))
+            replies.append((session.decode() or key, unpack(answer)))
 
-        query: Any = Query(f"minerva/w/{key}", data, reply)
+        query: Any = Query(f"minerva/w/{key}", data, reply, session)
         question = answers.admit(query)
         if question is not None:
             answers.add(question)
@@ -45,6 +45,18 @@ def test_those_of_readers_leave_room_for_those_of_operators(asked):
         answers.answer_due()
     assert [key for key, _ in replies] == ["control/ann", "ask/eve", "ask/eve"]
     assert ask("ask/eve")
+
+
+def test_those_of_a_session_leave_room_for_another_and_are_answered_in_turns(asked):
+    ask, replies, answers = asked
+    assert [ask("control") for _ in range(3)] == [True, True, False]
+    assert ask("control", session=b"ann")
+    replies.clear()
+    while answers:
+        answers.answer_due()
+    assert [key for key, _ in replies] == ["control", "ann", "control"]
+    # Certificates name the sender, whatever a question says of its session.
+    assert [ask("control/eve", session=b"%d" % n) for n in range(3)] == [True, True, False]
 
 
 def test_one_that_is_too_large_is_not_kept(asked):

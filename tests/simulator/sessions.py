@@ -57,9 +57,11 @@ class Sample:
 class Query:
     """A query, which is answered at most once."""
 
-    def __init__(self, key: str, data: bytes, answer: Callable[[bytes], None]) -> None:
+    def __init__(
+        self, key: str, data: bytes, answer: Callable[[bytes], None], session: bytes = b""
+    ) -> None:
         self.key_expr = key
-        self.payload = Bytes(data)
+        self.payload, self.attachment = Bytes(data), Bytes(session)
         self._answer = answer
 
     def __enter__(self) -> Query:
