@@ -455,7 +455,7 @@ class EvolutionStep:
     def _enforce(self) -> None:
         """Replace the results by the permitted ones; rejected agents are halted."""
         in_flight = self._now.in_flight
-        if in_flight.trial is None and not in_flight.events.visual:
+        if self._trial is None and not in_flight.events.visual:
             return
         result = in_flight.result
         # The view shows an action of these agents that λ has not counted, because they did not
