@@ -257,7 +257,7 @@ def _next(left: Iterator[Piece], count: int) -> list[Piece]:
 
 def _patched(piece: Piece, plain: Any, reader: Reader) -> Piece:
     try:
-        return patched(piece, reader.columns.patch(plain))
+        return patched(piece, reader.patch(plain))
     except (Unfit, IndexError) as error:
         raise ProtocolError(f"a patch does not fit: {error}") from None
 

@@ -368,5 +368,5 @@ class Decoder:
         # All agents of a host may send an event at once.
         few = limited and codec.wire is not m.EvolveReply.WIRE
         reader = self._reader if few else self._reader_of_all
-        reader.columns.begin()
+        reader.begin()
         return codec.decode(reader, key, plain)

@@ -22,15 +22,16 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import ProtocolError, VocabularyError
+from minerva_bus.errors import ProtocolError, VocabularyError, nearest
 from minerva_bus.grammar.columns import CHAIN, MANY, Column, Columns, fits
 from minerva_bus.grammar.delta import Change, Delta
 from minerva_bus.grammar.events import Events
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import LONGEST, Ids, RowDelta, same_id
+from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.plain import Limits, as_int, as_list, as_text, as_texts, extension
+from minerva_bus.wire.plain import DEFAULT, Limits, as_int, as_list, as_text, as_texts, extension
 
 PATCH: Final = "patch"
 
@@ -94,9 +95,9 @@ def is_patch(plain: Any) -> bool:
 class ColumnsReader:
     """Reads columns by a vocabulary. Raises ProtocolError and VocabularyError."""
 
-    def __init__(self, vocabulary: Vocabulary, limits: Limits) -> None:
-        self._vocabulary = vocabulary
-        self._limits = limits
+    def __init__(self, vocabulary: Vocabulary, limits: Limits = DEFAULT) -> None:
+        self.vocabulary = vocabulary
+        self.limits = limits
         self._rows: int | None = None
 
     def begin(self) -> None:
@@ -104,7 +105,7 @@ class ColumnsReader:
 
         Without a call, any number of rows may be read.
         """
-        self._rows = self._limits.rows
+        self._rows = self.limits.rows
 
     def column(self, plain: Any, count: int) -> Column:
         """A column of `count` values."""
@@ -141,8 +142,8 @@ class ColumnsReader:
         # Bounded before any column is read: any number of consecutive
         # ids is only three values.
         count = as_int(plain, "the count of columns", 1)
-        if count > self._limits.nodes:
-            raise ProtocolError(f"columns of {count} rows, over {self._limits.nodes}")
+        if count > self.limits.nodes:
+            raise ProtocolError(f"columns of {count} rows, over {self.limits.nodes}")
         self._take(count)
         return count
 
@@ -151,7 +152,7 @@ class ColumnsReader:
             return
         self._rows -= rows
         if self._rows < 0:
-            raise ProtocolError(f"columns of more than {self._limits.rows} rows in a message")
+            raise ProtocolError(f"columns of more than {self.limits.rows} rows in a message")
 
     def _level(self, plain: Any, count: int, ids: Any, scope: Columns | None) -> Columns:
         items = as_list(plain, "a level of columns")
@@ -176,7 +177,7 @@ class ColumnsReader:
 
     def _fields(self, symbol: str) -> Fields:
         try:
-            return self._vocabulary.fields(symbol)
+            return self.vocabulary.fields(symbol)
         except Unfit as unfit:
             raise VocabularyError(str(unfit)[:300], source="columns") from None
 
@@ -194,19 +195,27 @@ class ColumnsReader:
                 )
         return columns
 
-    def events(self, items: list[Any]) -> Events:
-        """A batch of events."""
-        name = as_text(items[0], "an event's type")
-        declared = self._vocabulary.events.get(name)
+    def event_type(self, plain: Any) -> EventType:
+        """A declared event type by its name."""
+        name = as_text(plain, "an event's type")
+        declared = self.vocabulary.events.get(name)
         if declared is None:
-            raise VocabularyError(f"no event type {name[:40]!r}", source="event")
+            hint = nearest(name, list(self.vocabulary.events))
+            problem = f"the world has no event type {name[:40]!r}{hint}"
+            raise VocabularyError(problem, source="event")
+        return declared
+
+    def batch(self, items: list[Any]) -> Events:
+        """A batch of events."""
+        declared = self.event_type(items[0])
+        name = declared.name
         count = as_int(items[1], "the count of events", 1)
-        if count > self._limits.events:
-            raise ProtocolError(f"{count} events at once, over {self._limits.events}")
+        if count > self.limits.events:
+            raise ProtocolError(f"{count} events at once, over {self.limits.events}")
         self._take(count)
         columns = self._typed(name, declared.fields, items[2], count)
         condition = as_text(items[3], "a condition")
-        self._vocabulary.check_condition(name, condition, "event")
+        self.vocabulary.check_condition(name, condition, "event")
         senders, receivers = (None if ids is None else read_ids(ids, count) for ids in items[4:])
         return Events(name, declared.fields.names, columns, count, condition, senders, receivers)
 
@@ -228,7 +237,7 @@ class ColumnsReader:
         gone = read_rows(gone, count)
         # The number of rows after the change follows from these rows,
         # so only the general limit applies.
-        born = read_rows(born, self._limits.nodes)
+        born = read_rows(born, self.limits.nodes)
         row_delta = RowDelta(count, gone, born)
         if len(born) and int(born[-1]) >= row_delta.after:
             raise ProtocolError(f"born row {born[-1]} is not below {row_delta.after}")

@@ -169,7 +169,7 @@ def part_patches(of: DeclaredField) -> FieldCodec:
         parts = as_map(plain, of.what)
         if not parts:
             return {}
-        return {name: reader.columns.patch(part) for name, part in parts.items() if is_patch(part)}
+        return {name: reader.patch(part) for name, part in parts.items() if is_patch(part)}
 
     return FieldCodec("{id: patch}", read)
 

@@ -28,7 +28,7 @@ from typing import Any, Final, cast
 import msgpack
 import numpy as np
 
-from minerva_bus.errors import ProtocolError, VocabularyError, nearest
+from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Fields
@@ -153,20 +153,18 @@ _ITEMS = {"P": 2, "T": 3, "A": 4}
 """Items of a node by the first letter of its symbol."""
 
 
-class Reader:
+class Reader(ColumnsReader):
     """Reads values by a vocabulary; all results are typed and within the limits.
 
     Raises ProtocolError, and VocabularyError for unknown symbols and wrong types.
     """
 
     def __init__(self, vocabulary: Vocabulary, limits: Limits = DEFAULT) -> None:
-        self.vocabulary = vocabulary
-        self.limits = limits
+        super().__init__(vocabulary, limits)
         self._depth = 0
         self._slots = False
         self._ids: set[str] = set()
         self._columns_ids: list[Ids] = []
-        self.columns = ColumnsReader(vocabulary, limits)
 
     def value(self, plain: Any) -> Any:
         """A value, before it is fitted to a type."""
@@ -271,7 +269,7 @@ class Reader:
 
     def _piece(self, piece: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
         if piece and type(piece[0]) is int:
-            columns = self.columns.columns(piece)
+            columns = self.columns(piece)
             if columns.ids is not None:
                 self._columns_ids.append(columns.ids)
             level.append(columns)
@@ -351,15 +349,11 @@ class Reader:
         """An event of the vocabulary, or a batch."""
         items = as_list(plain, "an event")
         if len(items) == 6:
-            return self.columns.events(items)
+            return self.batch(items)
         if len(items) not in (2, 5):
             raise ProtocolError(f"an event must have 2, 5 or 6 items, not {len(items)}")
-        name = as_text(items[0], "an event's type")
-        declared = self.vocabulary.events.get(name)
-        if declared is None:
-            hint = nearest(name, list(self.vocabulary.events))
-            problem = f"the world has no event type {name[:40]!r}{hint}"
-            raise VocabularyError(problem, source="event")
+        declared = self.event_type(items[0])
+        name = declared.name
         condition, sender, receivers = "", "", ()
         if len(items) == 5:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")

@@ -134,7 +134,7 @@ def test_a_patch_with_births_and_deaths_makes_the_new_of_the_old(generation, kno
         assert not known
         return
     if travelled:
-        old, patch = from_scratch(old), READER.columns.patch(through(plain_patch(patch)))
+        old, patch = from_scratch(old), READER.patch(through(plain_patch(patch)))
     made = patched(old, patch)
     assert Scene((made,)) == Scene((now,))
     assert made.nodes() == now.nodes()
@@ -148,7 +148,7 @@ def test_a_view_is_patched_as_what_it_is_of(generation, travelled):
     was = shown(old)
     if travelled:
         was = READER.view(through([1, plain_columns(was)])).pieces[0]
-        patch = READER.columns.patch(through(plain_patch(patch)))
+        patch = READER.patch(through(plain_patch(patch)))
     assert patched(was, patch).nodes() == shown(now).nodes()
 
 
@@ -269,9 +269,9 @@ def test_numbered_ids_are_found_among_spelled_ones(numbers, rising):
 
 def test_equal_ids_that_are_read_twice_are_read_once():
     plain = [None, 2, b"a1b2"]
-    first, second = (READER.columns.column(plain, 2).ids for _ in range(2))
+    first, second = (READER.column(plain, 2).ids for _ in range(2))
     assert first is second
-    assert READER.columns.column([None, 2, b"a1b3"], 2).ids is not first
+    assert READER.column([None, 2, b"a1b3"], 2).ids is not first
 
 
 @pytest.mark.parametrize("count", [1, 31, 32, 5000])
@@ -335,26 +335,26 @@ def wrong(place, value):
 )  # fmt: skip
 def test_errors_of_births_and_deaths_are_reported(place, value, said):
     with pytest.raises((ProtocolError, SceneError, Unfit), match=said):
-        patched(from_scratch(SHOAL), READER.columns.patch(wrong(place, value)))
+        patched(from_scratch(SHOAL), READER.patch(wrong(place, value)))
 
 
 def test_no_patch_removes_all_rows():
     nobody = ["patch", 3, ["AFish"], [], ext(b"b\0\1\2"), ext(b"b"), None]
     with pytest.raises(ProtocolError, match="whole number from 1"):
-        READER.columns.patch(nobody)
+        READER.patch(nobody)
     with pytest.raises(Unfit, match="removes all"):
         patched(SHOAL, Delta(3, ("AFish",), (), RowDelta(3, np.arange(3), np.arange(0))))
 
 
 def test_births_count_as_the_nodes_that_they_are():
     with pytest.raises(ProtocolError, match=r"over 2"):
-        Reader(VOCABULARY, Limits(nodes=2)).columns.patch(wrong(1, 3))
+        Reader(VOCABULARY, Limits(nodes=2)).patch(wrong(1, 3))
 
 
 def test_two_of_the_newborn_have_two_ids():
     plain = ["patch", 3, ["AFish"], [], ext(b"b"), ext(b"b\3\4"), [None, 1, b"aa"]]
     with pytest.raises(ProtocolError, match="two agents have the id #a"):
-        READER.columns.patch(plain)
+        READER.patch(plain)
 
 
 def test_lists_within_lists_are_no_ids_however_deep():
@@ -362,4 +362,4 @@ def test_lists_within_lists_are_no_ids_however_deep():
     for _ in range(500):
         plain = [None, plain]
     with pytest.raises(ProtocolError, match="ids are"):
-        READER.columns.column(plain, 2)
+        READER.column(plain, 2)

@@ -174,7 +174,7 @@ def test_many_events(said: str, data: bytes) -> None:
 )
 def test_a_patch(example: int, foxes: str) -> None:
     _, data = examples("patch")[example]
-    patch = READER.columns.patch(msgpack.unpackb(data, ext_hook=msgpack.ExtType))
+    patch = READER.patch(msgpack.unpackb(data, ext_hook=msgpack.ExtType))
     assert msgpack.packb(plain_patch(patch)) == data
     two, _ = examples("string")[1:]
     (fish,) = READER.scene(msgpack.unpackb(two[1], ext_hook=msgpack.ExtType)).pieces

@@ -206,7 +206,7 @@ def spoilt(draw, plain):
     [
         ([1, plain_columns(SHOAL)], READER.scene),
         (plain_events(HITS), READER.event),
-        (plain_patch(PATCH), READER.columns.patch),
+        (plain_patch(PATCH), READER.patch),
     ],
     ids=["columns", "events", "patch"],
 )
@@ -281,7 +281,7 @@ def test_errors_of_columns_are_reported(change, said):
 )
 def test_errors_of_a_patch_are_reported(change, said):
     with pytest.raises((ProtocolError, SceneError), match=said):
-        READER.columns.patch(["patch", 3, ["AFish"], [change]])
+        READER.patch(["patch", 3, ["AFish"], [change]])
 
 
 def test_columns_count_as_the_nodes_that_they_stand_for():

@@ -129,7 +129,7 @@ def test_digests(name: str, given: str, expected: str) -> None:
 
 @pytest.mark.parametrize(("name", "given", "expected"), cases("columns"))
 def test_columns(name: str, given: str, expected: Any) -> None:
-    group = reader(name).columns.columns(plain(given))
+    group = reader(name).columns(plain(given))
     assert Scene((group,)) == reader(name).scene(plain(expected["msgpack"]))
     assert str(Scene((group,))) == expected["text"]
 
@@ -142,8 +142,8 @@ def test_ids(name: str, given: str, expected: list[str]) -> None:
 @pytest.mark.parametrize(("name", "given", "expected"), cases("patches"))
 def test_patches(name: str, given: Any, expected: Any) -> None:
     read = reader(name)
-    old = read.columns.columns(plain(given["columns"]))
-    after: Columns = patched(old, read.columns.patch(plain(given["patch"])))
+    old = read.columns(plain(given["columns"]))
+    after: Columns = patched(old, read.patch(plain(given["patch"])))
     assert Scene((after,)) == read.scene(plain(expected["msgpack"]))
 
 
