@@ -25,6 +25,7 @@ from minerva_analysis.past_frames import (
     same_value,
     value_of,
 )
+from minerva_analysis.traced_calls import TracedCall, trace_calls
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.stimuli import (
@@ -47,7 +48,6 @@ from minerva_bus.wording import named_some, short
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
 from minerva_bus.world.delivery import addressed
-from minerva_bus.world.evolution import TracedCall, trace_calls
 from minerva_bus.world.norms import REFUSED, SOURCE, Norm
 from minerva_bus.world.population import parents_of
 
