@@ -8,7 +8,7 @@ import os
 import sys
 from contextlib import redirect_stdout, suppress
 
-import minerva_bus.cli.check_report
+import minerva_bus.api.checking
 import minerva_bus.cli.run_choice
 import minerva_bus.launch.past  # noqa: F401  (so that forks need not import it all)
 from minerva_bus.cli.main import app, main

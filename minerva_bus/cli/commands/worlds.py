@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -19,7 +19,7 @@ from minerva_bus.cli.options import (
     options_of,
 )
 from minerva_bus.cli.startup import uncollected
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MinervaError, MisuseError, SceneError
 from minerva_bus.settings.world_settings import Overrides
 
 TOPIC: Final = "Run"
@@ -119,9 +119,30 @@ def check(
     """
     if no_code and vocabulary:
         raise MisuseError("--vocabulary runs code")
-    from minerva_bus.cli.check_report import check_file
+    from minerva_bus.api.checking import check as checked
+    from minerva_bus.cli.output import print_json, print_message, print_result
 
-    raise typer.Exit(check_file(file, vocabulary, json, code=not no_code))
+    answer: dict[str, Any] = {"file": str(file), "ok": True}
+    try:
+        result = checked(file, vocabulary=vocabulary, code=not no_code)
+        answer["what"] = result.what
+        answer |= {"code": result.code} if no_code and file.suffix == ".toml" else {}
+        answer |= {"warnings": result.warnings} if result.warnings else {}
+    except MinervaError as error:
+        answer |= {"ok": False, "error": str(error)}
+        if isinstance(error, SceneError):
+            answer |= {"line": error.line, "column": error.column, "expected": error.expected}
+    if json:
+        print_json(answer)
+    elif answer["ok"]:
+        print_result(f"{file}: {answer['what']}")
+        for name in answer.get("code", []):
+            print_result(f"  not run: {name}")
+        for warning in answer.get("warnings", []):
+            print_message(f"warning: {warning}")
+    else:
+        print_message(answer["error"])
+    raise typer.Exit(0 if answer["ok"] else 1)
 
 
 @examples(
