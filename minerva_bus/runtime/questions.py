@@ -546,14 +546,14 @@ class Turns:
     """Questions that wait: those of a sender in order of arrival, those of several in turns.
 
     A sender may have as many as all others leave room for: `most` if it is alone, and some while
-    others ask as fast as they can.
+    others ask as fast as they can. `queues` is empty if none waits.
     """
 
     def __init__(self, most: int) -> None:
         self._room = 2 * most
         self._lock = Lock()  # Several threads of Zenoh admit questions.
         self._admitted = Counter[Sender]()
-        self._queues: dict[Sender, deque[Question]] = {}
+        self.queues: dict[Sender, deque[Question]] = {}
 
     def admits(self, sender: Sender) -> bool:
         """Whether one more question of a sender may wait, which counts until `answered`."""
@@ -565,19 +565,16 @@ class Turns:
 
     def add(self, sender: Sender, asked: Question) -> None:
         """Queue an admitted question."""
-        self._queues.setdefault(sender, deque()).append(asked)
-
-    def __bool__(self) -> bool:
-        return bool(self._queues)
+        self.queues.setdefault(sender, deque()).append(asked)
 
     def take(self) -> tuple[Sender, Question]:
         """Remove and return the next question, with its sender."""
-        sender = next(iter(self._queues))
+        sender = next(iter(self.queues))
         # Inserted again: the order of the dict is the order of the turns.
-        queue = self._queues.pop(sender)
+        queue = self.queues.pop(sender)
         asked = queue.popleft()
         if queue:
-            self._queues[sender] = queue
+            self.queues[sender] = queue
         return sender, asked
 
     def answered(self, sender: Sender) -> None:
@@ -636,7 +633,8 @@ class Answers:
 
     def __bool__(self) -> bool:
         """Whether a question waits for its answer."""
-        return bool(self._operators or self._readers)
+        # Without calls: asked twice for each message of a member.
+        return bool(self._operators.queues or self._readers.queues)
 
     @property
     def wait(self) -> float:
@@ -649,7 +647,7 @@ class Answers:
         if not self or self.wait > 0:
             return
         began = self._clock()
-        waiting = self._operators or self._readers
+        waiting = self._operators if self._operators.queues else self._readers
         sender, asked = waiting.take()
         try:
             self._answer(asked)

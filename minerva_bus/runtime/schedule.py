@@ -89,7 +89,9 @@ class FrameSchedule(Sink):
             # A world that runs as fast as possible has no overruns, and needs no times of replies.
             self.follows = period > 0
             self.runner.refresh()
-        self.overruns.began(period, now)
+            self.overruns.began(period, now)
+        elif period:
+            self.overruns.began(period, now)
         rates = self._algorithm.members.index.rates
         if not rates:
             self._omits_views = False
@@ -151,6 +153,7 @@ class FrameSchedule(Sink):
     def frame_done(self, notice: s.FrameDone) -> None:
         """Time the end of a frame."""
         self.last_frame_at = self._clock()
-        late = self.overruns.done(notice.frame, self.last_frame_at)
-        if late:
-            self._notify(late)
+        if self.follows:
+            late = self.overruns.done(notice.frame, self.last_frame_at)
+            if late:
+                self._notify(late)

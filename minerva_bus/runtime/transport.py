@@ -100,15 +100,16 @@ class ZenohTransport:
 
     def publish(self, record: m.FrameRecord) -> None:
         """Publish a frame for observers."""
-        self._publisher(self._keys.record, _DROP).put(self._encode(record))
+        data = self._encode(record) if self._metrics.on else encode(record)
+        self._publisher(self._keys.record, _DROP).put(data)
 
     def _put(self, key: str, message: m.ToMember, control: zenoh.CongestionControl) -> None:
-        self._publisher(key, control).put(self.stamp + self._encode(message))
+        data = self._encode(message) if self._metrics.on else encode(message)
+        self._publisher(key, control).put(self.stamp + data)
         self.has_output = True
 
     def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
-        if not self._metrics.on:
-            return encode(message)
+        """Encode a message, and measure it."""
         data = self._metrics.timed("encode", encode, message)
         self._metrics.add("bytes out", len(data))
         return data
