@@ -36,14 +36,12 @@ from minerva_bus.grammar.scene import (
     Scene,
     TransformationNode,
     Value,
-    agents,
     rebuild,
     rescoped,
 )
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Quantity, Type
 from minerva_bus.grammar.vocabulary import Entry, Vocabulary
-from minerva_bus.testing.family import FAMILY_VOCABULARY
 
 # Hypothesis validates each strategy once, with its parts. A strategy that depends on what has been
 # drawn costs less if its parts are the same objects each time, which `cache` gives.
@@ -347,34 +345,3 @@ def events_of(
         return st.builds(event, st.fixed_dictionaries(data), receivers, st.sampled_from(conditions))
 
     return st.sampled_from(sorted(vocabulary.events if types is None else types)).flatmap(of_type)
-
-
-def family_strings() -> SearchStrategy[Scene]:
-    """Strings of agents that change, die, give birth and turn into others; see `family`."""
-    return strings_of(FAMILY_VOCABULARY, depth=0).map(_with_few_births)
-
-
-def _with_few_births(scene: Scene) -> Scene:
-    def leave(node: Node, scope: Scene) -> Node:
-        if not isinstance(node, AgentNode) or "births" not in node.names:
-            return rescoped(node, scope)
-        # Any 64-bit integer may be drawn: few are below the 3 of `births < 3`, and the largest
-        # cannot be incremented.
-        state = {**node.state, "births": node.state["births"] % 4}
-        return AgentNode(node.symbol, node.id, node.names, tuple(state.values()), scope)
-
-    return rebuild(scene, leave)
-
-
-def family_events(scene: Scene, visual: bool = False) -> SearchStrategy[list[Event]]:
-    """Events of a frame for a string of the family, each once."""
-    names = [
-        event_type.name
-        for event_type in FAMILY_VOCABULARY.events.values()
-        if event_type.visual is visual
-    ]
-    present = [agent.id for agent in agents(scene)]
-    # Always, for some kinds, for some states, and never.
-    conditions = ("", "energy > 0", "x < 3 and energy >= 1", "nothing == 1")
-    single = events_of(FAMILY_VOCABULARY, present, conditions, names)
-    return st.lists(single, max_size=5, unique=True)

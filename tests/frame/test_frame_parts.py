@@ -31,9 +31,9 @@ from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, fill, scene_of
 from minerva_bus.grammar.types import Type
 from minerva_bus.runtime.waiting import Deadlines, Patience, Waits
-from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY, Mortal
-from minerva_bus.testing.strategies import family_strings, ids
+from minerva_bus.testing.strategies import ids
 from minerva_bus.world.services import Participation, When
+from tests.family import FAMILY, FAMILY_VOCABULARY, Mortal, family_strings
 
 law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 read = FAMILY_VOCABULARY.read

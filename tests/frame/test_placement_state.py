@@ -8,7 +8,7 @@ from minerva_bus.frame import placement as module
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.placement import MIN_AGENTS, MIN_BATCH, WINDOW, Placement, UnassignedLog
 from minerva_bus.frame.stimuli import Instructions
-from minerva_bus.testing.family import FAMILY_VOCABULARY, eHit, eMark, eShow, eStep
+from tests.family import FAMILY_VOCABULARY, eHit, eMark, eShow, eStep
 
 read = FAMILY_VOCABULARY.read
 BOTH = frozenset({"AWalker", "AMortal"})

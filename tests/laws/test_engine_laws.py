@@ -9,14 +9,13 @@ from hypothesis import HealthCheck, given, settings
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.scene import EMPTY, AgentNode, agents, rebuild, rescoped, scene_of
 from minerva_bus.semantics.geometry import Geometry, interpret
-from minerva_bus.testing import transcription
-from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
-from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.agent import kinds_of
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.delivery import Priority, collect
 from minerva_bus.world.evolution import Policy, evolve
 from minerva_bus.world.visualization import visualize
+from tests.family import FAMILY, FAMILY_VOCABULARY, family_events, family_strings
+from tests.paper import transcription
 
 law = settings(suppress_health_check=list(HealthCheck))
 KINDS = kinds_of(FAMILY)

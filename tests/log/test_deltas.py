@@ -9,11 +9,11 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene, with_scope
 from minerva_bus.log.entries import DEEPEST, apply_delta, delta_between
-from minerva_bus.testing.family import FAMILY_VOCABULARY
-from minerva_bus.testing.strategies import family_strings, worlds
 from minerva_bus.testing.strategies import strings_of as any_strings
+from minerva_bus.testing.strategies import worlds
 from minerva_bus.wire.plain import pack, unpack
 from minerva_bus.wire.strings_codec import Reader, plain_scene
+from tests.family import FAMILY_VOCABULARY, family_strings
 from tests.log.recorded_runs import happened, strings_of
 
 PStar = Primitive("PStar", size=Metres)

@@ -1,7 +1,7 @@
 """Table 2: the engine executes the system algorithm frame by frame, as in the paper.
 
 The engine is `FrameAlgorithm` with real hosts, generators and a device; the paper is
-`testing/transcription.py`. Both receive the same generators and agents. The tests compare the
+`tests/paper/transcription.py`. Both receive the same generators and agents. The tests compare the
 variables of Table 2: t, e*, w, and the operations of φ on the device's geometric system.
 """
 
@@ -39,12 +39,11 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene, agents, scene_of
 from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.semantics.geometry import Geometry, interpret
-from minerva_bus.testing import transcription
-from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
-from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.agent import kinds_of
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.delivery import Priority
+from tests.family import FAMILY, FAMILY_VOCABULARY, family_events, family_strings
+from tests.paper import transcription
 
 Script = dict[str, Callable[[int], list[Event]]]
 """Generators by name: C(t), the events of each at t."""

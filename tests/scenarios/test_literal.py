@@ -19,11 +19,10 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents, walk
-from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
-from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.context import Frame
 from minerva_bus.world.delivery import Priority, collect
 from minerva_bus.world.norms import Norm
+from tests.family import FAMILY, FAMILY_VOCABULARY, family_events, family_strings
 from tests.one_process import run_world
 
 ORDER = Priority(("eAdd", "eStep", "eHit"))

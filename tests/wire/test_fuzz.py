@@ -23,12 +23,12 @@ from minerva_bus.log.entries import (
     encode_inputs,
     encode_keyframe,
 )
-from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import Keys, checked_name
 from minerva_bus.wire.plain import Limits, unpack
 from minerva_bus.wire.strings_codec import Reader
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
+from tests.family import FAMILY, FAMILY_VOCABULARY
 
 law = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 few = settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))

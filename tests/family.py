@@ -3,15 +3,18 @@
 For tests of engines, hosts and buses. Without randomness or a clock, the same string and the
 same events always give the same string.
 """
-# ruff: noqa: N816 - event types are named as the paper names them
 
 from __future__ import annotations
 
+from hypothesis import strategies as st
+from hypothesis.strategies import SearchStrategy
+
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import EMPTY, Scene
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents, rebuild, rescoped
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Metres
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.testing.strategies import events_of, strings_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.class_declaration import on, view
 from minerva_bus.world.context import Context
@@ -114,3 +117,37 @@ FAMILY: tuple[type[Agent], ...] = (Walker, Mortal, Parent, Chameleon, Caller)
 FAMILY_VOCABULARY = Vocabulary.of(
     PDot, PGrave, TShift, eStep, eHit, eGrow, eTurn, eShow, eMark, *FAMILY
 )
+
+
+# --- strings and events of the family, for Hypothesis ---
+
+
+def family_strings() -> SearchStrategy[Scene]:
+    """Strings of agents that change, die, give birth and turn into others; see above."""
+    return strings_of(FAMILY_VOCABULARY, depth=0).map(_with_few_births)
+
+
+def _with_few_births(scene: Scene) -> Scene:
+    def leave(node: Node, scope: Scene) -> Node:
+        if not isinstance(node, AgentNode) or "births" not in node.names:
+            return rescoped(node, scope)
+        # Any 64-bit integer may be drawn: few are below the 3 of `births < 3`, and the largest
+        # cannot be incremented.
+        state = {**node.state, "births": node.state["births"] % 4}
+        return AgentNode(node.symbol, node.id, node.names, tuple(state.values()), scope)
+
+    return rebuild(scene, leave)
+
+
+def family_events(scene: Scene, visual: bool = False) -> SearchStrategy[list[Event]]:
+    """Events of a frame for a string of the family, each once."""
+    names = [
+        event_type.name
+        for event_type in FAMILY_VOCABULARY.events.values()
+        if event_type.visual is visual
+    ]
+    present = [agent.id for agent in agents(scene)]
+    # Always, for some kinds, for some states, and never.
+    conditions = ("", "energy > 0", "x < 3 and energy >= 1", "nothing == 1")
+    single = events_of(FAMILY_VOCABULARY, present, conditions, names)
+    return st.lists(single, max_size=5, unique=True)
