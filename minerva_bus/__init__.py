@@ -10,15 +10,14 @@ TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typi
 if TYPE_CHECKING:
     from minerva_bus.api.checking import check
     from minerva_bus.api.live import Live, connect
+    from minerva_bus.api.python_tables import each, service
     from minerva_bus.api.records import (
         record,
         replay,
         replay_views,
         resume,
     )
-    from minerva_bus.api.run_result import Interrupted, Run
-    from minerva_bus.api.running import run
-    from minerva_bus.api.service_specs import each, service
+    from minerva_bus.api.running import Interrupted, Run, run
     from minerva_bus.api.world import World
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.appearance import Disc, Label, Line, Motion, Raster
@@ -56,9 +55,8 @@ _HOMES = {
     "api.live": "Live connect",
     "api.checking": "check",
     "api.records": "record replay replay_views resume",
-    "api.run_result": "Interrupted Run",
-    "api.running": "run",
-    "api.service_specs": "each service",
+    "api.running": "Interrupted Run run",
+    "api.python_tables": "each service",
     "api.world": "World",
     "errors": "MinervaError",
     "grammar.events": "Event Events",

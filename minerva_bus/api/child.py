@@ -1,4 +1,4 @@
-"""The launcher that `api/processes.py` starts: `python -m minerva_bus.api.child CONFIG`."""
+"""The launcher that `api/on_bus.py` starts: `python -m minerva_bus.api.child CONFIG`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.api.requests import ContinuedRecord
+from minerva_bus.api.world import ContinuedRecord
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.world_state import WorldSpec

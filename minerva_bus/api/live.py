@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 from threading import RLock
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
-from minerva_bus.api.on_bus import connect_on_bus
-from minerva_bus.api.pictures import Displayed, Still
-from minerva_bus.api.run_result import SHOWN_DIGITS, pick_table
-from minerva_bus.api.world import World
-from minerva_bus.api.world_views import (
+from minerva_bus.api.on_bus import connect_on_bus, start_on_bus
+from minerva_bus.api.pictures import (
     PICTURE,
     WIDTH,
+    Displayed,
+    Still,
     Visual,
     WorldViews,
 )
+from minerva_bus.api.running import SHOWN_DIGITS, pick_table
+from minerva_bus.api.world import World, request_of
 from minerva_bus.collect.data_tables import DataTable
-from minerva_bus.errors import MinervaError, MisuseError, whole
+from minerva_bus.errors import MinervaError, MisuseError, WorldStopped, whole
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.in_process import never
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.in_process import InProcessRun, never
 from minerva_bus.runtime.operator_client import AskingOperator
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.operator import WorldStatus
@@ -223,3 +227,68 @@ def connect(world: str = "", endpoint: str = "", *, agents: Iterable[type[Agent]
 
     """
     return Live(connect_on_bus(world, endpoint), agents)
+
+
+class Here:
+    """A world that `run` runs frame by frame."""
+
+    def __init__(self, run: InProcessRun, world: WorldSpec) -> None:
+        self.name, self.vocabulary = world.name, world.vocabulary
+        self.operator = AskingOperator(run.ask)
+        self._run = run
+        self._failure: WorldStopped | None = None
+
+    @property
+    def frame(self) -> int:
+        return self._run.algorithm.frame
+
+    @property
+    def scene(self) -> Scene:
+        return self._run.algorithm.scene
+
+    @property
+    def ended(self) -> bool:
+        return self._run.ended
+
+    @property
+    def tables(self) -> dict[str, DataTable]:
+        return {} if self._run.collected is None else self._run.collected.tables
+
+    def step(self, frames: int, stop: Callable[[], bool], by: str) -> None:
+        if self._failure is not None:
+            raise self._failure
+        if self.ended:
+            return
+        try:
+            self._run.advance(frames, stop)
+        except BaseException as error:
+            # The interrupt may have come in the middle of a frame, so the world cannot continue.
+            if isinstance(error, KeyboardInterrupt):
+                self._run.end("interrupted")
+            elif isinstance(error, WorldStopped):
+                self._failure = error
+            self._run.close()
+            raise
+
+    def close(self) -> None:
+        if not self.ended:
+            self._run.end("closed")
+        self._run.close()
+
+
+def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
+    """Start a world, paused; see `World.start`."""
+    own = ("seed", "frames", "until", "collect", "into", "processes", "record", "rate")
+    # By default the caller ends the world, not the settings of the world.
+    given: dict[str, Any] = {"frames": 0, "until": ""}
+    given |= {name: settings.pop(name) for name in own if name in settings}
+    request = request_of(world, settings, **given)
+    if not request.needs_bus(bus, given.get("processes")):
+        here = InProcessRun(request.file, Console(quiet=True), time.monotonic())
+        try:
+            here.open()
+        except BaseException:
+            here.close()
+            raise
+        return Live(Here(here, request.file.world), world.agents, world)
+    return Live(start_on_bus(request), world.agents, world)

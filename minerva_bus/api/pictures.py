@@ -1,18 +1,32 @@
-"""Pictures and films of a run."""
+"""Views of a world's strings, and pictures and films of them."""
 
 from __future__ import annotations
 
 import html
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Protocol, TypeAlias
 
-from minerva_bus.arguments import path_of
+from minerva_bus.arguments import path_of, text
 from minerva_bus.entry_points import entries
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import write_output
-from minerva_bus.launch.specs import load
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.specs import find_service, load
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.wording import counted
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.visualization import visualize
+
+Visual: TypeAlias = Event | EventType | str
+"""A visual event, or the type of one without data."""
+PICTURE: Final = "ePicture"
+"""The visual event type that views for people draw by default."""
+WIDTH: Final = 640
 
 
 def displayed(value: object) -> dict[str, Any]:
@@ -85,3 +99,96 @@ class Film(Displayed):
             f"<title>{html.escape(self.pictures[0].world)}</title></head>\n<body>{shown}</body></html>\n"
         )
         write_output(path_of("path", path), page.encode(), "film")
+
+
+class PictureSeries(Protocol):
+    """A series of SVG documents of one part of a world, which only grows."""
+
+    def include(self, scene: Scene) -> None:
+        """Enlarge this part by that of a view."""
+        ...
+
+    def draw(self, scene: Scene, frame: int) -> str:
+        """The document of a view in a frame."""
+        ...
+
+
+class WorldViews:
+    """Views and pictures of the strings of one world.
+
+    Args:
+        name: of the world.
+        vocabulary: of the world.
+        agents: the classes whose views are known here; a remote world does not send them.
+
+    """
+
+    def __init__(self, name: str, vocabulary: Vocabulary, agents: Iterable[type[Agent]]) -> None:
+        self.name = name
+        self._vocabulary = vocabulary
+        self._agents = tuple(agents)
+
+    def view(self, scene: Scene, event: Visual, frame: int) -> Scene:
+        """The view π of a string (equation 5).
+
+        Raises MisuseError if the type is not visual, or if classes of agents are unknown.
+        """
+        events = self._vocabulary.events
+        if not isinstance(event, Event):
+            name = event.name if isinstance(event, EventType) else text("event", event)
+            if name not in events:
+                visual = [each for each in events if events[each].visual]
+                hint = nearest(name, [*events]) or f"; visual are: {', '.join(visual) or 'none'}"
+                raise MisuseError(f"the world {self.name} has no event type {name}{hint}")
+            event = events[name]()
+        assert isinstance(event, Event)
+        if not events[event.type].visual:
+            raise MisuseError(f"{event.type} is not visual: no agent has a view for it")
+        known = {cls.kind.name for cls in self._agents}
+        for kind in self._vocabulary.kinds.values():
+            if event.type in kind.views and kind.name not in known:
+                raise MisuseError(
+                    f"the class of {kind.name} is not known here: connect(..., agents=[...])"
+                )
+        return visualize(scene, [event], self._agents, frame)
+
+    def pictures(self, width: int = WIDTH) -> PictureSeries:
+        """An empty series of pictures, `width` pixels wide. Raises MisuseError without forms."""
+        if all(primitive.shape is None for primitive in self._vocabulary.primitives.values()):
+            raise MisuseError(
+                f"the world {self.name} has no pictures: no primitive has a form, such as"
+                ' Primitive("PBall", Disc(0.5, "#3366cc"))'
+            )
+        # Found by its name, because services import this package.
+        svg: Any = find_service("svg")
+        return svg.pictures(self.name, self._vocabulary, width)
+
+    def picture(
+        self, scene: Scene, frame: int, event: Visual = PICTURE, width: int = WIDTH
+    ) -> Still:
+        """A picture of a string. Raises MisuseError, and ActivityError if a view fails."""
+        return self.drawn(self.pictures(width), scene, frame, event)
+
+    def drawn(
+        self, pictures: PictureSeries, scene: Scene, frame: int, event: Visual = PICTURE
+    ) -> Still:
+        """The next picture of a series; see `picture`."""
+        return Still(self.name, frame, pictures.draw(self.view(scene, event, frame), frame))
+
+    def film(
+        self, strings: Sequence[tuple[int, Scene]], event: Visual = PICTURE, width: int = WIDTH
+    ) -> Film:
+        """A film of strings with the numbers of their frames, at least one."""
+        pictures = self.pictures(width)
+        views = [(frame, self.view(scene, event, frame)) for frame, scene in strings]
+        # First the part of the world that all pictures need.
+        for _, view in views:
+            pictures.include(view)
+        drawn = [Still(self.name, frame, pictures.draw(view, frame)) for frame, view in views]
+        return Film(tuple(drawn))
+
+
+def views_of(file: WorldFile) -> WorldViews:
+    """Views of a world with the classes of its processes."""
+    agents = dict.fromkeys(cls for process in file.processes for cls in process.agents)
+    return WorldViews(file.world.name, file.world.vocabulary, agents)

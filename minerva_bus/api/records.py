@@ -7,10 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.api.requests import ContinuedRecord, request_of
-from minerva_bus.api.run_result import Run
-from minerva_bus.api.running import check_film, run_request
-from minerva_bus.api.world import World, world_of
+from minerva_bus.api.running import Run, check_film, run_request
+from minerva_bus.api.world import ContinuedRecord, World, request_of, world_of
 from minerva_bus.arguments import path_of, text_list
 from minerva_bus.launch.past import WorldSource, find_file
 from minerva_bus.launch.replays import recomputed

@@ -20,17 +20,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 
 import typer
 
-from minerva_bus.cli.argument_order import TAKES_OTHERS, OtherOptionsCommand, WorldFirstCommand
-from minerva_bus.cli.json_guarantee import promised
-from minerva_bus.cli.options import examples_of
+from minerva_bus.cli.command_classes import (
+    TAKES_OTHERS,
+    Group,
+    OtherOptionsCommand,
+    WorldFirstCommand,
+    answer_fast,
+)
 from minerva_bus.cli.output import (
     INTERRUPTED,
     WRONG,
     print_error,
     print_result,
     printing_damage,
+    promised,
 )
-from minerva_bus.cli.shells import Group, answer_fast
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.files import forget_inputs
 from minerva_bus.process_end import ended_by_system, limit_threads
@@ -141,6 +145,8 @@ def command_of(name: str) -> Callable[..., None] | typer.Typer:
 
 def _make(name: str) -> Any:
     """The command of a name."""
+    from minerva_bus.cli.options import examples_of  # It reads all settings.
+
     function = command_of(name)
     if isinstance(function, typer.Typer):
         group = typer.main.get_group(function)

@@ -1,17 +1,32 @@
-"""`minerva info` and `recover`: contents of records."""
+"""`minerva info`, `recover` and `replay`: records."""
 
 from __future__ import annotations
 
 import json
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-from minerva_bus.cli.output import FAILED, Done, checking, print_answer, print_message, print_result
+from minerva_bus.api.records import replay
+from minerva_bus.cli.output import (
+    FAILED,
+    INTERRUPTED,
+    Done,
+    checking,
+    print_answer,
+    print_message,
+    print_result,
+    progress_bar,
+)
 from minerva_bus.collect.table_parts import read_parts
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.replays import read_replay
+from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_summary import frames_after, info_of, moment_of, written
 from minerva_bus.log.record_writer import recover, recovered_name
+from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wording import counted
 
 
@@ -66,3 +81,42 @@ def _recover_tables(folder: Path, output: Path | None, as_json: bool) -> None:
     text = "\n".join(f"{path}  {name}" for name, path in files.items())
     tables = {name: {"file": str(path)} for name, path in files.items()}
     print_answer(Done(text, {"tables": tables}), as_json)
+
+
+def replay_record(
+    path: Path,
+    world: str,
+    overrides: Overrides,
+    began: float,
+    *,
+    begin: int,
+    speed: float,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Replay a record to its end; returns the exit code. Raises RecordError and WorldFileError."""
+    played = read_replay(path, world, overrides, begin=begin, speed=speed)
+    console = Console(quiet=quiet or (as_json and not sys.stderr.isatty()))
+    supervisor = Supervisor(played.file, console, began, coordinator=played.coordinator)
+    summary = supervisor.run()
+    if not summary.digest:
+        print_message(f"minerva: {played.file.world.name}: {summary.ended}")
+    if as_json or not quiet:
+        print_answer(summary, as_json)
+    if summary.ended in ("interrupted", "terminated"):
+        return INTERRUPTED
+    return FAILED if supervisor.failure else 0
+
+
+def recompute_record(path: Path, world: str, as_json: bool) -> int:
+    """Run λ on a record again and print the first difference; returns the exit code.
+
+    Raises RecordError and WorldFileError, and ActivityError if user code raises.
+    """
+    with checking(path), progress_bar("recompute") as report:
+        result = replay(path, world, report)
+    if result.same and not as_json:
+        print_result(f"the same: all {result.frames:,} recomputed frames match the record")
+    else:
+        print_answer(result, as_json)
+    return 0 if result.same else FAILED

@@ -9,7 +9,7 @@ import pytest
 from frogs import Frog, eCroak, eCross, pond, race
 
 from minerva_bus import MinervaError, World, count, data, each, on, run
-from minerva_bus.api.run_result import pick_table
+from minerva_bus.api.running import pick_table
 from minerva_bus.collect.data_tables import DataTable, open_writer, read_columns
 from minerva_bus.collect.plans import read_entries
 from minerva_bus.errors import MisuseError, VocabularyError

@@ -9,8 +9,8 @@ import pytest
 from typer import BadParameter, Context
 from typer.main import get_command
 
+from minerva_bus.cli.command_classes import plain
 from minerva_bus.cli.main import app
-from minerva_bus.cli.shells import plain
 
 VALUES = ["", "5", "-3", "05", "0", "7.50", "-0.25", "1e3", "nan", "1_0", " 5", "true", "no"]
 VALUES += ["a b", "ü", "/", "/nowhere", "x" * 300, 3, 2.5, True, False, Path("a"), "9" * 30]

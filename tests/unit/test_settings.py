@@ -7,8 +7,7 @@ import pytest
 
 from minerva_bus import Policy
 from minerva_bus.cli.commands import worlds
-from minerva_bus.cli.grouping import Takes, grouped
-from minerva_bus.cli.options import Settings, Views
+from minerva_bus.cli.options import Settings, Takes, Views, grouped
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch.toml_tables import (
     Table,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus import Agent, Device, EventType, Generator, Vocabulary, World, on, run
-from minerva_bus.api.requests import request_of
+from minerva_bus.api.world import request_of
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch import world_files
 from minerva_bus.launch.machine_resources import (

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from minerva_bus.cli.command_classes import Command, Group
 from minerva_bus.cli.options import Json
 from minerva_bus.cli.output import print_json, print_result, print_table
-from minerva_bus.cli.shells import Command, Group
 
 if TYPE_CHECKING:
     from minerva_bus.security.certificates import Issued

@@ -9,8 +9,7 @@ from typing import Annotated, Final
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.grouping import grouped
-from minerva_bus.cli.options import Collect, Force, Json, Quiet, examples
+from minerva_bus.cli.options import Collect, Force, Json, Quiet, examples, grouped
 
 TOPIC: Final = "Records"
 

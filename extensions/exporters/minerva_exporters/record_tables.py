@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.api.run_result import pick_table
+from minerva_bus.api.running import pick_table
 from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.collector import Collector
 from minerva_bus.collect.data_tables import Data, DataTable, Gathered, Writer

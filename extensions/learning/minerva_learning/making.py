@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.live import Live
+from minerva_bus.api.pictures import WorldViews
 from minerva_bus.api.world import World, own_options, world_of
-from minerva_bus.api.world_views import WorldViews
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.symbols import AgentKind

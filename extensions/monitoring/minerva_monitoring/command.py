@@ -6,8 +6,7 @@ from typing import Annotated, Final
 
 import typer
 
-from minerva_bus.cli.grouping import grouped
-from minerva_bus.cli.options import Json, NamedTarget, examples
+from minerva_bus.cli.options import Json, NamedTarget, examples, grouped
 
 TOPIC: Final = "Observe"
 

@@ -12,9 +12,8 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from minerva_bus.api.live import Live
-from minerva_bus.api.pictures import Still
+from minerva_bus.api.pictures import PICTURE, WIDTH, Still, Visual
 from minerva_bus.api.world import World, world_of
-from minerva_bus.api.world_views import PICTURE, WIDTH, Visual
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import AnyEvent

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from minerva_bus.api.live import Live
 from minerva_bus.api.pictures import Film, Still
-from minerva_bus.api.run_result import Run
+from minerva_bus.api.running import Run
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_notebook.live_widget import LiveDisplay, in_notebook
 

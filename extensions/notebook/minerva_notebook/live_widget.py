@@ -13,7 +13,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 from weakref import ref
 
-from minerva_bus.api.world_views import PictureSeries
+from minerva_bus.api.pictures import PictureSeries
 from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MinervaError
 

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
-from minerva_bus.api.requests import request_of
-from minerva_bus.api.world import World, world_of
+from minerva_bus.api.world import World, request_of, world_of
 from minerva_bus.collect.data_tables import SEED, DataTable, needed, typed_column
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import (
     Collect,
     Force,
@@ -20,6 +19,7 @@ from minerva_bus.cli.options import (
     Settings,
     WorldArgument,
     examples,
+    grouped,
     options_of,
 )
 

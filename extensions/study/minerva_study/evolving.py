@@ -7,8 +7,7 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.api.requests import request_of
-from minerva_bus.api.world import World, world_of
+from minerva_bus.api.world import World, request_of, world_of
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.assignment import places

@@ -8,9 +8,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.api.requests import request_of
-from minerva_bus.api.run_result import pick_table
-from minerva_bus.api.world import World, world_of
+from minerva_bus.api.running import pick_table
+from minerva_bus.api.world import World, request_of, world_of
 from minerva_bus.arguments import named, path_of, whole_number
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.collect.plans import Entries, TablePlan

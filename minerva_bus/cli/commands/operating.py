@@ -7,8 +7,7 @@ from typing import Annotated, Final
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.grouping import grouped
-from minerva_bus.cli.options import By, Json, NamedTarget, examples
+from minerva_bus.cli.options import By, Json, NamedTarget, examples, grouped
 
 TOPIC: Final = "Control"
 
@@ -48,7 +47,7 @@ def pub(
     target: NamedTarget,
 ) -> None:
     """Send an event into a running world."""
-    from minerva_bus.cli.publishing import OrderToSend, Waiting, publish
+    from minerva_bus.cli.operation import OrderToSend, Waiting, publish
 
     order = OrderToSend(type, tuple(data or ()), tuple(to or ()), condition, by)
     raise typer.Exit(publish(order, Waiting(wait, timeout), target, json))

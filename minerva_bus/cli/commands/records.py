@@ -9,7 +9,6 @@ from typing import Annotated, Final
 import typer
 
 from minerva_bus.cli import startup
-from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import (
     Force,
     Json,
@@ -17,7 +16,9 @@ from minerva_bus.cli.options import (
     NamedTarget,
     QuietRun,
     Record,
+    Takes,
     examples,
+    grouped,
 )
 from minerva_bus.cli.startup import uncollected
 from minerva_bus.settings.world_settings import Overrides
@@ -112,8 +113,7 @@ def replay(
     --recompute shows nothing; its exit code is 0 if all frames are the same, otherwise 1.
     """
     with uncollected():
-        from minerva_bus.cli.recording import show_frames
-        from minerva_bus.cli.replaying import recompute_record, replay_record
+        from minerva_bus.cli.recording import recompute_record, replay_record, show_frames
 
     if no_code:
         code = {"--recompute": recompute, "--view": overrides.views, "WORLD": world}

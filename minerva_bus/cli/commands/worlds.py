@@ -8,14 +8,15 @@ from typing import Annotated, Any, Final
 import typer
 
 from minerva_bus.cli import completing, startup
-from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import (
     Force,
     JoinOptions,
     Json,
     RunOptions,
+    Takes,
     WorldArgument,
     examples,
+    grouped,
     options_of,
 )
 from minerva_bus.cli.startup import uncollected

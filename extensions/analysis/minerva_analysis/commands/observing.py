@@ -8,8 +8,7 @@ from typing import Annotated, Final
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.grouping import grouped
-from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples
+from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
 from minerva_bus.cli.startup import uncollected
 
 TOPIC: Final = "Observe"

@@ -7,8 +7,7 @@ from typing import Annotated, Final
 
 import typer
 
-from minerva_bus.cli.grouping import Takes, grouped
-from minerva_bus.cli.options import Force, Json, WorldArgument, examples, options_of
+from minerva_bus.cli.options import Force, Json, Takes, WorldArgument, examples, grouped, options_of
 from minerva_bus.settings.world_settings import Overrides
 
 TOPIC: Final = "Run"
