@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from minerva_bus.grammar.vocabulary import Vocabulary
     from minerva_bus.runtime.operator_client import Client
 
+
 Choices: TypeAlias = Iterable[tuple[str, str]]
 Completer: TypeAlias = Callable[[typer.Context, str], list[tuple[str, str]]]
 
@@ -159,13 +160,13 @@ def world_flags(ctx: typer.Context, incomplete: str) -> Choices:
 
 @completer
 def service_flags(ctx: typer.Context, incomplete: str) -> Choices:
-    """The options of an installed service, without importing it; with --process, of a world."""
-    from minerva_bus.cli.signatures import options_of_service
+    """The options of an installed service; with --process, of a world."""
+    from minerva_bus.launch.specs import described
 
     spec = _argument(ctx, "spec", "kind")
     if ctx.params.get("process"):
         return _world_flags(spec)
-    return [(f"--{name}", option.text) for name, option in options_of_service(spec).items()]
+    return [(line.split()[0], text) for line, text in described(_installed_service(spec))]
 
 
 @completer
@@ -177,16 +178,23 @@ def world_values(ctx: typer.Context, incomplete: str) -> Choices:
 @completer
 def service_values(ctx: typer.Context, incomplete: str) -> Choices:
     """The values of a service's option, as of a world's; with --process, of a world."""
-    from minerva_bus.cli.signatures import options_of_service
+    from minerva_bus.launch.specs import find_service
 
     spec, name = _argument(ctx, "spec", "kind"), _last_option(ctx)
     if ctx.params.get("process"):
         return _world_values(spec, name, incomplete)
-    option = options_of_service(spec).get(name)
-    if option is not None and option.annotation == "bool":
+    kind = find_service(_installed_service(spec)).__init__.__annotations__.get(name)
+    if kind in ("bool", bool):
         return [("true", ""), ("false", "")]
-    is_file = option is not None and name.endswith(_FILE_OPTIONS)
-    return paths(incomplete, "") if is_file else ()
+    return paths(incomplete, "") if kind and name.endswith(_FILE_OPTIONS) else ()
+
+
+def _installed_service(name: str) -> str:
+    """The name of an installed service: no other code is run. Raises KeyError for others."""
+    from minerva_bus.entry_points import entries
+    from minerva_bus.launch.installed import SERVICES
+
+    return entries(SERVICES)[name].name
 
 
 def _world_flags(spec: str) -> Choices:

@@ -124,7 +124,7 @@ def test_what_cannot_be_completed_is_answered_with_nothing_else(files, words):
 
 @pytest.mark.parametrize(
     "words", ["gr", "run ro", "run robot --ro", "run robot --view s", "sweep robot --f",
-              "bridge r", "attach svg --e", "keys i", "replay ", "logs --world "],
+              "bridge r", "keys i", "replay ", "logs --world "],
 )  # fmt: skip
 def test_static_completions_import_nothing_heavy(files, words):
     done = asked(files, "zsh", f"minerva {words}", "-X", "importtime")
