@@ -20,7 +20,7 @@ def doctor(json: Json = False) -> None:
 
     The exit code is 1 if there are any.
     """
-    from minerva_bus.cli.doctoring import examine
+    from minerva_authoring.doctor import examine
 
     raise typer.Exit(examine(json))
 

@@ -4,7 +4,7 @@ import json
 import tomllib
 from pathlib import Path
 
-from minerva_bus.cli import doctoring
+from minerva_authoring import doctor as doctoring
 from minerva_bus.errors import BusError
 
 
