@@ -48,7 +48,7 @@ COMMANDS: Final = {
     "observing": ("list", "logs", "echo"),
     "operating": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "records": ("info", "replay", "seek", "recover"),
-    "setting_up": ("doctor", "version"),
+    "setting_up": ("version",),
 }
 """The kernel's commands by module of cli/commands, in the order of the help."""
 _MODULES: Final = {

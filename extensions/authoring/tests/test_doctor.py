@@ -4,12 +4,12 @@ import json
 import tomllib
 from pathlib import Path
 
-from minerva_authoring import doctor as doctoring
+from minerva_authoring import doctor
 from minerva_bus.errors import BusError
 
 
 def findings(capsys):
-    code = doctoring.examine(True)
+    code = doctor.examine(True)
     return code, {check["what"]: check for check in json.loads(capsys.readouterr().out)}
 
 
@@ -23,7 +23,7 @@ def test_this_machine_runs_worlds(capsys, tmp_path, monkeypatch):
 
 def test_missing_parts_are_reported_with_a_remedy(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(doctoring, "find_spec", lambda name: None)
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None)
     code, checks = findings(capsys)
     assert code == 0
     assert not checks["web"]["good"]
@@ -31,8 +31,8 @@ def test_missing_parts_are_reported_with_a_remedy(capsys, tmp_path, monkeypatch)
 
 
 def test_it_knows_all_extras():
-    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-    assert set(doctoring.EXTRAS) == set(project["optional-dependencies"]) - {
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
+    assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - {
         "all",
         "audit",
         "dev",
@@ -46,6 +46,6 @@ def test_without_a_bus_there_are_no_worlds(capsys, monkeypatch):
     def broken():
         raise BusError("cannot listen")
 
-    monkeypatch.setattr(doctoring, "_exchange", broken)
-    assert doctoring.examine(False) == 1
+    monkeypatch.setattr(doctor, "_exchange", broken)
+    assert doctor.examine(False) == 1
     assert "✗ the bus" in capsys.readouterr().out
