@@ -16,7 +16,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.columns import Column, Columns, fit_array, is_array, repeated
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.scene import Value
-from minerva_bus.grammar.types import INT_END, Type, Unfit, type_of
+from minerva_bus.grammar.types import INT_END, Type, Unfit, converted, type_of
 
 NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 """Valid names of parameters and symbols."""
@@ -164,9 +164,12 @@ class Fields:
                 return False
         return True
 
-    def are_final(self, columns: Iterable[Sequence[Any]]) -> bool:
+    def are_final(self, columns: Iterable[tuple[Any, ...]]) -> bool:
         """Whether the values in these columns, one for each field, need no conversion or check."""
-        return all(map(_are_final, self._plain, columns))
+        return all(
+            plain is not None and converted(of.type.kind, column) is column
+            for plain, of, column in zip(self._plain, self.all, columns, strict=True)
+        )
 
     def refit(
         self, owner: str, names: tuple[str, ...], values: tuple[Value, ...]
@@ -245,17 +248,6 @@ class Fields:
         strange = next(name for name in given if name not in self.names)
         listed = ", ".join(self.names) or "none"
         return f"{owner} has no {strange} (it has {listed}){nearest(strange, list(self.names))}"
-
-
-def _are_final(plain: type | None, column: Sequence[Any]) -> bool:
-    """As in `Fields.fitted`, without a call for each value."""
-    if plain is None or set(map(type, column)) != {plain}:
-        return False
-    if plain is float:
-        return all(map(isfinite, column))
-    if plain is int:
-        return min(column) >= -INT_END and max(column) < INT_END
-    return plain is bool or all(map(str.isascii, column))
 
 
 def _plain_type(wanted: Type) -> type | None:

@@ -249,7 +249,7 @@ def to_bool(value: Any) -> bool:
 
 
 def converted(kind: str, items: tuple[Any, ...]) -> tuple[Value, ...] | None:
-    """Items of a type of numbers or texts; None if each has to be converted by itself.
+    """Items of a scalar type; None if each has to be converted by itself.
 
     Fast for long lists, and the same tuple if all items already are of the type.
     """
@@ -258,6 +258,8 @@ def converted(kind: str, items: tuple[Any, ...]) -> tuple[Value, ...] | None:
         return items
     if kind == "text":
         return items if types == {str} and all(map(str.isascii, items)) else None
+    if kind == "bool":
+        return items if types == {bool} else None
     if kind == "int":
         fits = types == {int} and min(items) >= -INT_END and max(items) < INT_END
         return items if fits else None
