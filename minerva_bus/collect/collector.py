@@ -43,15 +43,29 @@ class Rows:
 
     def ids(self) -> Data:
         """The ids of agents."""
-        return _texts([_ids(part) for part in self._parts])
+        return self._texts("ids", lambda node: node.id)
 
     def senders(self) -> Data:
         """The senders of events; "" for those of generators."""
-        return _texts([_senders(part) for part in self._parts])
+        return self._texts("senders", lambda event: event.sender)
 
     def receivers(self) -> Data:
         """The receivers of events, separated by blanks; "": all that subscribe."""
-        return _texts([_receivers(part) for part in self._parts])
+        return self._texts("receivers", lambda event: " ".join(event.receivers))
+
+    def _texts(self, column: str, text_of: Callable[[Any], str]) -> Data:
+        """The column of ids of each part; of single nodes or events, their texts."""
+        made: list[Ids | list[str]] = []
+        for part in self._parts:
+            if isinstance(part, list):
+                made.append(list(map(text_of, part)))
+            else:
+                ids: Ids | None = getattr(part, column)
+                made.append([""] * part.count if ids is None else ids)
+        if len(made) == 1 and isinstance(made[0], Ids):
+            # Ids are spelled only if a writer needs texts.
+            return made[0]
+        return _array([text for texts in made for text in texts], object)
 
 
 def len_of(part: Columns | Events | list[Any]) -> int:
@@ -110,35 +124,6 @@ def _values(part: Columns | Events | list[Any], name: str, at: int, dtype: Any) 
         return part.data(name)
     nodes: list[AgentNode | Event] = part
     return _array([node.values[at] for node in nodes], dtype)
-
-
-def _ids(part: Columns | Events | list[Any]) -> Ids | list[str]:
-    if isinstance(part, Columns) and part.ids is not None:
-        return part.ids
-    nodes: list[AgentNode] = part if isinstance(part, list) else []
-    return [node.id for node in nodes]
-
-
-def _senders(part: Columns | Events | list[Any]) -> Ids | list[str]:
-    if isinstance(part, Events):
-        return [""] * part.count if part.senders is None else part.senders
-    events: list[Event] = part if isinstance(part, list) else []
-    return [event.sender for event in events]
-
-
-def _receivers(part: Columns | Events | list[Any]) -> Ids | list[str]:
-    if isinstance(part, Events):
-        return [""] * part.count if part.receivers is None else part.receivers
-    events: list[Event] = part if isinstance(part, list) else []
-    return [" ".join(event.receivers) for event in events]
-
-
-def _texts(parts: Sequence[Ids | list[str]]) -> Data:
-    if len(parts) == 1 and isinstance(parts[0], Ids):
-        # Ids are spelled only if a writer needs texts.
-        return parts[0]
-    texts = [text for part in parts for text in part]
-    return _array(texts, object)
 
 
 def _array(values: Sequence[Any], dtype: Any) -> NDArray[Any]:
@@ -206,11 +191,11 @@ class Collector:
                 row: dict[str, Any] = {"frame": frame, "time": frame * self._dt}
                 for name, entry in plan.entries.items():
                     if not entry.of_events:
-                        rows = self._agents(scene, entry.symbol, known)
+                        rows = self._rows(agent_rows, scene, entry.symbol, known)
                         row |= self._aggregated(name, entry, rows)
                 self._pending[plan.name] = row
             elif plan.symbol[0] == "A":
-                self._write(plan, writer, frame, self._agents(scene, plan.symbol, known))
+                self._write(plan, writer, frame, self._rows(agent_rows, scene, plan.symbol, known))
 
     def done(self, frame: int, events: Iterable[AnyEvent], scene: Scene) -> None:
         """Collect data of a frame's events, and of the string with which the next frame begins."""
@@ -239,24 +224,26 @@ class Collector:
         known: dict[str, Rows] = {}
         for plan, writer in self._tables:
             if plan.symbol[:1] == "e" and not frame % plan.interval:
-                self._write(plan, writer, frame, self._events(events, plan.symbol, known))
+                self._write(plan, writer, frame, self._rows(event_rows, events, plan.symbol, known))
             row = self._pending.pop(plan.name, None)
             if row is None:
                 continue
             for name, entry in plan.entries.items():
                 if entry.of_events:
-                    rows = self._events(events, entry.symbol, known)
+                    rows = self._rows(event_rows, events, entry.symbol, known)
                     row |= self._aggregated(name, entry, rows)
             writer.row(row)
 
-    def _agents(self, scene: Scene, kind: str, known: dict[str, Rows]) -> Rows:
-        if kind not in known:
-            known[kind] = agent_rows(scene, kind, fields_of(self._vocabulary, kind))
-        return known[kind]
-
-    def _events(self, events: tuple[AnyEvent, ...], symbol: str, known: dict[str, Rows]) -> Rows:
+    def _rows(
+        self,
+        make: Callable[[Any, str, Fields], Rows],
+        source: Scene | tuple[AnyEvent, ...],
+        symbol: str,
+        known: dict[str, Rows],
+    ) -> Rows:
+        """The agents of a kind in a string, or the events of a type, once in a frame."""
         if symbol not in known:
-            known[symbol] = event_rows(events, symbol, fields_of(self._vocabulary, symbol))
+            known[symbol] = make(source, symbol, fields_of(self._vocabulary, symbol))
         return known[symbol]
 
     def _chosen(self, condition: str, rows: Rows) -> NDArray[np.bool_] | None:

@@ -31,7 +31,16 @@ from minerva_bus.grammar.ids import LONGEST, Ids, RowDelta, same_id
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.plain import DEFAULT, Limits, as_int, as_list, as_text, as_texts, extension
+from minerva_bus.wire.plain import (
+    DEFAULT,
+    Limits,
+    as_int,
+    as_items,
+    as_list,
+    as_text,
+    as_texts,
+    extension,
+)
 
 PATCH: Final = "patch"
 
@@ -247,9 +256,7 @@ class ColumnsReader:
         return row_delta, newborn
 
     def _change(self, plain: Any, count: int, fields: list[Fields]) -> Change:
-        items = as_list(plain, "a change")
-        if len(items) != 4:
-            raise ProtocolError(f"a change has 4 items, not {len(items)}")
+        items = as_items(plain, "a change", 4)
         level, place = as_int(items[0], "a level"), as_int(items[1], "a place")
         if level >= len(fields) or place >= len(fields[level].all):
             raise ProtocolError(

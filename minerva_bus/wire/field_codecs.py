@@ -26,6 +26,7 @@ from minerva_bus.wire.plain import (
     as_bytes,
     as_event_type,
     as_int,
+    as_items,
     as_list,
     as_map,
     as_number,
@@ -434,8 +435,7 @@ def read_reading(plain: Any) -> Reading:
         shown = str(items[0] if items else None)[:40]
         raise ProtocolError(f"no reading {shown!r}; expected {', '.join(_READERS)}")
     count, read = known
-    if len(items) != count + 3:
-        raise ProtocolError(f"a {items[0]} has {count + 3} items, not {len(items)}")
+    as_items(items, f"a {items[0]}", count + 3)
     return read(as_text(items[1], "the robot"), as_number(items[2], "the time"), items[3:])
 
 
@@ -459,11 +459,16 @@ def _write_image(image: Image) -> list[Any]:
     return [image.encoding, image.width, image.height, image.data, [mount.x, mount.y, mount.angle]]
 
 
+def _numbers(plain: Any, what: str, names: str) -> list[float]:
+    """The numbers of a list with these names, in brackets and separated by commas."""
+    numbers = [as_number(item, what) for item in as_list(plain, what)]
+    if len(numbers) != names.count(",") + 1:
+        raise ProtocolError(f"{what} is {names}")
+    return numbers
+
+
 def _mount(plain: Any, what: str) -> Mount:
-    mount = [as_number(item, "the mount") for item in as_list(plain, "the mount")]
-    if len(mount) != 3:
-        raise ProtocolError(f"the mount of {what} is [x, y, angle]")
-    return Mount(*mount)
+    return Mount(*_numbers(plain, f"the mount of {what}", "[x, y, angle]"))
 
 
 def _scan(robot: str, time: float, items: Sequence[Any]) -> Scan:
@@ -493,12 +498,7 @@ def _sweep(robot: str, time: float, items: Sequence[Any]) -> Scan:
 
 
 def _displacement(plain: Any) -> Displacement:
-    numbers = [
-        as_number(item, "the path of a scan") for item in as_list(plain, "the path of a scan")
-    ]
-    if len(numbers) != 4:
-        raise ProtocolError("a place of the path of a scan is [seconds, x, y, angle]")
-    return Displacement(*numbers)
+    return Displacement(*_numbers(plain, "a place of the path of a scan", "[seconds, x, y, angle]"))
 
 
 def _sightings(robot: str, time: float, items: Sequence[Any]) -> Sightings:

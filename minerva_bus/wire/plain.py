@@ -425,6 +425,14 @@ def as_list(plain: Any, what: str) -> list[Any]:
     return plain  # pyright: ignore[reportUnknownVariableType]
 
 
+def as_items(plain: Any, what: str, count: int) -> list[Any]:
+    """`plain` as a list of `count` items. Raises ProtocolError."""
+    items = as_list(plain, what)
+    if len(items) != count:
+        raise ProtocolError(f"{what} has {count} items, not {len(items)}")
+    return items
+
+
 def as_pairs(plain: Any, what: str) -> list[tuple[Any, Any]]:
     """`plain` as a list of pairs. Raises ProtocolError."""
     pairs = [as_list(item, what) for item in as_list(plain, what)]

@@ -39,6 +39,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.plain import (
     as_bool,
     as_event_type,
+    as_items,
     as_list,
     as_map,
     as_number,
@@ -141,15 +142,8 @@ def read_vocabulary(plain: Any) -> Vocabulary:
         raise ProtocolError(f"invalid vocabulary: {error}"[:_MAX_ERROR_CHARS]) from None
 
 
-def _items(plain: Any, count: int, what: str) -> list[Any]:
-    items = as_list(plain, what)
-    if len(items) != count:
-        raise ProtocolError(f"{what} has {count} items, not {len(items)}")
-    return items
-
-
 def _primitive(plain: Any) -> Primitive:
-    name, fields, shape = _items(plain, 3, "a primitive")
+    name, fields, shape = as_items(plain, "a primitive", 3)
     declared = Primitive(as_text(name, "a primitive's name"))
     declared.fields = _fields(fields)
     form = _form(shape)
@@ -171,7 +165,7 @@ def _explained(shape: Shape | None, texts: tuple[str, ...], marks: bool) -> Shap
 
 
 def _transformation(plain: Any) -> Transformation:
-    name, fields, motion = _items(plain, 3, "a transformation")
+    name, fields, motion = as_items(plain, "a transformation", 3)
     declared = Transformation(as_text(name, "a transformation's name"))
     declared.fields = _fields(fields)
     form = _form(motion)
@@ -195,7 +189,7 @@ def _kind(plain: Any) -> AgentKind:
     items = as_list(plain, "an agent kind")
     if len(items) == 4:  # From a record older than the attributes at rest.
         items.append([])
-    name, fields, subscribes, views, rest = _items(items, 5, "an agent kind")
+    name, fields, subscribes, views, rest = as_items(items, "an agent kind", 5)
     subscribed = dict(map(_subscribed, as_list(subscribes, "event types")))
     chances = tuple(sorted((name, chance) for name, chance in subscribed.items() if chance != 1.0))
     return AgentKind(
@@ -208,14 +202,14 @@ def _kind(plain: Any) -> AgentKind:
 def _subscribed(plain: Any) -> tuple[str, float | str]:
     if not isinstance(plain, list):
         return as_event_type(plain, "an event type"), 1.0
-    name, probability = _items(plain, 2, "an event type with a probability")
+    name, probability = as_items(plain, "an event type with a probability", 2)
     if not isinstance(probability, str):
         probability = as_number(probability, "a probability")
     return as_event_type(name, "an event type"), probability
 
 
 def _event_type(plain: Any, parts: Mapping[str, Any]) -> EventType:
-    name, fields, visual = _items(plain, 3, "an event type")
+    name, fields, visual = as_items(plain, "an event type", 3)
     declared = EventType(
         as_text(name, "an event type's name"),
         as_bool(visual, "visual"),
@@ -234,7 +228,7 @@ def _fields(plain: Any) -> Fields:
 
 
 def _field(plain: Any) -> Field:
-    name, kind, default = _items(plain, 3, "a field")
+    name, kind, default = as_items(plain, "a field", 3)
     declared = Field.of(as_text(name, "a field's name"), parse_type(as_text(kind, "a type")))
     if default is None:
         return declared
@@ -256,7 +250,7 @@ def _measure(plain: Any) -> Any:
     if isinstance(plain, str | bool):
         return plain
     if isinstance(plain, list):
-        pairs = [_items(pair, 2, "a colour") for pair in cast("list[Any]", plain)]
+        pairs = [as_items(pair, "a colour", 2) for pair in cast("list[Any]", plain)]
         return tuple(
             (int(as_number(least, "a value")), as_text(color, "a colour")) for least, color in pairs
         )
