@@ -155,13 +155,17 @@ class FragmentOutcome:
         if id(new) not in self._compared:
             self._compared[id(new)] = _compared(old, new)
         rows, former, newborn = self._compared[id(new)]
+        # Usually all agents have changed; then the columns are not copied.
+        whole = former is rows and len(rows) == new.count
 
         def value(name: str) -> Any:
             if name.startswith("#"):
                 return elsewhere(name)
             part, at = (old, former) if name.startswith(WAS) else (new, rows)
             name = name.removeprefix(WAS)
-            return part.column(name)[at] if name in part.names else None
+            if name not in part.names:
+                return None
+            return part.column(name) if whole else part.column(name)[at]
 
         holds = norm.holds_of_many(value, len(rows))
         born = [
@@ -277,16 +281,18 @@ def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsew
 
 def _compared(old: Columns, new: Columns) -> tuple[Rows, Rows, list[int]]:
     """The rows of `new` that have changed, their rows in `old`, and the rows of newborns."""
-    former = np.arange(old.count) if new.ids == old.ids else ids_of(old).rows_of(ids_of(new))
-    known = np.flatnonzero(former >= 0)
-    same = len(known) == old.count == new.count and new.ids == old.ids
-    before, after = (old, new) if same else (old.take(former[known]), new.take(known))
+    former = known = np.arange(old.count)
+    before, after = old, new
+    if new.ids != old.ids:
+        former = ids_of(old).rows_of(ids_of(new))
+        known = np.flatnonzero(former >= 0)
+        before, after = old.take(former[known]), new.take(known)
     changed = np.zeros(len(known), np.bool_)
     for was, now in zip(before.columns, after.columns, strict=True):
         rows = now.differs(was)
         changed[slice(None) if rows is None else rows] = True
     rows = known[changed]
-    return rows, former[rows], np.flatnonzero(former < 0).tolist()
+    return rows, rows if former is known else former[rows], np.flatnonzero(former < 0).tolist()
 
 
 class Trial:
