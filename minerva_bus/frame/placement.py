@@ -271,9 +271,7 @@ class Placement:
         regardless of the limit, because the frame waits for the fragments.
         """
         capacity = Capacity(offers, 0 if mid_frame else self._limit)
-        if not mid_frame:
-            self._divide(offers)
-        preferred = self._shares(offers)
+        preferred = self._shares(offers, divide=not mid_frame)
         if mid_frame:  # A host that is evolving a part must keep it.
             preferred |= {
                 part: host
@@ -308,29 +306,36 @@ class Placement:
         self._types = {host: self._types_of(kinds) for host, kinds in kinds_on.items()}
         self._unwanted = {host: self._unwanted_on(host) for host in offers}
 
-    def _divide(self, offers: Offers) -> None:
-        """Divide each population into one part per host, sized by the hosts' speed.
+    def _shares(self, offers: Offers, *, divide: bool) -> dict[str, str]:
+        """The host of each part of a population, in order.
 
-        Rows that exceed the capacity of the hosts form one more part.
+        To `divide` gives each population one part per host, sized by the hosts' speed. Rows that
+        exceed the capacity of the hosts form one more part.
         """
-        capacity = Capacity(offers, self._limit)
-        for population in list(self._composition.populations):
-            parts = [self._composition.parts[name] for name in population]
-            rows = sum(part.count for part in parts)
-            hosts = self._hosts_for(parts[0].symbol, rows, offers, capacity)
-            limits = [capacity.left(host) for host in hosts]
-            weights = self._load.weights(hosts, rows) if hosts else [1.0]
-            sizes = apportion(rows, weights, limits)
-            for host, size in zip(hosts, sizes, strict=False):
-                capacity.take(host, size)
-            # Moving rows costs more than a slight imbalance, so parts
-            # that may stay are left as they are.
-            if (
-                len(sizes) != len(parts)
-                or self._imbalanced(population)
-                or not fit([part.count for part in parts], sizes, limits)
-            ):
-                self._composition.divide(population, sizes)
+        shares: dict[str, str] = {}
+        composition, capacity = self._composition, Capacity(offers, self._limit)
+        for number in range(len(composition.populations)):
+            population = composition.populations[number]
+            counts = [composition.parts[name].count for name in population]
+            symbol, rows = composition.parts[population[0]].symbol, sum(counts)
+            hosts = self._hosts_for(symbol, rows, offers, capacity)
+            if divide:
+                limits = [capacity.left(host) for host in hosts]
+                weights = self._load.weights(hosts, rows) if hosts else [1.0]
+                sizes = apportion(rows, weights, limits)
+                # Moving rows costs more than a slight imbalance, so parts
+                # that may stay are left as they are.
+                if (
+                    len(sizes) != len(counts)
+                    or self._imbalanced(population)
+                    or not fit(counts, sizes, limits)
+                ):
+                    composition.divide(population, sizes)
+                    population = composition.populations[number]
+            for name, host in zip(population, hosts, strict=False):
+                shares[name] = host
+                capacity.take(host, composition.parts[name].count)
+        return shares
 
     def _hosts_for(self, symbol: str, rows: int, offers: Offers, capacity: Capacity) -> list[str]:
         """The hosts that share a population: as many as its size justifies or requires."""
@@ -369,19 +374,6 @@ class Placement:
     def unassigned_agents(self) -> int:
         """Number of agents without a host; they keep their state."""
         return sum(agents_in(self._composition.fragments[name]) for name in self.unassigned)
-
-    def _shares(self, offers: Offers) -> dict[str, str]:
-        """The host of each part of a population, in order."""
-        shares: dict[str, str] = {}
-        capacity = Capacity(offers, self._limit)
-        for population in self._composition.populations:
-            parts = [self._composition.parts[name] for name in population]
-            rows = sum(part.count for part in parts)
-            hosts = self._hosts_for(parts[0].symbol, rows, offers, capacity)
-            for name, part, host in zip(population, parts, hosts, strict=False):
-                shares[name] = host
-                capacity.take(host, part.count)
-        return shares
 
     def _unwanted_on(self, host: str) -> tuple[str, ...]:
         held = self._held.get(host, {})
