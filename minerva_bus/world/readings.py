@@ -24,7 +24,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Final, Protocol, TypeAlias
 
 import numpy as np
@@ -246,23 +245,6 @@ CORRECTION: Final = "correction"
 """Topics of a recording on which an `Odometry` is not what wheels measured; see `Recording`."""
 
 
-class FirstSkip:
-    """Passes skipped data on, and keeps the first reason for an error if nothing remains."""
-
-    def __init__(self, pass_over: PassOver) -> None:
-        self._pass_over = pass_over
-        self._line = ""
-
-    def __call__(self, what: str, line: str) -> None:
-        """Skip data (a `PassOver`)."""
-        self._line = self._line or line
-        self._pass_over(what, line)
-
-    def reason(self, path: Path) -> str:
-        """The end of an error about a file: why its first data were skipped, if any were."""
-        return f"; {self._line.removeprefix(f'{path}: ')}" if self._line else ""
-
-
 class RecordingError(MinervaError):
     """A recording cannot be read, or lacks the requested data."""
 
@@ -345,9 +327,6 @@ class MapChoice:
 STEP_SECONDS: Final = 1.0
 """Maximum seconds by which a reading is late; an older time is a step of the clock."""
 
-STEPS_BACK: Final = "clock steps back"
-"""The counter of such steps."""
-
 
 class RecordingClock:
     """The time of a recording, from a series of times whose clock may step back.
@@ -394,29 +373,6 @@ def seconds_of(times: Iterable[float]) -> list[float]:
         clock.advance(time)
         seconds.append(clock.seconds)
     return seconds
-
-
-class ClockWatch:
-    """Finds steps back of sensors' clocks, each named by the topic of its readings."""
-
-    def __init__(self) -> None:
-        self._latest: dict[str, float] = {}
-
-    def step(self, topic: str, time: float) -> str:
-        """Description of a step back to the next time of a clock; empty if there is none."""
-        back = self._latest.get(topic, time) - time
-        self._latest[topic] = time
-        return f"the clock of {topic} steps back by {back:.1f} s" if back > STEP_SECONDS else ""
-
-
-def watched(readings: Iterable[Recorded], path: Path, pass_over: PassOver) -> Iterator[Recorded]:
-    """All readings of a recording; reports where the clocks of its sensors step back."""
-    sensors, recorder = ClockWatch(), RecordingClock()
-    for recorded in readings:
-        recorder.advance(recorded.stamp)
-        if step := sensors.step(recorded.topic, recorded.reading.time):
-            pass_over(STEPS_BACK, f"{path}: {step}, {recorder.seconds:.1f} s after the beginning")
-        yield recorded
 
 
 GAP_SECONDS: Final = 0.5

@@ -16,7 +16,7 @@ from typing import Any, Final, TypeVar
 
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import ClockWatch, Displacement, Mount, Scan, Sightings, span
+from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings, span
 from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.driver import (
@@ -46,6 +46,7 @@ from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting
 from minerva_services.bridging.bridge import log
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import Robot
+from minerva_services.sensors.clocks import ClockWatch
 
 _MAX_DELAY_FRAMES: Final = 5.0
 """Delay in frames up to which the schedule is kept; beyond it, it restarts."""

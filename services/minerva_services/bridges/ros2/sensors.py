@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Cells, Degrees, Metres
-from minerva_bus.world.readings import STEPS_BACK, ClockWatch, Compensator, Mount, Reading, Recorded
+from minerva_bus.world.readings import Compensator, Mount, Reading, Recorded
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.messages import (
     BATTERY,
@@ -37,6 +37,7 @@ from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 from minerva_services.event_factory import EventFactory
 from minerva_services.options import takes_options
+from minerva_services.sensors.clocks import STEPS_BACK, ClockWatch
 from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset
 
 _MAX_QUEUED: Final = 100

@@ -8,14 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.wording import install
-from minerva_bus.world.readings import (
-    FirstSkip,
-    PassOver,
-    Reading,
-    Recorded,
-    RecordingError,
-    watched,
-)
+from minerva_bus.world.readings import PassOver, Reading, Recorded, RecordingError
 from minerva_services.bridges.ros_messages import (
     Frames,
     GarbageError,
@@ -23,6 +16,7 @@ from minerva_services.bridges.ros_messages import (
     images,
     readings,
 )
+from minerva_services.sensors.clocks import FirstSkip, watched
 from minerva_services.sensors.playback import MountOverride
 
 if TYPE_CHECKING:

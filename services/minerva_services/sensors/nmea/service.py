@@ -10,9 +10,10 @@ from functools import partial
 from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.world.readings import STEP_SECONDS, STEPS_BACK, Position
+from minerva_bus.world.readings import STEP_SECONDS, Position
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.options import require
+from minerva_services.sensors.clocks import STEPS_BACK
 from minerva_services.sensors.serial_line import LineSplitter, SerialLine, open_line
 
 DAY_SECONDS: Final = 86_400.0

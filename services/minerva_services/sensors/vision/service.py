@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.readings import FirstSkip, Mount, Recording, RecordingError, Sightings
+from minerva_bus.world.readings import Mount, Recording, RecordingError, Sightings
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.options import takes_options
+from minerva_services.sensors.clocks import FirstSkip
 from minerva_services.sensors.playback import LAST_SECONDS, PlaybackPace, Player
 from minerva_services.sensors.vision.images import (
     Grey,
