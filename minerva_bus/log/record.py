@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Collection, Generator, Iterable, Iterator
+from collections.abc import Collection, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,7 +43,6 @@ from minerva_bus.log.entries import (
     encode_frame,
     entry_number,
 )
-from minerva_bus.world import services
 from minerva_bus.world.delivery import collect
 from minerva_bus.world.operator import PersonOperation
 
@@ -513,41 +512,3 @@ def _checkpoint_after(
         return None if before is None else step.after(before)
     # Without an entry nothing was saved in the frame, and no event waits.
     return None if before is None else replace(before, frame=number, emitted=(), inbox={})
-
-
-# --- recorded readings as a generator ---
-
-
-class RecordedReadings(services.Generator):
-    """Publishes the recorded readings of each frame, by topic and member; makes no events."""
-
-    def __init__(self, record: Record) -> None:
-        self._readings = _by_frame(record)
-        self._ahead = next(self._readings, None)
-        sensed = (message for _, message in record.sensed())
-        self.publishes = tuple(sorted({m.topic for m in sensed if isinstance(m, Readings)}))
-
-    def generate(self, tick: services.Tick) -> Iterable[AnyEvent]:
-        """Publish the readings up to this frame."""
-        due: list[Readings] = []
-        while self._ahead is not None and self._ahead[0] <= tick.number:
-            due.append(self._ahead[1])
-            self._ahead = next(self._readings, None)
-        # By topic and publisher, the order in which members process
-        # readings (PROTOCOL.md, section 11).
-        for message in sorted(due, key=lambda message: (message.topic, message.member)):
-            for reading in message.readings:
-                tick.publish(message.topic, reading)
-        return ()
-
-
-def _by_frame(record: Record) -> Iterator[tuple[int, Readings]]:
-    """Recorded readings with their frames, in the order of frames."""
-    dt = record.description.world.dt
-    sensed = [
-        (round(time / dt), place, message)
-        for place, (time, message) in enumerate(record.sensed())
-        if isinstance(message, Readings)
-    ]
-    sensed.sort(key=lambda item: item[:2])
-    return ((frame, message) for frame, _, message in sensed)

@@ -17,7 +17,6 @@ from itertools import islice
 from time import perf_counter
 from typing import Any, Final, ParamSpec, TypeVar
 
-from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
@@ -28,7 +27,7 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.session import System
 from minerva_bus.wire.keys import COORDINATOR
-from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, on_screen
+from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import LogEntry, LogLine, PersonOperation
 
@@ -91,36 +90,6 @@ class Totals:
             "events": dict(sorted(self.events.items())),
             "bytes": [self.bytes_in, self.bytes_out],
         }
-
-
-def read_totals(plain: Any) -> Totals:
-    """Totals from plain data. Raises ProtocolError."""
-    given = as_map(plain, "totals")
-    into, out = _pair(given.get("bytes"), "bytes")
-    phases = as_map(given.get("phases"), "phases")
-    events = as_map(given.get("events"), "events")
-    return Totals(
-        as_int(given.get("frames"), "frames"),
-        {name: _durations(durations) for name, durations in phases.items()},
-        {name: as_int(count, name) for name, count in events.items()},
-        as_int(into, "bytes"),
-        as_int(out, "bytes"),
-    )
-
-
-def _durations(plain: Any) -> Durations:
-    counts, seconds = _pair(plain, "durations")
-    numbers = [as_int(count, "a count") for count in as_list(counts, "counts")]
-    if len(numbers) != len(BOUNDS) + 1:
-        raise ProtocolError(f"durations have {len(BOUNDS) + 1} counts, not {len(numbers)}")
-    return Durations(numbers, as_number(seconds, "seconds"))
-
-
-def _pair(plain: Any, what: str) -> tuple[Any, Any]:
-    values = as_list(plain, what)
-    if len(values) != 2:
-        raise ProtocolError(f"{what} are two values, not {len(values)}")
-    return values[0], values[1]
 
 
 MICRO: Final = 1e6

@@ -8,7 +8,7 @@ everything runs in this process.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -25,7 +25,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import incompatibility
+from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.stimuli import FrameInputs, RecordedFrame
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.launch.past import (
     WorldSource,
     no_frame,
@@ -38,11 +40,11 @@ from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, 
 from minerva_bus.launch.toml_tables import option_text, typed_options
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference
-from minerva_bus.log.record import Record, RecordedReadings
+from minerva_bus.log.record import Record
 from minerva_bus.runtime.runner import InProcessRunner, Notice
 from minerva_bus.settings.world_settings import Overrides, RecordSettings
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.services import Generator, Service
+from minerva_bus.world.services import Generator, Service, Tick
 
 READERS: Final = ("record", "recorded", "~record")
 """Names for the member that publishes recorded readings; the first free one is used."""
@@ -335,3 +337,41 @@ def _run(
         file.world.frames,
         dict(ended.figures) if ended is not None else {},
     )
+
+
+# --- recorded readings as a generator ---
+
+
+class RecordedReadings(Generator):
+    """Publishes the recorded readings of each frame, by topic and member; makes no events."""
+
+    def __init__(self, record: Record) -> None:
+        self._readings = _by_frame(record)
+        self._ahead = next(self._readings, None)
+        sensed = (message for _, message in record.sensed())
+        self.publishes = tuple(sorted({m.topic for m in sensed if isinstance(m, Readings)}))
+
+    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
+        """Publish the readings up to this frame."""
+        due: list[Readings] = []
+        while self._ahead is not None and self._ahead[0] <= tick.number:
+            due.append(self._ahead[1])
+            self._ahead = next(self._readings, None)
+        # By topic and publisher, the order in which members process
+        # readings (PROTOCOL.md, section 11).
+        for message in sorted(due, key=lambda message: (message.topic, message.member)):
+            for reading in message.readings:
+                tick.publish(message.topic, reading)
+        return ()
+
+
+def _by_frame(record: Record) -> Iterator[tuple[int, Readings]]:
+    """Recorded readings with their frames, in the order of frames."""
+    dt = record.description.world.dt
+    sensed = [
+        (round(time / dt), place, message)
+        for place, (time, message) in enumerate(record.sensed())
+        if isinstance(message, Readings)
+    ]
+    sensed.sort(key=lambda item: item[:2])
+    return ((frame, message) for frame, _, message in sensed)

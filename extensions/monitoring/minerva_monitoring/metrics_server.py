@@ -16,10 +16,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, Self, cast
 
-from minerva_bus.errors import BusError, MinervaError
+from minerva_bus.errors import BusError, MinervaError, ProtocolError
 from minerva_bus.frame.world_state import Phase
-from minerva_bus.runtime.metrics import read_totals
+from minerva_bus.runtime.metrics import BOUNDS, Durations, Totals
 from minerva_bus.settings.kinds import address
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_number
 from minerva_bus.wire.status_codec import read_status
 from minerva_bus.wording import install
 from minerva_bus.world.operator import WorldStatus
@@ -232,3 +233,36 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 _CHECKS: Mapping[str, Check] = {"/live": live, "/ready": ready}
+
+
+# --- the totals that the coordinator answers ---
+
+
+def read_totals(plain: Any) -> Totals:
+    """Totals from plain data. Raises ProtocolError."""
+    given = as_map(plain, "totals")
+    into, out = _pair(given.get("bytes"), "bytes")
+    phases = as_map(given.get("phases"), "phases")
+    events = as_map(given.get("events"), "events")
+    return Totals(
+        as_int(given.get("frames"), "frames"),
+        {name: _durations(durations) for name, durations in phases.items()},
+        {name: as_int(count, name) for name, count in events.items()},
+        as_int(into, "bytes"),
+        as_int(out, "bytes"),
+    )
+
+
+def _durations(plain: Any) -> Durations:
+    counts, seconds = _pair(plain, "durations")
+    numbers = [as_int(count, "a count") for count in as_list(counts, "counts")]
+    if len(numbers) != len(BOUNDS) + 1:
+        raise ProtocolError(f"durations have {len(BOUNDS) + 1} counts, not {len(numbers)}")
+    return Durations(numbers, as_number(seconds, "seconds"))
+
+
+def _pair(plain: Any, what: str) -> tuple[Any, Any]:
+    values = as_list(plain, what)
+    if len(values) != 2:
+        raise ProtocolError(f"{what} are two values, not {len(values)}")
+    return values[0], values[1]

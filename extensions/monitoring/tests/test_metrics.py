@@ -9,11 +9,11 @@ from urllib.error import HTTPError
 import pytest
 
 from minerva_bus.errors import BusError, MisuseError, ProtocolError
-from minerva_bus.runtime.metrics import BOUNDS, Durations, Totals, read_totals
+from minerva_bus.runtime.metrics import BOUNDS, Durations, Totals
 from minerva_bus.wire.plain import pack, unpack
 from minerva_bus.wire.status_codec import plain_status
 from minerva_bus.world.operator import MemberStatus, WorldStatus
-from minerva_monitoring.metrics_server import Exporter, address, live, ready
+from minerva_monitoring.metrics_server import Exporter, address, live, read_totals, ready
 
 pytest.importorskip("prometheus_client")
 from prometheus_client.parser import text_string_to_metric_families
