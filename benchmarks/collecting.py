@@ -20,8 +20,8 @@ import numpy as np
 
 from benchmarks.command import Option, Table, options
 from benchmarks.forked import task
+from minerva_analysis import export
 from minerva_bus import Agent, EventType, World, each, on, run
-from minerva_exporters import export
 
 COLUMNS = {"": "<8", "frames": ">6.0f", "s": ">7.1f", "CPU s": ">7.1f", "peak MB": ">8.0f",
            "file MB": ">8.0f"}  # fmt: skip

@@ -3,7 +3,7 @@
 import pytest
 from frogs import Frog, pond
 
-from minerva_analysis import diff, explain, graph, replay_swapped
+from minerva_analysis import diff, explain, export, graph, replay_swapped
 from minerva_bus import (
     EMPTY,
     EventType,
@@ -26,7 +26,7 @@ from minerva_bus import (
     service,
     visualize,
 )
-from minerva_exporters import export, export_dataset
+from minerva_exporters import export_dataset
 from minerva_study import branch, sweep
 
 ODD = (None, 3, -1, 10**30, float("nan"), "x", b"x", "\ud800", "\0", [], {}, {1: 2}, object(), Frog)

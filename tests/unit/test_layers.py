@@ -39,7 +39,7 @@ ONLY = {
     "mcap": "log",
 }
 
-REQUIRED = {"analysis": {"exporters"}, "assistants": {"analysis"}, "study": {"analysis"}}
+REQUIRED = {"assistants": {"analysis"}, "exporters": {"analysis"}, "study": {"analysis"}}
 """Extensions that others require, by the extension that requires them."""
 
 

@@ -1,9 +1,10 @@
-"""Analysis of records and worlds: causes of values, differences, pictures, graphs of events.
+"""Analysis of records and worlds: causes of values, differences, tables, pictures, graphs.
 
 records, explaining, causes   `explain`: how a value came about; `diff`
 past_frames                   frames of a record that are computed again
 swapping                      `swap`: a recorded run again with one member replaced
 halts                         why a running world does not advance
+record_tables, table_files    `export`: tables of what was not collected while a world ran
 record_plot, tracks           pictures of runs
 series_plot                   plots of tables
 plotting                      what all plots share: style, axes, files
@@ -15,10 +16,16 @@ from minerva_bus.public_names import imported_at_first_use
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from minerva_analysis.graphs import Graph, graph
+    from minerva_analysis.record_tables import Export, export
     from minerva_analysis.records import diff, explain
     from minerva_analysis.swapping import replay_swapped
 
-_HOMES = {"graphs": "Graph graph", "records": "diff explain", "swapping": "replay_swapped"}
+_HOMES = {
+    "graphs": "Graph graph",
+    "record_tables": "Export export",
+    "records": "diff explain",
+    "swapping": "replay_swapped",
+}
 __getattr__ = imported_at_first_use(__name__, _HOMES)
 
-__all__ = ["Graph", "diff", "explain", "graph", "replay_swapped"]
+__all__ = ["Export", "Graph", "diff", "explain", "export", "graph", "replay_swapped"]

@@ -7,6 +7,7 @@ from typing import Final
 
 from minerva_analysis.plotting import check_picture
 from minerva_analysis.record_plot import plot
+from minerva_analysis.record_tables import export, read_plans
 from minerva_analysis.series_plot import plot_table
 from minerva_bus.cli.output import Done, print_answer, progress_bar
 from minerva_bus.collect.data_tables import DataTable, read_table
@@ -14,7 +15,6 @@ from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output
 from minerva_bus.log.record import Record
-from minerva_exporters.record_tables import export, read_plans
 
 _TABLES: Final = (".csv", ".parquet")
 

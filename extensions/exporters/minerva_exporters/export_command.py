@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from minerva_analysis.record_tables import Export, export_plans, read_plans
+from minerva_analysis.table_files import TableFiles
 from minerva_bus.cli.output import (
     print_answer,
     print_json,
@@ -22,8 +24,6 @@ from minerva_bus.files import note_read
 from minerva_bus.log.record import Record
 from minerva_bus.wording import counted
 from minerva_exporters.datasets import export_dataset
-from minerva_exporters.record_tables import Export, export_plans, read_plans
-from minerva_exporters.table_files import TableFiles
 
 if TYPE_CHECKING:
     from minerva_exporters.command import ExportTargets

@@ -2,9 +2,9 @@
 
 import pytest
 
+from minerva_analysis.table_files import TableFiles
 from minerva_bus.collect.data_tables import CsvWriter
 from minerva_bus.collect.plans import TablePlan
-from minerva_exporters.table_files import TableFiles
 
 PLAN = TablePlan("t", 1, {"n": "int64"})
 

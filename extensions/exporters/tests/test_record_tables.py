@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from minerva_analysis import export
 from minerva_bus import World, count, data, each, run
 from minerva_bus.api.running import run_file
 from minerva_bus.cli.main import app
@@ -16,7 +17,6 @@ from minerva_bus.errors import MinervaError, MisuseError, RecordError, Vocabular
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import Overrides
-from minerva_exporters import export
 from tests.api.frogs import Frog, eCroak, eCross, pond, race
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_analysis.table_files import TableFiles
 from minerva_bus.api.running import pick_table
 from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.collector import Collector
@@ -17,7 +18,6 @@ from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.wording import frames_up_to
-from minerva_exporters.table_files import TableFiles
 
 Progress = Callable[[int, int], None]
 _END: Final = 1 << 62
