@@ -11,8 +11,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from hashlib import blake2b
-from statistics import median
 from typing import Final, TypeAlias
+
+import numpy as np
 
 from minerva_bus.frame.composition import Composition, Fragment, fragment_in, shares
 from minerva_bus.frame.messages import Fragments
@@ -176,7 +177,7 @@ class Load:
     def _speed(self, host: str) -> float:
         speeds = self._speeds.get(host, [])
         # The median, so that a single slow frame does not move rows.
-        return median(speeds) if len(speeds) == WINDOW else 0.0
+        return float(np.median(speeds)) if len(speeds) == WINDOW else 0.0
 
 
 def _enough(rows: int, hosts: Sized) -> bool:

@@ -341,18 +341,21 @@ def _parts(
 
 def check_tables(into: str) -> None:
     """Raise MisuseError if there are tables of a killed run, which this one would not continue."""
+    if not into:
+        return
     from minerva_bus.collect.table_parts import check_no_parts
 
-    if into:
-        check_no_parts(Path(into))
+    check_no_parts(Path(into))
 
 
 def complete_tables(into: str, say: Callable[[str], None]) -> None:
     """Join the parts that a run has left because its last coordinator was killed or failed."""
+    if not into:
+        return
     from minerva_bus.collect.table_parts import has_parts, parts_of, read_parts
 
     path = Path(into)
-    if into and has_parts(path):
+    if has_parts(path):
         files = read_parts(parts_of(path)).join()
         say(f"the data collected up to the end are in {', '.join(map(str, files.values()))}")
 

@@ -7,7 +7,6 @@ frame of a large world. Totals of the measured frames only increase, as Promethe
 
 from __future__ import annotations
 
-import statistics
 from array import array
 from bisect import bisect_left
 from collections import Counter, deque
@@ -149,7 +148,7 @@ class FrameFigures:
 def _figures(amounts: array[float]) -> Figures:
     ordered = sorted(amounts)
     return {
-        "mean": round(statistics.fmean(ordered), 1),
+        "mean": round(sum(ordered) / len(ordered), 1),
         "p50": round(ordered[len(ordered) // 2], 1),
         "p99": round(ordered[min(len(ordered) - 1, len(ordered) * 99 // 100)], 1),
         "frames": len(ordered),
