@@ -149,7 +149,7 @@ class Collector:
     """Collects expressions of a run into tables.
 
     Args:
-        plans: the tables, from `plans_of` or `whole_plans`.
+        plans: the tables, such as those from `plans_of`.
         vocabulary: of the world.
         dt: simulated seconds per frame.
         open_writer: called with the plan of each table, before the first row.

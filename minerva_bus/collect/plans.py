@@ -142,26 +142,6 @@ def plans_of(entries: Entries, vocabulary: Vocabulary, option: str = "collect:")
     return list(plans.values())
 
 
-def whole_plans(vocabulary: Vocabulary, interval: int = 1) -> list[TablePlan]:
-    """A table for each agent kind and event type, with all data that fit into columns.
-
-    Attributes that are not a number, bool or text, such as grids, have no column.
-    """
-    plans: list[TablePlan] = []
-    for symbol in sorted({*vocabulary.kinds, *vocabulary.events}):
-        types = {
-            field.name: _TYPES[field.type.kind]
-            for field in fields_of(vocabulary, symbol).all
-            if field.type.kind in _TYPES
-        }
-        own = _own_columns(symbol)
-        # An attribute may have the name of a column such as `id`.
-        names = {f"{name}_" if name in own else name: name for name in types}
-        columns = own | {column: types[name] for column, name in names.items()}
-        plans.append(TablePlan(symbol, interval, columns, symbol, names=names))
-    return plans
-
-
 def _table_name(about: str, entry: Expression, name: str, taken: set[str]) -> str:
     if about not in taken:
         return about
@@ -171,10 +151,10 @@ def _table_name(about: str, entry: Expression, name: str, taken: set[str]) -> st
 def _plan(name: str, about: str, entry: Expression) -> TablePlan:
     if about == FRAMES:
         return TablePlan(name, entry.interval, {"frame": "int64", "time": "float64"})
-    return TablePlan(name, entry.interval, _own_columns(about), about, entry.condition)
+    return TablePlan(name, entry.interval, own_columns(about), about, entry.condition)
 
 
-def _own_columns(symbol: str) -> dict[str, str]:
+def own_columns(symbol: str) -> dict[str, str]:
     """The columns that all tables of agents, or of events, have."""
     return dict.fromkeys(_OWN[symbol[0]], "text") | {"frame": "int64"}
 
@@ -192,7 +172,8 @@ def series_of(plan: TablePlan, vocabulary: Vocabulary) -> dict[str, str]:
     return series
 
 
-_TYPES: Final = {"real": "float64", "int": "int64", "bool": "bool", "text": "text"}
+COLUMN_TYPES: Final = {"real": "float64", "int": "int64", "bool": "bool", "text": "text"}
+"""The types of columns, by the kind of an attribute's type."""
 
 
 def fields_of(vocabulary: Vocabulary, symbol: str) -> Fields:
@@ -206,7 +187,9 @@ def _columns(name: str, entry: Expression, fields: Fields) -> list[tuple[str, st
     types = {field.name: field.type.kind for field in fields.all}
     function = entry.function
     if not function:
-        return [(name, _TYPES[types[entry.name]])] if entry.name else _data_columns(entry, types)
+        return (
+            [(name, COLUMN_TYPES[types[entry.name]])] if entry.name else _data_columns(entry, types)
+        )
     if function == "quantiles":
         return [(f"{name}_{number:g}", "float64") for number in entry.arguments]
     if function == "histogram":
@@ -217,7 +200,7 @@ def _columns(name: str, entry: Expression, fields: Fields) -> list[tuple[str, st
 
 def _data_columns(entry: Expression, types: Mapping[str, str]) -> list[tuple[str, str]]:
     for name, kind in types.items():
-        if kind not in _TYPES:
+        if kind not in COLUMN_TYPES:
             raise MisuseError(f"collect: {entry.symbol}.{name} is not a number, bool or text; name"
                               f" the data to collect: data({entry.symbol}, NAME)")  # fmt: skip
-    return [(name, _TYPES[kind]) for name, kind in types.items()]
+    return [(name, COLUMN_TYPES[kind]) for name, kind in types.items()]

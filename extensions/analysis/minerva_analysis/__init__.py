@@ -6,7 +6,7 @@ swapping                      `swap`: a recorded run again with one member repla
 halts                         why a running world does not advance
 record_tables, table_files    `export`: tables of what was not collected while a world ran
 record_plot, tracks           pictures of runs
-series_plot                   plots of tables
+series_plot, tables           plots of tables, also of those in files
 plotting                      what all plots share: style, axes, files
 graphs, emitted               `graph`: who publishes and who receives which event types
 """

@@ -13,7 +13,14 @@ from minerva_bus.api.running import pick_table
 from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.collector import Collector
 from minerva_bus.collect.data_tables import Data, DataTable, Gathered, Writer
-from minerva_bus.collect.plans import TablePlan, plans_of, read_entries, whole_plans
+from minerva_bus.collect.plans import (
+    COLUMN_TYPES,
+    TablePlan,
+    fields_of,
+    own_columns,
+    plans_of,
+    read_entries,
+)
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.record import Cursor, Record
@@ -125,7 +132,7 @@ def read_plans(
     """The tables for `collect`, as `export` takes it. Raises MisuseError and VocabularyError."""
     whole_number("every", every, 1)
     if collect is None:
-        return whole_plans(vocabulary, every)
+        return _whole_plans(vocabulary, every)
     entries = {
         name: entry if entry.interval > 1 else entry.every(every)
         for name, entry in read_entries(collect).items()
@@ -198,3 +205,23 @@ class _Counting:
 
     def close(self) -> None:
         self._writer.close()
+
+
+def _whole_plans(vocabulary: Vocabulary, interval: int) -> list[TablePlan]:
+    """A table for each agent kind and event type, with all data that fit into columns.
+
+    Attributes that are not a number, bool or text, such as grids, have no column.
+    """
+    plans: list[TablePlan] = []
+    for symbol in sorted({*vocabulary.kinds, *vocabulary.events}):
+        types = {
+            field.name: COLUMN_TYPES[field.type.kind]
+            for field in fields_of(vocabulary, symbol).all
+            if field.type.kind in COLUMN_TYPES
+        }
+        own = own_columns(symbol)
+        # An attribute may have the name of a column such as `id`.
+        names = {f"{name}_" if name in own else name: name for name in types}
+        columns = own | {column: types[name] for column, name in names.items()}
+        plans.append(TablePlan(symbol, interval, columns, symbol, names=names))
+    return plans

@@ -5,11 +5,11 @@ import sys
 import numpy as np
 import pytest
 
+from extensions.analysis.tests.test_table_files import swept
 from minerva_analysis import series_plot
 from minerva_analysis.series_plot import plot_table
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError
-from tests.unit.test_table_files import swept
 
 pytest.importorskip("matplotlib", reason="pip install 'minerva-bus[plot]'")
 

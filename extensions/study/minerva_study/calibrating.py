@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
+from minerva_analysis.tables import typed_column
 from minerva_bus.api.world import World, request_of, world_of
-from minerva_bus.collect.data_tables import SEED, DataTable, needed, typed_column
+from minerva_bus.collect.data_tables import SEED, DataTable, needed
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.toml_tables import option_text

@@ -7,14 +7,13 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
+from minerva_analysis.tables import plain_value, typed_column
 from minerva_bus.api.world import World
 from minerva_bus.collect.data_tables import (
     DataTable,
     Gathered,
-    plain_value,
     read_columns,
     table_path,
-    typed_column,
 )
 from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
 from minerva_bus.launch.toml_tables import option_text

@@ -2,7 +2,7 @@
 
 import pytest
 
-from minerva_bus.collect.data_tables import read_table
+from minerva_analysis.tables import read_table
 from minerva_study.results import ResultTable, write
 from minerva_study.study_tables import data_table
 

@@ -5,7 +5,8 @@ import os
 import numpy as np
 import pytest
 
-from minerva_bus.collect.data_tables import DataTable, read_table
+from minerva_analysis.tables import read_table
+from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MinervaError, MisuseError
 
 
