@@ -432,10 +432,8 @@ def _scene(
 def _event_types(
     table: Table, key: str, types: tuple[str, ...], vocabulary: Vocabulary
 ) -> tuple[str, ...]:
+    _check_known(table, key, types, list(vocabulary.events), "event type")
     for name in types:
-        if name not in vocabulary.events:
-            close = nearest(name, list(vocabulary.events))
-            table.wrong(key, f"has the unknown event type {name}{close}")
         if types.count(name) > 1:
             table.wrong(key, f"has {name} twice")
     return types
