@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import inf
-from typing import Any, Final, cast
+from typing import Any, Final, TypeAlias, cast
 
 import zenoh
 
@@ -25,6 +25,10 @@ from minerva_bus.runtime.session import REAL, System, Timer
 from minerva_bus.wire.codec import Decoder, encode, stamp, stamped
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wording import duration
+
+Call: TypeAlias = Callable[[], bool | None]
+"""What a timer or a thread leaves to the main thread; False: the member takes part no more."""
+
 
 # --- messages as bytes: with the current coordinator, and on sensor topics ---
 
@@ -182,18 +186,13 @@ STARTED_HERE: Final = Arrival(60.0, 60.0, inf, inf)
 """For members started by the launcher: the world exists, and the launcher stops late members."""
 
 
-@dataclass(frozen=True, slots=True)
-class Ungreeted:
-    """Timer: the member was not greeted before the time-out."""
-
-
 class GreetingTimer:
-    """Puts `Ungreeted` into the inbox when the greeting is late."""
+    """Calls `late` in a thread when the greeting is late."""
 
-    def __init__(self, arrival: Arrival, system: System, put: Callable[[Any], None]) -> None:
+    def __init__(self, arrival: Arrival, system: System, late: Callable[[], None]) -> None:
         self._arrival = arrival
         self._system = system
-        self._put = put
+        self._late = late
         self._since = 0.0
         self._timer: Timer | None = None
 
@@ -205,7 +204,7 @@ class GreetingTimer:
     def restart(self) -> None:
         """Wait for another interval."""
         if self._arrival.greeted < inf:
-            self._timer = self._system.later(self._arrival.greeted, lambda: self._put(Ungreeted()))
+            self._timer = self._system.later(self._arrival.greeted, self._late)
 
     def cancel(self) -> None:
         """Stop waiting."""
@@ -227,24 +226,12 @@ MAX_INTERVAL_SECONDS: Final = 60.0
 """Longest interval between two reports of the same loss."""
 
 
-@dataclass(frozen=True, slots=True)
-class CheckConnection:
-    """Timer: check whether the world is back."""
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnosed:
-    """The result of a diagnosis: the obstacle to the connection."""
-
-    obstacle: str
-
-
 class ReconnectMonitor:
     """Monitors the connection to one world.
 
     `subject` begins each report. `patience` is the time-out in seconds. `obstacle` diagnoses the
-    endpoint; it may block and runs in a thread. `put` passes `CheckConnection` and `Diagnosed` to
-    the main thread, which calls `check` and `diagnosed`.
+    endpoint; it may block and runs in a thread. `put` passes calls of `check` and `diagnosed` to
+    the main thread.
     """
 
     def __init__(
@@ -253,7 +240,7 @@ class ReconnectMonitor:
         patience: float,
         obstacle: Callable[[], str],
         notify: Callable[[str], None],
-        put: Callable[[Any], None],
+        put: Callable[[Call], None],
         system: System = REAL,
     ) -> None:
         self._system = system
@@ -302,16 +289,20 @@ class ReconnectMonitor:
             self._notify(f"{self._subject} has been unreachable since {since}; {self._outlook()}")
         else:
             # In a thread, because name resolution and connecting may block for seconds.
-            self._system.aside(lambda: self._put(Diagnosed(self._obstacle())))
+            self._system.aside(self._diagnose)
         # Waiting for as long as the loss has lasted doubles the interval with each report.
         self._check_in(min(elapsed, MAX_INTERVAL_SECONDS, self.patience - elapsed))
         return True
 
-    def diagnosed(self, diagnosis: Diagnosed) -> None:
+    def _diagnose(self) -> None:
+        obstacle = self._obstacle()
+        self._put(lambda: self.diagnosed(obstacle))
+
+    def diagnosed(self, obstacle: str) -> None:
         """Report the obstacle to the connection."""
         if self._since is not None:
             state = f"has been unreachable for {duration(self._elapsed())}"
-            self._notify(f"{self._subject} {state}: {diagnosis.obstacle}; {self._outlook()}")
+            self._notify(f"{self._subject} {state}: {obstacle}; {self._outlook()}")
 
     def _outlook(self) -> str:
         return f"reconnecting for another {duration(max(0.0, self.patience - self._elapsed()))}"
@@ -320,7 +311,7 @@ class ReconnectMonitor:
         return 0.0 if self._since is None else self._system.monotonic() - self._since
 
     def _check_in(self, seconds: float) -> None:
-        self._timer = self._system.later(seconds, lambda: self._put(CheckConnection()))
+        self._timer = self._system.later(seconds, lambda: self._put(self.check))
 
 
 # --- names: of several processes that find one free, one takes it ---
@@ -376,11 +367,6 @@ RECLAIM_SECONDS: Final = 0.1
 STANDBY_SECONDS: Final = 5.0
 """Seconds after which a standby takes a name that nobody has: a member that has lost its link for a
 moment, or is restarted, comes first."""
-
-
-@dataclass(frozen=True, slots=True)
-class ReclaimName:
-    """Timer: check whether the member's name is free again."""
 
 
 class NameToken:
@@ -441,7 +427,7 @@ class NameToken:
 
 
 class Rejoin:
-    """Releases and reclaims the name of `member`; `put` adds a `ReclaimName` to its inbox."""
+    """Releases and reclaims the name of `member`; `put` passes calls to the main thread."""
 
     def __init__(
         self,
@@ -449,7 +435,7 @@ class Rejoin:
         monitor: ReconnectMonitor,
         link: WorldLink,
         notify: Callable[[str], None],
-        put: Callable[[Any], None],
+        put: Callable[[Call], None],
         system: System,
         *,
         claims: bool = False,
@@ -523,7 +509,7 @@ class Rejoin:
                 self._notify(f"{self._member}: {self._link.unsent} events were lost meanwhile")
                 self._link.unsent = 0
         elif self._system.monotonic() < self._since + NAME_FREE_AGAIN:
-            self._system.later(RECLAIM_SECONDS, lambda: self._put(ReclaimName()))
+            self._system.later(RECLAIM_SECONDS, lambda: self._put(lambda: self.reclaim(session)))
         else:
             raise BusError(
                 f"the world {self._link.keys.world!r} is reachable again, but another member has"

@@ -24,13 +24,9 @@ from minerva_bus.runtime.endpoints import not_let_in
 from minerva_bus.runtime.joining import (
     ARRIVAL,
     Arrival,
-    CheckConnection,
-    Diagnosed,
     GreetingTimer,
-    ReclaimName,
     ReconnectMonitor,
     Rejoin,
-    Ungreeted,
     WorldLink,
 )
 from minerva_bus.runtime.operator_client import AskingOperator, ask, question_key
@@ -240,7 +236,9 @@ class Participant:
         self._put = put
         self._hear = hear
         self._system = system
-        self.greeting = GreetingTimer(connect.arrival, system, self._add)
+        self.greeting = GreetingTimer(
+            connect.arrival, system, lambda: self._add(self._on_ungreeted)
+        )
         self._threads = OwnThreads(
             name, self._add, self._send_aside, notify, system, ends=connect.ends
         )
@@ -255,14 +253,10 @@ class Participant:
         self._rejoin = Rejoin(
             name, monitor, self.link, notify, self._add, system, claims=connect.arrival.claims
         )
-        self._handlers: dict[type, Callable[[Any], bool | None]] = {
+        self._handlers: dict[type, Callable[[Any], None]] = {
             Pulse: self._on_pulse,
             ReportFigures: lambda _: self.report_figures(),
             Leave: lambda _: self.leave(),
-            CheckConnection: lambda _: monitor.check(),
-            Diagnosed: monitor.diagnosed,
-            ReclaimName: lambda _: self._rejoin.reclaim(self._session),
-            Ungreeted: lambda _: self._on_ungreeted(),
         }
 
     @property
@@ -278,7 +272,8 @@ class Participant:
         """Handle an item for this member. Raises the exceptions of its own threads."""
         if isinstance(item, Exception):
             raise item
-        if self._handlers[item.__class__](item) is False:
+        handler = self._handlers.get(item.__class__)
+        if (handler(item) if handler is not None else item()) is False:
             self.present = False
 
     # --- joining ---

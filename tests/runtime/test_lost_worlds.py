@@ -6,7 +6,7 @@ import struct
 
 from running import MEMBERS, Run, World, eventually, here, summary, write_world
 
-from minerva_bus.runtime.joining import CheckConnection, Diagnosed, ReconnectMonitor
+from minerva_bus.runtime.joining import ReconnectMonitor
 from minerva_bus.runtime.session import open_client, open_hub, sockets_to
 from minerva_bus.testing.proxy import Proxy
 
@@ -38,21 +38,21 @@ def test_it_reports_since_when_why_and_for_how_long_it_tries():
     assert reports[0].startswith("a: the world 'w' has been unreachable since ")
     assert reports[0].endswith("; reconnecting for another 10 min")
     assert monitor.check()
-    seen = eventually(
-        lambda: [item for item in put if isinstance(item, Diagnosed)], "it has looked"
+    (diagnosed,) = eventually(
+        lambda: [call for call in put if call != monitor.check], "it has looked"
     )
-    monitor.diagnosed(seen[0])
+    diagnosed()
     assert re.search(r"unreachable for \d\.\d s: the cable is out; reconnecting", reports[1])
     monitor.restored()
     assert re.fullmatch(r"a: the world 'w' is reachable again after \d\.\d s", reports[2])
-    monitor.diagnosed(seen[0])
+    diagnosed()
     assert len(reports) == 3
 
 
 def test_it_gives_up_in_time():
     monitor, reports, put = lookout(0.0)
     monitor.lost()
-    eventually(lambda: any(isinstance(item, CheckConnection) for item in put), "it is time to look")
+    eventually(lambda: monitor.check in put, "it is time to look")
     assert not monitor.check()
     assert len(reports) == 1
     lost = r"a: the world 'w' has been unreachable for \d\.\d s; giving up"
