@@ -96,13 +96,19 @@ def has(path, name):
     return plain in defined or any(name.endswith(f".{plain.lstrip('.')}") for name in defined)
 
 
+def is_left_out(path):
+    """Whether a path is in an extension that is not installed."""
+    top, name, *_ = [*path.split("/"), "", ""]
+    return top == "extensions" and not (ROOT / top / name).is_dir()
+
+
 def test_every_path_of_a_row_exists():
     assert len(ROWS) > 100
     missing = [
         f"line {row.line}: there is no {token}"
         for row in ROWS
         for token in quoted(" ".join((*row.cells, row.intro)))
-        if PATH.fullmatch(token) and found(token, row) is None
+        if PATH.fullmatch(token) and found(token, row) is None and not is_left_out(token)
     ]
     assert missing == []
 
