@@ -22,6 +22,7 @@ from minerva_bus.frame.collection import (
     CollectionStep,
     EventWork,
     FrameInbox,
+    OrderRules,
     visual_events,
 )
 from minerva_bus.frame.composition import Composition
@@ -35,7 +36,6 @@ from minerva_bus.frame.members import (
 )
 from minerva_bus.frame.messages import Figures
 from minerva_bus.frame.norm_rejections import Norms
-from minerva_bus.frame.orders import OrderRules
 from minerva_bus.frame.placement import Offers, Placement
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, Instructions, is_people, is_set_aside
 from minerva_bus.frame.view_streams import Views, due_views

@@ -1,7 +1,7 @@
 """Steps 1 to 4 of Table 2: requests to generators, and the events of a frame.
 
 `FrameInbox` has the events that wait for the next frame, `SenderRights` the agents in whose name a
-generator may send events.
+generator may send events, `OrderRules` the events that people and guests may send.
 
 `EventWork` weighs events by the work that they cause at hosts. A message that costs its sender and
 the coordinator little may cost the hosts much: an event without receivers goes to every agent of
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import islice
 from operator import attrgetter
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,6 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition, ids_of
 from minerva_bus.frame.members import MemberEntry, Members
 from minerva_bus.frame.norm_rejections import Norms
-from minerva_bus.frame.orders import OrderRules
 from minerva_bus.frame.stimuli import (
     AGENTS,
     DEVICES,
@@ -47,11 +46,13 @@ from minerva_bus.frame.stimuli import (
     source_of,
 )
 from minerva_bus.frame.view_streams import due_views
-from minerva_bus.frame.world_state import Progress, WorldSpec
+from minerva_bus.frame.world_state import Phase, Progress, WorldSpec
+from minerva_bus.grammar.columns import values_of
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, Value
 from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.types import Of
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.delivery import collect
 from minerva_bus.world.norms import SOURCE
@@ -481,6 +482,137 @@ _TYPE: Final = attrgetter("type")
 
 
 _NOBODY: Final = frozenset[str]()
+
+
+MAX_LISTED: Final = 12
+
+
+class OrderRules:
+    """Which events people and guests may send, by the members and the string that a world has."""
+
+    def __init__(
+        self,
+        world: WorldSpec,
+        now: Progress,
+        members: Members,
+        composition: Composition,
+    ) -> None:
+        self._world = world
+        self._now = now
+        self._members = members
+        self._composition = composition
+
+    def refusal_of_order(self, event_type: str) -> str:
+        """Reason for rejecting people's events of a type, or an empty string.
+
+        They may send event types that a generator takes as orders, that the world file lists, or
+        that neither a generator makes nor a norm sends. All other events are measured or computed;
+        sent from a terminal they would be false statements about the world.
+        """
+        reserved, members = self._reservation(event_type), self._members
+        if reserved:
+            return f'{reserved}, or give it a process with service = "orders"'
+        unknown = [member.name for member in members if member.expected and member.hello is None]
+        allowed = event_type in self._world.people or members.takers(event_type)
+        # A generator that joins later may make events of this type by itself.
+        if unknown and not allowed and self._now.phase is Phase.WAITING:
+            return (
+                f"whether people may send {event_type} depends on members that have not joined yet:"
+                f" {', '.join(unknown[:5])}; send it when the world runs"
+            )
+        return ""
+
+    def refusal_of_guest(self, hello: m.Hello, event_types: Iterable[str]) -> str:
+        """Reason for rejecting these event types of an attached generator, or an empty string.
+
+        One that stands for people, such as a keyboard, may send what people may send; another may
+        be a sensor, but no norm. What a process of the world file sends is the choice of this file.
+        """
+        reserves = self._reservation if hello.people else self._reservation_by_norms
+        reasons = (reserves(event_type) for event_type in dict.fromkeys(event_types))
+        reserved = next(filter(None, reasons), "")
+        return reserved and f"{reserved}, or make {hello.member} a process of it"
+
+    def _reservation(self, event_type: str) -> str:
+        """Why an event type is not for people, and how to allow it; or an empty string."""
+        members = self._members
+        # An attached generator that takes orders cannot allow what the world file does not.
+        if event_type in self._world.people or any(
+            map(members.is_process, members.takers(event_type))
+        ):
+            return ""
+        makers = ", ".join(members.makers(event_type))
+        return self._reservation_by_norms(event_type) or (makers and _reserved(event_type, makers))
+
+    def _reservation_by_norms(self, event_type: str) -> str:
+        """Why an event type is for norms alone, and how to allow it; or an empty string."""
+        if event_type in self._world.people:
+            return ""
+        norms = [norm for norm in self._world.norms if event_type in norm.sends]
+        names = ", ".join(norm.name for norm in norms[:MAX_LISTED])
+        return names and _reserved(event_type, f"the norm{'s'[: len(norms) > 1]} {names}")
+
+    def without_effect(self, event: Event) -> str:
+        """Why an order can change nothing, or an empty string: no receiver responds to it."""
+        vocabulary = self._world.vocabulary
+        if vocabulary.events[event.type].visual or self._members.takers(event.type):
+            return ""
+        kinds = {self._composition.kind(receiver) for receiver in event.receivers} - {""}
+        responding = [
+            name for name, kind in vocabulary.kinds.items() if event.type in kind.subscribes
+        ]
+        if not (kinds or {*vocabulary.kinds}).isdisjoint(responding):
+            return ""
+        if not responding:
+            return f"no agent kind of this world responds to {event.type}"
+        return (
+            f"no {' or '.join(sorted(kinds))} responds to {event.type}; {listed(responding)} does"
+        )
+
+    def unknown_value(self, event: Event, known_by: dict[Of, set[str]] | None = None) -> str:
+        """Reason for rejecting an order with a value that the world lacks, or an empty string.
+
+        `known_by` keeps the values of the string for further events at the same time.
+
+        It compares the order with the values that the string has for the event's type. A string
+        without such a value is no reason to reject it, because objects that a robot detects are not
+        in it.
+        """
+        for field in self._world.vocabulary.events[event.type].fields.all:
+            source = field.type.source
+            if source is None:
+                continue
+            known_by = {} if known_by is None else known_by
+            known = known_by.get(source)
+            if known is None:
+                known = known_by[source] = set(map(str, values_of(self._composition.scene, source)))
+            value: object = event.data[field.name]
+            texts = cast("tuple[str, ...]", value if isinstance(value, tuple) else (value,))
+            for text in texts:
+                # No agent could carry out an order with an unknown name, such as a misspelt
+                # marker.
+                if known and text not in known:
+                    names = sorted(known)
+                    return (
+                        f"{event.type}: {field.name} is {text[:64]!r}, but no {source.symbol} of"
+                        f" the world has this {source.parameter}; expected"
+                        f" {listed(names)}{nearest(text, names)}"
+                    )
+        return ""
+
+
+def _reserved(event_type: str, sources: str) -> str:
+    return (
+        f"{event_type} comes from {sources}, so people may not send it; to let them,"
+        f' write people = ["{event_type}"] under [world] in the world file'
+    )
+
+
+def listed(names: Iterable[str]) -> str:
+    """The first names of many, for a message."""
+    shown = list(names)
+    more = len(shown) - MAX_LISTED
+    return ", ".join(shown[:MAX_LISTED]) + (f" or one of {more} more" if more > 0 else "")
 
 
 class CollectionStep:

@@ -36,13 +36,9 @@ import zenoh
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError, nearest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, unknown_agent
+from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.members import MemberEntry
-from minerva_bus.frame.orders import (
-    OrderFates,
-    listed,
-)
 from minerva_bus.frame.pace import Pace
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.parser import parse
@@ -50,6 +46,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Of, Unfit
 from minerva_bus.runtime.admission import Admission
 from minerva_bus.runtime.metrics import EventLog, Metrics, StatusMeter
+from minerva_bus.runtime.order_fates import OrderFates
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import System
