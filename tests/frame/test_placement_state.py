@@ -6,7 +6,14 @@ import pytest
 
 from minerva_bus.frame import placement as module
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.placement import MIN_AGENTS, MIN_BATCH, WINDOW, Placement, UnassignedLog
+from minerva_bus.frame.placement import (
+    MIN_AGENTS,
+    MIN_BATCH,
+    WINDOW,
+    Placement,
+    UnassignedLog,
+    place,
+)
 from minerva_bus.frame.stimuli import Instructions
 from tests.family import FAMILY_VOCABULARY, eHit, eMark, eShow, eStep
 
@@ -163,6 +170,9 @@ def test_a_result_of_a_former_host_makes_that_of_the_present_one_outdated():
     assert placement.lacking("east") is None
     placement.changed("west", "a", read("AMortal#a<energy=3>"))
     assert list(placement.lacking("east").given) == ["a"]
+    placement.arrange({"west": OFFERS["west"]})
+    placement.changed("west", "a", read("AMortal#a<energy=4>"))
+    assert list(placement.unassigned) == ["a"]
 
 
 def test_an_event_concerns_the_hosts_of_its_receivers():
@@ -219,3 +229,8 @@ def test_changes_of_agents_without_a_host_are_logged_once(limit, reason):
         ("placement", f"no host offers C: {still}"),
         ("placement", f"no host offers all of A, B: {still}"),
     ]
+
+
+def test_an_agent_is_on_the_host_that_the_protocol_defines():
+    hosts = [place(f"a{n}", ("east", "north", "west")) for n in range(9)]
+    assert hosts == ["east", "north", "east", "west", "west", "west", "north", "west", "east"]
