@@ -155,7 +155,7 @@ def test_a_failing_coordinator(tmp_path):
 
 
 def test_a_frozen_coordinator_at_an_interrupt(tmp_path):
-    path = write_world(tmp_path, frames=0, rate=50)
+    path = write_world(tmp_path, frames=0, rate=20)
     with World(path, "--json") as world:
         world.runs("steps", "walkers")
         eventually(lambda: world.members() and world.frame > 20, "some frames")

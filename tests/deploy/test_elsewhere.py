@@ -31,7 +31,7 @@ FIELDS = ["time", "level", "world", "frame", "member", "message"]
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("elsewhere")
-    path = write_world(folder, MEMBERS, frames=0, rate=50)
+    path = write_world(folder, MEMBERS, frames=0, rate=20)
     with World(path, "--metrics", "127.0.0.1:0", "--log-format", "json") as running:
         yield running
 

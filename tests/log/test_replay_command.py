@@ -86,7 +86,7 @@ def test_it_is_paused_stepped_wound_and_looked_at(recorded):
 
 
 def test_seeking_is_for_replays(tmp_path):
-    with World(write_world(tmp_path, frames=0, rate=50)) as world:
+    with World(write_world(tmp_path, frames=0, rate=20)) as world:
         world.runs("steps", "walkers")
         done = here(tmp_path, "seek", 3)
         assert done.returncode == 2

@@ -64,4 +64,4 @@ vocabulary = Vocabulary.of(PDot, TAt, eStep, eCall, eShow, Fish)
 
 
 def scene(options):
-    return Fish.many("f", 6000, x=np.arange(6000.0))
+    return Fish.many("f", 1000, x=np.arange(1000.0))

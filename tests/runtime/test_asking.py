@@ -102,7 +102,7 @@ def test_echo_ends_by_a_signal_without_a_traceback(world, number, type_):
 
 
 def test_echo_ends_with_a_world_that_is_killed(tmp_path):
-    with World(write_world(tmp_path, MEMBERS, frames=0, rate=50)) as world:
+    with World(write_world(tmp_path, MEMBERS, frames=0, rate=20)) as world:
         world.runs("steps", "walkers")
         with Run(tmp_path, "echo", "--world", world.name) as echo:
             eventually(lambda: echo.output, "it echoes")
@@ -234,7 +234,7 @@ def test_without_a_world_list_is_empty(tmp_path):
 
 
 def test_two_worlds_are_listed_and_distinguished(tmp_path):
-    file, other = (write_world(tmp_path, frames=0, rate=50) for _ in range(2))
+    file, other = (write_world(tmp_path, frames=0, rate=20) for _ in range(2))
     with World(file) as first, World(other) as second:
         first.runs("steps", "walkers")
         second.runs("steps", "walkers")
@@ -307,7 +307,7 @@ def test_a_port_of_one_s_own_choice(tmp_path):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     with World(
-        write_world(tmp_path, frames=0, rate=50), "--listen", f"tcp/127.0.0.1:{port}"
+        write_world(tmp_path, frames=0, rate=20), "--listen", f"tcp/127.0.0.1:{port}"
     ) as world:
         world.runs("steps", "walkers")
         assert world.endpoint() == f"tcp/127.0.0.1:{port}"

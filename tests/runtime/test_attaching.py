@@ -72,7 +72,7 @@ def test_one_that_is_killed_is_not_waited_for(world, spec):
 
 
 def test_a_frozen_member_is_given_up(tmp_path):
-    path = write_world(tmp_path, frames=0, rate=50, bus="soft = 0.2\nhard = 0.8")
+    path = write_world(tmp_path, frames=0, rate=20, bus="soft = 0.2\nhard = 0.8")
     with World(path) as world:
         world.runs("steps", "walkers")
         with attach(world, "yard:Steps", "frozen") as member:
@@ -189,7 +189,7 @@ def test_one_that_raises_ends_with_its_failure_and_the_world_goes_on(world):
 
 
 def test_attached_members_end_with_their_world(tmp_path):
-    with World(write_world(tmp_path, MEMBERS, frames=0, rate=50)) as world:
+    with World(write_world(tmp_path, MEMBERS, frames=0, rate=20)) as world:
         world.runs("steps", "walkers")
         with (
             attach(world, "yard:Screen", "look") as first,
@@ -204,7 +204,7 @@ def test_attached_members_end_with_their_world(tmp_path):
 
 
 def test_attached_members_notice_the_death_of_a_world(tmp_path):
-    with World(write_world(tmp_path, MEMBERS, frames=0, rate=50)) as world:
+    with World(write_world(tmp_path, MEMBERS, frames=0, rate=20)) as world:
         world.runs("steps", "walkers")
         with attach(world, "yard:Screen", "look") as member:
             takes_part(world, "look")

@@ -32,7 +32,7 @@ def rascal(deed, more=""):
 
 
 def test_a_killed_member_is_named_and_restarted_with_the_same_string(tmp_path):
-    path = write_world(tmp_path, ALL_KINDS, frames=0, rate=60)
+    path = write_world(tmp_path, ALL_KINDS, frames=0, rate=20)
     names = ("steps", "walkers", "water", "eye", "screen", "noise")
     with World(path, "--json") as world:
         for name in names:

@@ -49,7 +49,7 @@ def interrupted(world, number):
     (signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated"), (signal.SIGHUP, "terminated"),
 ])  # fmt: skip
 def test_a_running_world_ends_at_once(tmp_path, number, word):
-    path = write_world(tmp_path, ALL_KINDS, frames=0, rate=50)
+    path = write_world(tmp_path, ALL_KINDS, frames=0, rate=20)
     with World(path, "--json") as world:
         world.runs("steps", "walkers", "water", "eye", "screen", "noise")
         assert interrupted(world, number) == 130
@@ -75,7 +75,7 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
 @pytest.mark.parametrize("words", [(), ("--in-process",)])
 def test_a_closed_terminal_ends_the_world_and_its_record_in_order(tmp_path, words):
     pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
-    path = write_world(tmp_path, frames=0, rate=50)
+    path = write_world(tmp_path, frames=0, rate=20)
     command = [*MINERVA, "run", str(path), "--record", "run.mcap", *words]
     done = subprocess.run(
         [sys.executable, "-c", IN_A_TERMINAL, *command], cwd=tmp_path, env=environment(tmp_path),
@@ -88,7 +88,7 @@ def test_a_closed_terminal_ends_the_world_and_its_record_in_order(tmp_path, word
 
 
 def test_a_hang_up_that_is_ignored_stays_ignored(tmp_path):
-    path = write_world(tmp_path, frames=0, rate=50)
+    path = write_world(tmp_path, frames=0, rate=20)
     with World(path, inside=("nohup",)) as world:
         world.runs("steps", "walkers")
         world.kill(signal.SIGHUP)
@@ -116,14 +116,14 @@ def test_also_while_a_member_hangs(tmp_path, deed):
 
 
 def test_also_while_a_member_is_frozen(tmp_path):
-    with World(write_world(tmp_path, frames=0, rate=50, bus="soft = 0.2")) as world:
+    with World(write_world(tmp_path, frames=0, rate=20, bus="soft = 0.2")) as world:
         os.kill(world.runs("steps", "walkers")["walkers"], signal.SIGSTOP)
         world.says("walkers", "has been waiting for it")
         assert interrupted(world, signal.SIGINT) == 130
 
 
 def test_also_while_the_coordinator_is_frozen(tmp_path):
-    with World(write_world(tmp_path, frames=0, rate=50)) as world:
+    with World(write_world(tmp_path, frames=0, rate=20)) as world:
         pids = set(world.runs("steps", "walkers").values())
         (coordinator,) = set(world.pids.values()) - pids
         os.kill(coordinator, signal.SIGSTOP)
@@ -166,7 +166,7 @@ def test_processes_of_a_command_end_with_it(tmp_path):
         '\n[process.other]\ncommand = ["sh", "-c", "sleep 1000 & echo $! ; kill -TERM $$"]\n'
         'on_failure = "ignore"\n'
     )
-    with World(write_world(tmp_path, members, frames=0, rate=50)) as world:
+    with World(write_world(tmp_path, members, frames=0, rate=20)) as world:
         world.says("other │ was killed by SIGTERM; continuing without it")
         (left,) = [line.split()[-1] for line in world.lines if line.startswith("other │ ")][:1]
         eventually(lambda: not alive(int(left)), "what it had started is gone")
@@ -186,7 +186,7 @@ def test_a_command_that_is_not_there_is_named(tmp_path):
     '\n[process.rascal]\nservice = "yard:Rascal"\ndeed = "loops"\nframe = 0\n',
 ])  # fmt: skip
 def test_nothing_survives_a_launcher_that_is_killed(tmp_path, more):
-    with World(write_world(tmp_path, MEMBERS + more, frames=0, rate=50)) as world:
+    with World(write_world(tmp_path, MEMBERS + more, frames=0, rate=20)) as world:
         if more:
             eventually(world.members, "it answers")
             eventually(lambda: world.look() or len(world.pids) >= 4, "all have started")
@@ -198,7 +198,7 @@ def test_nothing_survives_a_launcher_that_is_killed(tmp_path, more):
 
 
 def test_a_world_that_was_killed_may_be_run_again_at_once(tmp_path):
-    path = write_world(tmp_path, frames=0, rate=50)
+    path = write_world(tmp_path, frames=0, rate=20)
     with World(path) as world:
         world.runs("steps", "walkers")
         world.look()
@@ -211,7 +211,7 @@ def test_a_world_that_was_killed_may_be_run_again_at_once(tmp_path):
 
 def test_in_one_process(tmp_path):
     path = write_world(tmp_path, MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n',
-                       frames=0, rate=50)  # fmt: skip
+                       frames=0, rate=20)  # fmt: skip
     for number in (signal.SIGINT, signal.SIGTERM):
         with World(path, "--in-process") as world:
             eventually(lambda w=world: "frame 3" in w.text, "frames go by")

@@ -164,7 +164,7 @@ def test_guests_are_waited_for_and_a_paused_world_stays_paused(tmp_path):
 
 @pytest.mark.parametrize("spec", ["yard:Steps", "yard:Walker"])
 def test_a_guest_that_returned_and_dies_is_not_waited_for(tmp_path, spec):
-    path = write_world(tmp_path, frames=0, rate=50)
+    path = write_world(tmp_path, frames=0, rate=20)
     with World(path) as world:
         world.runs("steps", "walkers")
         words = ("attach", spec, "--name", "guest", "--world", world.name)
@@ -243,7 +243,7 @@ def router():
 
 def test_the_older_of_two_that_see_each_other_through_a_router_stops(tmp_path, router):
     """This happens when the two parts of a partitioned network are connected again."""
-    path = write_world(tmp_path, MEMBERS, frames=0, rate=50)
+    path = write_world(tmp_path, MEMBERS, frames=0, rate=20)
     other = tmp_path / "elsewhere"
     other.mkdir()
     for name in (path.name, "yard.py"):
@@ -263,7 +263,7 @@ def test_the_older_of_two_that_see_each_other_through_a_router_stops(tmp_path, r
 
 
 def test_the_older_of_two_coordinators_stops(tmp_path):
-    path = write_world(tmp_path, MEMBERS, frames=0, rate=50)
+    path = write_world(tmp_path, MEMBERS, frames=0, rate=20)
     kept = tmp_path / "kept"
     with World(path, "--journal", kept) as older:
         older.runs("steps", "walkers")

@@ -57,7 +57,7 @@ except ChildProcessError:
 
 
 def test_a_launcher_that_fails_leaves_nothing(tmp_path):
-    path = write_world(tmp_path, frames=0, rate=50)
+    path = write_world(tmp_path, frames=0, rate=20)
     given = {**os.environ, "MINERVA_RUNTIME_DIR": str(tmp_path / "runtime")}
     done = subprocess.run(
         [sys.executable, "-c", FAILING, str(path)], cwd=tmp_path, env=given,

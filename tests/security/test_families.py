@@ -178,7 +178,7 @@ def test_no_family_has_names_of_a_world_s_own_processes(folder, tmp_path, monkey
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    path, _ = keyed_world(tmp_path_factory.mktemp("fam"), ISSUED, string=STRING, frames=0, rate=50)
+    path, _ = keyed_world(tmp_path_factory.mktemp("fam"), ISSUED, string=STRING, frames=0, rate=20)
     with World(path) as world:
         world.runs("steps", "walkers")
         yield world

@@ -61,7 +61,7 @@ ISSUED = {
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sec")
-    path, keys = keyed_world(folder, ISSUED, LIMITS, string=STRING, frames=0, rate=50)
+    path, keys = keyed_world(folder, ISSUED, LIMITS, string=STRING, frames=0, rate=20)
     keys.revoke("revoked")
     past = AuthorityFolder(folder / "keys", now() - timedelta(days=10))
     past.issue("expired", Wanted(("generator",), days=1))

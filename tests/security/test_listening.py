@@ -153,7 +153,7 @@ def test_own_members_find_a_world_that_listens_everywhere(listen, tmp_path):
 
 
 def test_a_member_rejoins_with_its_certificate(tmp_path):
-    path, keys = keyed_world(tmp_path, {"look": {"roles": ("view",)}}, frames=0, rate=50)
+    path, keys = keyed_world(tmp_path, {"look": {"roles": ("view",)}}, frames=0, rate=20)
     with World(path) as world:
         endpoint = secured_endpoint(world)
         world.runs("steps", "walkers")

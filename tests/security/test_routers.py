@@ -30,7 +30,7 @@ ISSUED = {
 def chain(tmp_path_factory):
     """A world connected to a router, the router's endpoint, and the keys."""
     folder = tmp_path_factory.mktemp("chain")
-    path, keys = keyed_world(folder, ISSUED, frames=0, rate=50)
+    path, keys = keyed_world(folder, ISSUED, frames=0, rate=20)
     printed = here(folder, "keys", "router", "middle", path.stem, "--listen", LISTEN)
     config = zenoh.Config.from_json5(printed.stdout)
     config.insert_json5("adminspace/enabled", "true")  # It provides the actual port.
