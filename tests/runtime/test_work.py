@@ -249,6 +249,7 @@ class Query:
 
     key_expr = "minerva/w/control"
     payload = ZBytes(pack({"ask": "slow"}))
+    attachment = None
 
     def __init__(self, replies):
         self.reply = lambda key, data: replies.append(unpack(data))
