@@ -17,7 +17,7 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -99,16 +99,6 @@ def cut(linked: Linked) -> bool:
             connection.shutdown(socket.SHUT_RDWR)
             return True
     return False
-
-
-@contextmanager
-def watched(session: zenoh.Session, notify: Callable[[Linked], None]) -> Generator[Links]:
-    """The links of a session, while the context lasts."""
-    links = Links(session, notify)
-    try:
-        yield links
-    finally:
-        links.close()
 
 
 READING: Final = frozenset(
@@ -436,7 +426,7 @@ class Admission:
         session, endpoint = self._open_hub(
             COORDINATOR, where.listen, shared=shared, secured=secured, routers=routers
         )
-        with session, watched(session, put) as self._links:
+        with session, closing(Links(session, put)) as self._links:
             # `endpoint` is the Unix socket for this machine; other
             # machines need the one they connect to.
             self.listens_at = listening_at(session, where.listen)

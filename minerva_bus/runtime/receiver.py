@@ -179,19 +179,19 @@ def is_slow(body: bytes) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class LargeMessage:
+class WaitingMessage:
     """The bytes of a member's message; `joins` counts how often the member has joined so far."""
 
     member: str
     joins: int
-    body: bytes
+    data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
     """A large message after decoding, or None and its problem; decoding took `seconds`."""
 
-    large: LargeMessage
+    large: WaitingMessage
     message: m.FromMember | None
     problem: str
     seconds: float
@@ -208,14 +208,14 @@ class LargeMessages:
         self._decoder = decoder
         self._system = system
         self._put = put
-        self._waiting: dict[str, deque[LargeMessage]] = {}
+        self._waiting: dict[str, deque[WaitingMessage]] = {}
         self._busy = False
 
     def behind(self, member: str) -> int:
         """The number of a member's messages that wait or are being decoded."""
         return len(self._waiting.get(member, ()))
 
-    def add(self, large: LargeMessage) -> None:
+    def add(self, large: WaitingMessage) -> None:
         """Queue a message."""
         self._waiting.setdefault(large.member, deque()).append(large)
         if not self._busy:
@@ -239,11 +239,11 @@ class LargeMessages:
         # One message at a time: several threads would compete for the interpreter with the frames.
         self._system.aside(lambda: self._put(self._decoded(large)))
 
-    def _decoded(self, large: LargeMessage) -> Decoded:
+    def _decoded(self, large: WaitingMessage) -> Decoded:
         began = self._system.monotonic()
         message, problem = None, ""
         try:
-            message = self._decoder.from_member(large.member, large.body)
+            message = self._decoder.from_member(large.member, large.data)
         except (ProtocolError, SceneError) as error:
             problem = str(error)
         return Decoded(large, message, problem, self._system.monotonic() - began)
@@ -262,15 +262,6 @@ MOST_BYTES: Final = 64 << 20
 """Bytes of postponed messages above which further ones are dropped."""
 
 
-@dataclass(frozen=True, slots=True)
-class PostponedMessage:
-    """The bytes of a member's message; `joins` counts how often the member had joined."""
-
-    member: str
-    joins: int
-    data: bytes
-
-
 class Postponed:
     """A queue of messages, and the time left for them.
 
@@ -280,11 +271,11 @@ class Postponed:
     """
 
     def __init__(
-        self, process: Callable[[PostponedMessage], None], clock: Callable[[], float]
+        self, process: Callable[[WaitingMessage], None], clock: Callable[[], float]
     ) -> None:
         self._process = process
         self._clock = clock
-        self._queue: deque[PostponedMessage] = deque()
+        self._queue: deque[WaitingMessage] = deque()
         self._bytes = 0
         self._left = AT_ONCE
         self._at = clock()
@@ -292,7 +283,7 @@ class Postponed:
     def __bool__(self) -> bool:
         return bool(self._queue)
 
-    def add(self, message: PostponedMessage) -> bool:
+    def add(self, message: WaitingMessage) -> bool:
         """Process a message after all earlier ones, now if time is left; False if it is dropped."""
         if len(self._queue) >= MOST or self._bytes >= MOST_BYTES:
             return False
@@ -381,7 +372,7 @@ class Receiver:
             self._count_late(member)
         else:
             joins = self._members.get(member).joins
-            if not self.postponed.add(PostponedMessage(member, joins, data)):
+            if not self.postponed.add(WaitingMessage(member, joins, data)):
                 self._drop(member)
 
     def take_decoded(self, decoded: Decoded) -> None:
@@ -389,14 +380,12 @@ class Receiver:
         large = decoded.large
         self._large.taken(decoded)
         self._metrics.add("decode", MICRO * decoded.seconds)
-        members = self._members
-        # A message of the former process must not count for the new one.
-        if not members.knows(large.member) or members.get(large.member).joins != large.joins:
+        if not self._is_current(large):
             return
         if decoded.message is None:
             self._handle(s.Violation(large.member, decoded.problem))
         else:
-            self._pass_on(large.member, large.body, decoded.message)
+            self._pass_on(large.member, large.data, decoded.message)
         # The coordinator has asked for these, so their time is not charged to the member.
         if not isinstance(decoded.message, m.TickReply | m.EvolveReply):
             self._admission.rules.spent(large.member, decoded.seconds)
@@ -451,13 +440,17 @@ class Receiver:
         elif not self._admission.keeps_out(member):
             self._handle(m.Leaving(member))  # Counts an unknown member, regardless of the message.
 
-    def _take_postponed(self, message: PostponedMessage) -> None:
+    def _take_postponed(self, message: WaitingMessage) -> None:
         member = message.member
-        # A message of the former process must not count for the new one.
-        if self._members.knows(member) and self._members.get(member).joins == message.joins:
+        if self._is_current(message):
             began = self._clock()
             self._decode(member, message.data)
             self._admission.rules.spent(member, self._clock() - began)
+
+    def _is_current(self, message: WaitingMessage) -> bool:
+        """Whether its member has not joined again: a new process is not the sender."""
+        members, member = self._members, message.member
+        return members.knows(member) and members.get(member).joins == message.joins
 
     def _within_limits(self, member: str, data: bytes, wire: Wire) -> bool:
         """Whether a message that no frame waits for is within its member's limits per second."""
@@ -493,7 +486,7 @@ class Receiver:
         if self._large.behind(member) >= MAX_BEHIND:
             self._drop(member)
             return
-        self._large.add(LargeMessage(member, self._members.get(member).joins, body))
+        self._large.add(WaitingMessage(member, self._members.get(member).joins, body))
 
     def _pass_on(self, member: str, body: bytes, message: m.FromMember) -> None:
         if isinstance(message, m.EvolveReply):

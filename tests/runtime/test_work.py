@@ -21,11 +21,10 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime import receiver as postponing
 from minerva_bus.runtime.questions import PAUSE_FACTOR, Answers
 from minerva_bus.runtime.receiver import (
-    LargeMessage,
     LargeMessages,
     Postponed,
-    PostponedMessage,
     Receiver,
+    WaitingMessage,
 )
 from minerva_bus.runtime.session import System, open_client
 from minerva_bus.wire.codec import Decoder, encode, stamp
@@ -183,7 +182,7 @@ def test_large_messages_are_opened_one_at_a_time_and_members_take_turns():
     system, opened = Still(), []
     large = letters(system, opened.append)
     for member, number in (("a", 1), ("a", 2), ("b", 3)):
-        large.add(LargeMessage(member, 1, encode(m.Emitted(member, (eDrop(number),)))))
+        large.add(WaitingMessage(member, 1, encode(m.Emitted(member, (eDrop(number),)))))
     order = []
     while system.calls:
         assert len(system.calls) == 1
@@ -197,7 +196,7 @@ def test_large_messages_are_opened_one_at_a_time_and_members_take_turns():
 def test_a_large_message_that_is_wrong_is_handed_over_with_what_is_wrong():
     system, opened = Still(), []
     large = letters(system, opened.append)
-    large.add(LargeMessage("a", 1, b"\xc1"))
+    large.add(WaitingMessage("a", 1, b"\xc1"))
     system.calls.pop()()
     assert opened[0].message is None
     assert "this is not msgpack" in opened[0].problem
@@ -218,13 +217,13 @@ def test_a_burst_is_processed_for_some_time_and_the_rest_in_order_later():
     system, done = Still(), []
     postponed = slow_work(system, done)
     for number in range(10):
-        assert postponed.add(PostponedMessage("a", 1, b"%d" % number))
+        assert postponed.add(WaitingMessage("a", 1, b"%d" % number))
     assert done == [b"0", b"1", b"2", b"3"]
     postponed.process_next()
     assert done[-1] == b"4"
     # Time passes in which replies arrive.
     system.now += 0.1
-    assert postponed.add(PostponedMessage("b", 1, b"last"))
+    assert postponed.add(WaitingMessage("b", 1, b"last"))
     while postponed:
         postponed.process_next()
     assert done == [*[b"%d" % number for number in range(10)], b"last"]
@@ -235,13 +234,13 @@ def test_postponed_messages_are_limited_in_number_and_bytes(monkeypatch):
     monkeypatch.setattr(postponing, "MOST_BYTES", 20)
     system, done = Still(), []
     postponed = slow_work(system, done, seconds=1.0)
-    taken = [postponed.add(PostponedMessage("a", 1, b"1234")) for _ in range(9)]
+    taken = [postponed.add(WaitingMessage("a", 1, b"1234")) for _ in range(9)]
     assert taken == [True] * 6 + [False] * 3
     while postponed:
         postponed.process_next()
     # One message is never too large here, so that the decoder can name what is wrong with it.
-    assert postponed.add(PostponedMessage("a", 1, b"x" * 100))
-    assert not postponed.add(PostponedMessage("a", 1, b"x"))
+    assert postponed.add(WaitingMessage("a", 1, b"x" * 100))
+    assert not postponed.add(WaitingMessage("a", 1, b"x"))
 
 
 class Query:
