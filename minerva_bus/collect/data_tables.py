@@ -175,7 +175,9 @@ class DataTable:
         self._write(path_of("path", path))
 
     def _write(self, path: Path) -> None:
-        writer = open_writer(path, self.name, self.types)
+        check_ending(path)
+        check_output(path, f"the table {self.name}")
+        writer = create_writer(path, self.types)
         writer.rows(self._columns)
         writer.close()
 
@@ -468,15 +470,11 @@ def check_ending(path: Path) -> None:
         raise MisuseError(f"{path}: there is no folder {path.parent}")
 
 
-def open_writer(path: Path, name: str, types: Mapping[str, str]) -> Writer:
-    """A writer of one table; the suffix selects the format. Raises MisuseError."""
-    check_ending(path)
-    check_output(path, f"the table {name}")
-    return create_writer(path, types)
-
-
 def create_writer(path: Path, types: Mapping[str, str], final: Path | None = None) -> FileWriter:
-    """As `open_writer`, without checks; errors name the `final` file of which `path` is a draft."""
+    """A writer of one table; the suffix selects the format.
+
+    Raises MisuseError, which names the `final` file if `path` is a draft of it.
+    """
     try:
         return _WRITERS[path.suffix](path, types)
     except OSError as error:

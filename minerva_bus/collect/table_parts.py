@@ -288,12 +288,9 @@ def has_parts(path: Path, tables: Mapping[str, Mapping[str, str]] | None = None)
     return known is not None and (tables is None or known == tables)
 
 
-_PART_ENDINGS: Final = {".parquet": ".arrow"}
-
-
 def part_ending(ending: str) -> str:
     """The ending of the parts of files with this ending."""
-    return _PART_ENDINGS.get(ending, ending)
+    return ".arrow" if ending == ".parquet" else ending
 
 
 @dataclass(frozen=True, slots=True)

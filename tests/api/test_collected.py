@@ -10,7 +10,7 @@ from frogs import Frog, eCroak, eCross, pond, race
 
 from minerva_bus import MinervaError, World, count, data, each, on, run
 from minerva_bus.api.running import pick_table
-from minerva_bus.collect.data_tables import DataTable, open_writer, read_columns
+from minerva_bus.collect.data_tables import DataTable, create_writer, read_columns
 from minerva_bus.collect.plans import read_entries
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.log.record import Record
@@ -245,7 +245,7 @@ def test_a_foreign_file_is_not_overwritten(tmp_path):
 
 def test_columns_files_are_read_as_they_were_written(tmp_path):
     path = tmp_path / "t.columns"
-    writer = open_writer(path, "t", TYPES)
+    writer = create_writer(path, TYPES)
     writer.rows(table().to_dict())
     writer.row({"frame": 4, "x": 1.0, "on": False, "name": "z"})
     writer.close()
@@ -258,7 +258,7 @@ def test_columns_files_are_read_as_they_were_written(tmp_path):
 def test_columns_files_keep_every_character(tmp_path):
     path = tmp_path / "t.columns"
     names = ["a\0", "\0", "", "$", "é\0\0", "$\0$"]
-    writer = open_writer(path, "t", {"name": "text"})
+    writer = create_writer(path, {"name": "text"})
     writer.rows({"name": np.array(names, object)})
     writer.close()
     assert read_columns(path, "t", {"name": "text"})["name"].tolist() == names
