@@ -45,8 +45,7 @@ from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Of, Unfit
 from minerva_bus.runtime.admission import Admission
-from minerva_bus.runtime.metrics import EventLog, Metrics, StatusMeter
-from minerva_bus.runtime.order_fates import OrderFates
+from minerva_bus.runtime.metrics import EventLog, Metrics, OrderFates, StatusMeter
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import System

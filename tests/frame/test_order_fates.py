@@ -1,7 +1,7 @@
 """The fates of people's orders: taken by a frame, and reported by agents."""
 
 from minerva_bus import EventType, Vocabulary
-from minerva_bus.runtime.order_fates import MAX_ORDERS, OrderFates
+from minerva_bus.runtime.metrics import MAX_ORDERS, OrderFates
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_bus.world.delivery import Priority
 

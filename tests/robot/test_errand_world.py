@@ -13,7 +13,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.world_files import read_world_file
-from minerva_bus.runtime.order_fates import OrderFates
+from minerva_bus.runtime.metrics import OrderFates
 from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.settings.world_settings import Overrides
 
