@@ -212,7 +212,7 @@ def test_it_shows_a_chart_for_each_series():
         CollectedSeries("none", "m", (0, 1, 2), (nan, nan, nan)),
     )
 
-    async def play(dashboard, pilot, told):
+    async def play(dashboard, pilot, _):
         def charts():
             return {str(each.border_title): each for each in dashboard.query(SeriesChart)}
 

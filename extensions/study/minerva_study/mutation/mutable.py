@@ -21,7 +21,7 @@ from minerva_study.domains import Domain, parse_domain
 
 
 @dataclass(frozen=True, slots=True)
-class Target(assignment.Target):
+class MutableTarget(assignment.Target):
     """Nodes, or one of their parameters with the values that it may have."""
 
     domain: Domain = None
@@ -32,7 +32,7 @@ class Targets:
     """What may mutate in the strings of a vocabulary; without any target, everything."""
 
     vocabulary: Vocabulary
-    all: tuple[Target, ...] = ()
+    all: tuple[MutableTarget, ...] = ()
 
     def whole(self, place: NodePath) -> bool:
         """Whether a complete node may be removed, added or moved."""
@@ -45,7 +45,7 @@ class Targets:
             if target is not None:
                 yield n, field, target.domain
 
-    def _domain(self, place: NodePath, name: str) -> Target | None:
+    def _domain(self, place: NodePath, name: str) -> MutableTarget | None:
         """The most specific target that allows a parameter to change."""
         if not self.all:
             return _EVERYTHING
@@ -61,7 +61,7 @@ class Targets:
             if _symbol(field) not in may_come and not any(self._is_of(field, it) for it in places)
         ]
 
-    def _is_of(self, target: Target, place: NodePath) -> bool:
+    def _is_of(self, target: MutableTarget, place: NodePath) -> bool:
         names = ("", *self.vocabulary.fields(place.node.symbol).names)
         return target.parameter in names and target.meets(place)
 
@@ -79,14 +79,14 @@ class Targets:
         return max(of_it, key=_exactness).domain if of_it else None
 
 
-_EVERYTHING: Final = Target((ANY,))
+_EVERYTHING: Final = MutableTarget((ANY,))
 
 
-def _symbol(target: Target) -> str:
+def _symbol(target: MutableTarget) -> str:
     return target.steps[-1].partition("#")[0]
 
 
-def _exactness(target: Target) -> tuple[bool, bool, int]:
+def _exactness(target: MutableTarget) -> tuple[bool, bool, int]:
     # A target for one parameter precedes one for its node, bounds precede none, and a longer path
     # precedes a shorter one.
     return bool(target.parameter), target.domain is not None, len(target.steps)
@@ -97,14 +97,14 @@ def parse_targets(texts: Sequence[str], vocabulary: Vocabulary) -> Targets:
     return Targets(vocabulary, tuple([_target(text, vocabulary) for text in texts]))
 
 
-def _target(text: str, vocabulary: Vocabulary) -> Target:
+def _target(text: str, vocabulary: Vocabulary) -> MutableTarget:
     place, equals, values = text.partition("=")
     plain, field = assignment.parse_target(place, vocabulary)
     if not equals:
-        return Target(plain.steps, plain.parameter)
+        return MutableTarget(plain.steps, plain.parameter)
     name = plain.parameter
     if not name:
         raise MisuseError(f"{text!r}: values need a parameter, as in {place}.NAME={values}")
     if field is None:
         raise MisuseError(f"{text!r}: bounds need the symbol that has {name}: SYMBOL.{name}=...")
-    return Target(plain.steps, name, parse_domain(values, field.type, place))
+    return MutableTarget(plain.steps, name, parse_domain(values, field.type, place))
