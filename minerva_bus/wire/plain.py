@@ -128,7 +128,7 @@ class Limits:
         ),
     ] = 1_000
     questions: Annotated[
-        int, Note("unanswered questions; further ones are answered with an error")
+        int, Note("unanswered questions of one sender; further ones get an error")
     ] = 100
     members: Annotated[
         int, Note("members, including expected ones; further ones are not greeted")
