@@ -82,7 +82,7 @@ def replay_coordinator(
         coordinator.inbox.put(s.Begin())  # There may be no view to wait for.
 
     def seek(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-        frame, algorithm = as_int(asked.get("frame"), "the frame"), running.algorithm
+        frame, algorithm = as_int(asked.get("frame"), "the frame"), running.runner.algorithm
         if frame > cursor.end:
             raise ProtocolError(f"the record ends before frame {cursor.end}, not {frame}")
         if algorithm.phase is not Phase.READY:

@@ -35,7 +35,6 @@ import zenoh
 
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError, nearest
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.members import MemberEntry
@@ -103,11 +102,6 @@ class Operated:
     noted: Callable[[PersonOperation], None] = field(default=lambda _: None)
 
     @property
-    def algorithm(self) -> FrameAlgorithm:
-        """The frame algorithm."""
-        return self.runner.algorithm
-
-    @property
     def pace(self) -> Pace:
         """The frame rate and the number of frames that may begin."""
         return self.schedule.pace
@@ -132,7 +126,7 @@ def person_of(asked: Mapping[str, Any]) -> str:
 
 def status_of(running: Operated, since: int = 0) -> WorldStatus:
     """State of a world, with the log entries since a number."""
-    algorithm, pace, hz = running.algorithm, running.pace, running.status.hz
+    algorithm, pace, hz = running.runner.algorithm, running.pace, running.status.hz
     measured = dict(running.metrics.measured())
     waits = {
         name.removeprefix("wait for "): measured.pop(name)
@@ -208,7 +202,7 @@ MAX_CHARS: Final = 16_384
 
 def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Send an event, or a batch, of people, in the form of the wire."""
-    reader = Reader(running.algorithm.world.vocabulary)
+    reader = Reader(running.runner.algorithm.world.vocabulary)
     event = reader.event(asked.get("event"))
     # Agents trust the sender of an event, so an operator must not set one.
     if event.senders is not None if isinstance(event, Events) else event.sender:
@@ -220,7 +214,7 @@ def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]:
     """Send the events of a batch; their fates are not kept."""
-    algorithm = running.algorithm
+    algorithm = running.runner.algorithm
     takers = algorithm.members.takers(batch.type)
     types = algorithm.world.vocabulary.events[batch.type].fields.all
     # Generators take single orders, and values that the string has are compared one by one.
@@ -246,7 +240,7 @@ def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]
 
 
 def _no_agent(running: Operated, receiver: str) -> str:
-    composition = running.algorithm.composition
+    composition = running.runner.algorithm.composition
     few = composition.count <= MAX_NAMES
     several = listed(sorted(composition.agents())) if few else f"{composition.count} agents"
     return f"there is no agent {unknown_agent(composition, receiver, f'there are {several}')}"
@@ -255,7 +249,7 @@ def _no_agent(running: Operated, receiver: str) -> str:
 def _send(
     running: Operated, event: Event, person: str, known: dict[Of, set[str]] | None = None
 ) -> dict[str, Any]:
-    algorithm = running.algorithm
+    algorithm = running.runner.algorithm
     check(f"an order of {event.type}", len(event.receivers), DEFAULT.receivers, "receivers")
     # Not `agent`, which makes the node of an agent in columns.
     homes = algorithm.composition.home_of_each(event.receivers)
@@ -283,7 +277,7 @@ def _send(
 
 def publish(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Send an event of a type in the vocabulary; its data are texts in the notation of strings."""
-    algorithm = running.algorithm
+    algorithm = running.runner.algorithm
     name = as_text(asked.get("type"), "the type")
     texts = {
         field: as_text(value, field)
@@ -359,25 +353,31 @@ def _series(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _scene(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
-    algorithm = running.algorithm
+    algorithm = running.runner.algorithm
     return {"frame": algorithm.frame, "scene": str(algorithm.scene)}
 
 
 def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     """The text of the outermost agent with an id, or of one in a population."""
-    composition, agent = running.algorithm.composition, as_text(asked.get("agent"), "the agent")
+    composition, agent = (
+        running.runner.algorithm.composition,
+        as_text(asked.get("agent"), "the agent"),
+    )
     # Names of parts are internal, and change when hosts join or leave.
     node = composition.agent(agent) if not agent.startswith(PART) else None
     if node is None:
         raise ProtocolError(f"there is no agent #{agent[:64]}")
-    return {"frame": running.algorithm.frame, "fragment": str(Scene((node,)))}
+    return {"frame": running.runner.algorithm.frame, "fragment": str(Scene((node,)))}
 
 
 def _note(running: Operated, asked: Mapping[str, Any], value: object = "") -> None:
     """Note that a person operates the world, with an effect."""
     running.noted(
         PersonOperation(
-            running.algorithm.frame, as_text(asked["ask"], "ask"), str(value), person_of(asked)
+            running.runner.algorithm.frame,
+            as_text(asked["ask"], "ask"),
+            str(value),
+            person_of(asked),
         )
     )
 
@@ -394,7 +394,7 @@ def _resume(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
         _note(running, asked)
     running.pace.resume()
     running.schedule.repace()
-    return {"frame": running.algorithm.frame}
+    return {"frame": running.runner.algorithm.frame}
 
 
 def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -440,7 +440,7 @@ def _accepted(refused: str) -> dict[str, Any]:
 def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) -> str:
     """The name of a process of the world file. Raises ProtocolError."""
     member = as_text(asked.get("member"), "the member")
-    expected = {entry.name: entry.expected for entry in running.algorithm.members}
+    expected = {entry.name: entry.expected for entry in running.runner.algorithm.members}
     if member not in expected:
         hint = nearest(member, list(expected), f"there are {', '.join(expected)}")
         raise ProtocolError(f"there is no member {member[:64]!r}{hint}")
@@ -450,7 +450,7 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
 
 
 def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    member, algorithm = as_text(asked.get("member"), "the member"), running.algorithm
+    member, algorithm = as_text(asked.get("member"), "the member"), running.runner.algorithm
     offers = algorithm.members.allowed_offers(algorithm.world.placement)
     if member not in offers:
         hosts = ", ".join(offers) or "none"
@@ -480,7 +480,7 @@ def _orders(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
-    return {"vocabulary": plain_vocabulary(running.algorithm.world.vocabulary)}
+    return {"vocabulary": plain_vocabulary(running.runner.algorithm.world.vocabulary)}
 
 
 def _seek(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
