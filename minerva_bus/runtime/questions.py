@@ -680,4 +680,4 @@ class Answers:
         return self._operators if orders else self._readers, asker or question.session, key
 
     def _asker(self, question: Question) -> tuple[str, bool, str]:
-        return who_asks(question.key, self._world.algorithm.world.name)
+        return who_asks(question.key, self._world.runner.algorithm.world.name)
