@@ -16,7 +16,7 @@ from myst_parser.slugs import github_slugify, unique_slug
 from pages import ROOT
 
 from tests.patience import patience
-from tests.quick import EXTENSIONS
+from tests.quick import left_out
 
 TARGETS = {"a": "href", "img": "src", "link": "href", "script": "src", "source": "src"}
 """Attributes of HTML elements that name other files."""
@@ -109,8 +109,8 @@ def broken_in_markdown(path: Path) -> list[str]:
     for target in filter(is_local, filter(None, targets)):
         parts = urlsplit(target)
         file = (path.parent / unquote(parts.path)).resolve() if parts.path else path
-        if file.is_relative_to(EXTENSIONS) and not file.parent.exists():
-            continue  # The extension is left out.
+        if file.is_relative_to(ROOT) and left_out(file.relative_to(ROOT)):
+            continue
         if not file.exists() or ROOT not in (file, *file.parents):
             missing.append(target)
         elif parts.fragment and file.suffix == ".md":

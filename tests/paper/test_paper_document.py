@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from tests.quick import left_out
+
 ROOT = Path(__file__).parents[2]
 DOCUMENT = (ROOT / "PAPER.md").read_text()
 CODE = ("minerva_bus", "agents/minerva_agents", "services/minerva_services")
@@ -96,34 +98,31 @@ def has(path, name):
     return plain in defined or any(name.endswith(f".{plain.lstrip('.')}") for name in defined)
 
 
-def is_left_out(path):
-    """Whether a path is in an extension that is not installed."""
-    top, name, *_ = [*path.split("/"), "", ""]
-    return top == "extensions" and not (ROOT / top / name).is_dir()
-
-
 def test_every_path_of_a_row_exists():
     assert len(ROWS) > 100
     missing = [
         f"line {row.line}: there is no {token}"
         for row in ROWS
         for token in quoted(" ".join((*row.cells, row.intro)))
-        if PATH.fullmatch(token) and found(token, row) is None and not is_left_out(token)
+        if PATH.fullmatch(token) and found(token, row) is None and not left_out(token)
     ]
     assert missing == []
 
 
 def tokens():
-    """The text in backquotes in cells of rows, each with the module named before it."""
+    """The text in backquotes in cells of rows, each with the module named before it.
+
+    What an extension has that is left out is passed over.
+    """
     for row in ROWS:
         paths = [found(path, row) for path in quoted(row.intro) if PATH.fullmatch(path)]
         tested = next((path for path in paths if path is not None and "tests" in path.parts), None)
         for cell in row.cells[1:]:
-            module = None
+            module = absent = None
             for token in quoted(cell):
                 if PATH.fullmatch(token):
-                    module = found(token, row)
-                else:
+                    module, absent = found(token, row), left_out(token)
+                elif not absent:
                     yield row, token, module, tested
 
 

@@ -80,7 +80,7 @@ def test_the_document_has_this_order():
 
 @cache
 def extensions():
-    return {path.name for path in (ROOT / "extensions").iterdir() if path.is_dir()}
+    return {path.name for path in (ROOT / "extensions").glob("*") if path.is_dir()}
 
 
 @pytest.mark.parametrize("folder", ["minerva_bus", "services", "agents"])
