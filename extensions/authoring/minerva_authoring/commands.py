@@ -1,4 +1,4 @@
-"""`minerva new`, `minerva schema`, `minerva determinism` and `minerva doctor`."""
+"""`minerva new`, `minerva schema` and `minerva determinism`."""
 
 from __future__ import annotations
 
@@ -77,17 +77,3 @@ def determinism(
     from minerva_authoring.determinism import check_determinism
 
     raise typer.Exit(check_determinism(world, frames, json))
-
-
-@examples(
-    "minerva doctor",
-    "minerva doctor --json",
-)
-def doctor(json: Json = False) -> None:
-    """Check the environment and report missing dependencies.
-
-    The exit code is 1 if there are any.
-    """
-    from minerva_authoring.doctor import examine
-
-    raise typer.Exit(examine(json))

@@ -9,7 +9,7 @@ import typer
 
 from minerva_bus.cli.options import Force, Json, examples
 
-TOPIC: Final = "Set up"
+TOPIC: Final = "Develop"
 
 
 @examples(
