@@ -27,13 +27,13 @@ from typing import IO, Final, TypeAlias
 
 from minerva_bus.errors import ProtocolError, RecordError
 from minerva_bus.frame.messages import FrameRecord, Readings
-from minerva_bus.frame.pace import BackOff
 from minerva_bus.frame.stimuli import Checkpoint, FrameDone
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.channels import check_installed
 from minerva_bus.log.entries import Kept, RecordHeader
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter, open_for_record, part_of, take_name
+from minerva_bus.runtime.pace import BackOff
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.world.operator import PersonOperation
 

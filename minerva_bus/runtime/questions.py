@@ -38,13 +38,13 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.members import MemberEntry
-from minerva_bus.frame.pace import Pace
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Of, Unfit
 from minerva_bus.runtime.admission import Admission
 from minerva_bus.runtime.metrics import EventLog, Metrics, OrderFates, StatusMeter
+from minerva_bus.runtime.pace import Pace
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import System

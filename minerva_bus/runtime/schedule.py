@@ -10,8 +10,8 @@ from typing import Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.pace import Overruns, Pace, ViewClock, real_period
 from minerva_bus.frame.world_state import Phase, WorldProgress
+from minerva_bus.runtime.pace import Overruns, Pace, ViewClock, real_period
 from minerva_bus.runtime.runner import Sink
 
 _BEGIN: Final = s.Begin()

@@ -29,12 +29,12 @@ from minerva_bus.errors import BusError, MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.pace import Overruns
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.run_outputs import find_past
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.journal import Journal
 from minerva_bus.runtime.joining import Arrival
+from minerva_bus.runtime.pace import Overruns
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_hub
 from minerva_bus.security.certificates import KeyFolder

@@ -23,13 +23,13 @@ from minerva_bus.frame.members import (
     incompatibility,
 )
 from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
-from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.placement import place
 from minerva_bus.frame.view_streams import ViewStream
 from minerva_bus.frame.world_state import FrameResult
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, fill, scene_of
 from minerva_bus.grammar.types import Type
+from minerva_bus.runtime.pace import Pace
 from minerva_bus.runtime.waiting import Deadlines, Patience, Waits
 from minerva_bus.testing.strategies import ids
 from minerva_bus.world.services import Participation, When

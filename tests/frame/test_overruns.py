@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from minerva_bus.frame.messages import EvolveReply, TickReply
-from minerva_bus.frame.pace import Overruns
 from minerva_bus.frame.world_state import Phase
+from minerva_bus.runtime.pace import Overruns
 from minerva_bus.runtime.schedule import FrameSchedule
 
 

@@ -9,8 +9,8 @@ from pond import Add, Screen, eAdd, service, started
 from minerva_bus.errors import RecordError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.pace import ViewClock
 from minerva_bus.log.record import Record
+from minerva_bus.runtime.pace import ViewClock
 from tests.runtime.running import World, eventually, write_world
 
 
