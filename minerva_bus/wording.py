@@ -1,4 +1,4 @@
-"""Phrases for messages that several layers use, and texts of any origin in XML."""
+"""Phrases for messages that several layers use, their pauses, and texts of any origin in XML."""
 
 import importlib.util
 import re
@@ -6,7 +6,27 @@ import shlex
 import sys
 from collections.abc import Sequence
 from html import escape
+from math import inf
 from typing import Final
+
+_MIN_SECONDS: Final = 1.0
+_MAX_SECONDS: Final = 60.0
+
+
+class BackOff:
+    """Reports with pauses that double from 1 s to 60 s; times are of one monotonic clock."""
+
+    def __init__(self) -> None:
+        self._next: float = -inf
+        self._pause: float = _MIN_SECONDS
+
+    def is_due(self, now: float) -> bool:
+        """Whether to report now; then the next pause begins."""
+        if now < self._next:
+            return False
+        self._next = now + self._pause
+        self._pause = min(2 * self._pause, _MAX_SECONDS)
+        return True
 
 
 def counted(number: int, noun: str) -> str:

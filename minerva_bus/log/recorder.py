@@ -33,8 +33,8 @@ from minerva_bus.log.channels import check_installed
 from minerva_bus.log.entries import Kept, RecordHeader
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter, open_for_record, part_of, take_name
-from minerva_bus.runtime.pace import BackOff
 from minerva_bus.wire.codec import Decoder
+from minerva_bus.wording import BackOff
 from minerva_bus.world.operator import PersonOperation
 
 MESSAGES: Final = 1024

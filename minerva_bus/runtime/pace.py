@@ -1,4 +1,4 @@
-"""Pace of frames and reports: when the next frame may begin, and which frames were late.
+"""Pace of frames: when the next frame may begin, and which frames were late.
 
 All of it is outside the pure frame algorithm. Times are seconds of one monotonic clock; they are
 passed in, so that this module reads no clock.
@@ -8,30 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import inf
 from typing import Final
 
 from minerva_bus.frame.world_state import WorldSpec
-
-_MIN_SECONDS: Final = 1.0
-_MAX_SECONDS: Final = 60.0
-
-
-class BackOff:
-    """Reports with pauses that double from 1 s to 60 s; times are of one monotonic clock."""
-
-    def __init__(self) -> None:
-        self._next: float = -inf
-        self._pause: float = _MIN_SECONDS
-
-    def is_due(self, now: float) -> bool:
-        """Whether to report now; then the next pause begins."""
-        if now < self._next:
-            return False
-        self._next = now + self._pause
-        self._pause = min(2 * self._pause, _MAX_SECONDS)
-        return True
-
+from minerva_bus.wording import BackOff
 
 REST_SECONDS: Final = 0.1
 """Interval between frames without changes, of a world that runs as fast as possible."""
