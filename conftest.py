@@ -38,14 +38,11 @@ pytest_plugins = ["tests.patience", "tests.flaky", "tests.forks", "tests.quick",
 
 
 def pytest_configure(config):
-    """Start test files in their order, and enable Ctrl-C for the worlds of tests.
+    """Enable Ctrl-C for the worlds of tests.
 
-    pytest-xdist would start the files with the fewest tests last. These take longest, such as a
-    page whose commands are typed, and one worker would still run them when all others are idle.
     A shell that starts pytest in the background makes it ignore SIGINT, and its children inherit
     that.
     """
-    config.option.loadscopereorder = False
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

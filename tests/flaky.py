@@ -1,7 +1,7 @@
 """`--retry`: run each failed test once more, alone, after all others have finished.
 
 A test that then passes is flaky: the run succeeds, and its last lines name the test. "Alone" means
-in a separate process, one test at a time, when no worker of pytest-xdist has tests left to run.
+in a separate process, one test at a time, when no fork has tests left to run.
 A test that fails on an example of Hypothesis fails again, because Hypothesis stores the example.
 """
 
@@ -90,8 +90,6 @@ class Retry:
         command = [sys.executable, "-m", "pytest", "-q", "--color=no", "--no-retry"]
         for plugin in self.config.getoption("plugins"):
             command += ["-p", plugin]
-        if self.config.pluginmanager.hasplugin("xdist"):
-            command.append("-n0")
         command += ["-m", self.config.getoption("markexpr"), nodeid]
         # A file, not a pipe: a process that outlives the test keeps the pipe open, and reading it
         # would wait for that process.

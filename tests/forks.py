@@ -1,7 +1,7 @@
 """`--forks N`: collect the tests once, then run their files in N forks of this process.
 
-Each worker of pytest-xdist imports and collects all tests by itself, which takes six workers longer
-than a minute of CPU time. The forks take one file after the other. Files with tests of a higher limit
+Workers that each import and collect all tests, as pytest-xdist's do, take 11 s of CPU time apiece.
+The forks take one file after the other. Files with tests of a higher limit
 come first, because one of them would still run when the other forks have nothing left to do. When a
 fork ends early, or runs a test for twice its limit, that test fails and another fork runs the
 following ones.

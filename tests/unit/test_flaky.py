@@ -8,7 +8,6 @@ pytest_plugins = ["pytester"]
 
 ROOT = Path(__file__).parents[2]
 
-XDIST = ("-p", "xdist", "-n", "2", "--dist", "loadfile")
 WORKERS = ("--forks", "2")
 FLAKY = """
 from pathlib import Path
@@ -46,7 +45,7 @@ def last_lines(result):
     return [line for line in result.outlines if line][-2:]
 
 
-@pytest.mark.parametrize("workers", [(), WORKERS, XDIST], ids=["one", "forks", "xdist"])
+@pytest.mark.parametrize("workers", [(), WORKERS], ids=["one", "forks"])
 def test_a_test_that_passes_alone_is_listed_last_and_the_run_is_green(suite, workers):
     result = suite("--retry", *workers, flaky=FLAKY, good=FIXED)
     assert result.ret == 0

@@ -16,6 +16,6 @@ CASES = Path(__file__).with_name("helics_cases.py")
 
 @pytest.mark.skipif(not find_spec("helics"), reason="needs HELICS (pip install helics)")
 def test_a_world_is_a_federate_of_helics():
-    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", str(CASES)]
+    words = [sys.executable, "-m", "pytest", "-q", str(CASES)]
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
