@@ -54,7 +54,7 @@ from minerva_bus.grammar.scene import Scene, Value
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Of
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.delivery import collect
+from minerva_bus.world.event_order import collect
 from minerva_bus.world.norms import SOURCE
 
 MAX_SINGLE_EVENTS: Final = 2_000

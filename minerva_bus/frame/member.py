@@ -35,7 +35,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.user_code import blamed, handler_name
 from minerva_bus.world.agent import Agent, Kinds, kinds_of, with_own_fields
 from minerva_bus.world.context import Frame
-from minerva_bus.world.delivery import Addressed
+from minerva_bus.world.event_order import Addressed
 from minerva_bus.world.evolution import Evolved, Policy, evolve
 from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.readings import Reading

@@ -25,7 +25,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.delivery import Priority, collect
+from minerva_bus.world.event_order import Priority, collect
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.population import newest_copy

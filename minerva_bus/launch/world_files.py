@@ -81,7 +81,7 @@ from minerva_bus.wire.keys import is_name
 from minerva_bus.wire.plain import DEFAULT, Limits, configurable_limits
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.delivery import Priority
+from minerva_bus.world.event_order import Priority
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.expressions import Expression, read_expression
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_conditions, sanction_of

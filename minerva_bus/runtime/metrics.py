@@ -29,7 +29,7 @@ from minerva_bus.runtime.session import System
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted
-from minerva_bus.world.delivery import Priority
+from minerva_bus.world.event_order import Priority
 from minerva_bus.world.operator import LogEntry, LogLine, OrderStatus, PersonOperation
 
 BOUNDS: Final = (

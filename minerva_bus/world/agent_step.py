@@ -25,7 +25,7 @@ from minerva_bus.grammar.scene import (
 from minerva_bus.user_code import assignments
 from minerva_bus.world.agent import ActivityError, Agent, Kinds
 from minerva_bus.world.context import Context
-from minerva_bus.world.delivery import Addressed
+from minerva_bus.world.event_order import Addressed
 from minerva_bus.world.population import EventBatch, merged
 
 Activity = Callable[..., Any]

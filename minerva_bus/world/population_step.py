@@ -26,7 +26,7 @@ from minerva_bus.world.agent import ActivityError, Agent, Kinds
 from minerva_bus.world.agent_step import AgentStep, at_fault
 from minerva_bus.world.class_declaration import TOGETHER
 from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
-from minerva_bus.world.delivery import Addressed, Round, narrowed, rounds
+from minerva_bus.world.event_order import Addressed, Round, narrowed, rounds
 from minerva_bus.world.population import (
     Birth,
     Emitted,

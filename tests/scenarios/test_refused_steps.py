@@ -28,7 +28,7 @@ from minerva_bus.grammar.assignment import rested
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.scene import FigureNode, agents, walk
-from minerva_bus.world.delivery import Priority
+from minerva_bus.world.event_order import Priority
 from minerva_bus.world.norms import Norm
 
 PPush = Primitive("PPush", who=str, push=float)

@@ -39,7 +39,7 @@ from minerva_bus.grammar.scene import walk
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.world_settings import BusSettings
-from minerva_bus.world.delivery import Priority
+from minerva_bus.world.event_order import Priority
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_bus.world.services import Emit

@@ -47,7 +47,7 @@ from minerva_bus.user_code import SourceLine, assignments, defined, handler_name
 from minerva_bus.wording import named_some, short
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
-from minerva_bus.world.delivery import addressed
+from minerva_bus.world.event_order import addressed
 from minerva_bus.world.norms import REFUSED, SOURCE, Norm
 from minerva_bus.world.population import parents_of
 

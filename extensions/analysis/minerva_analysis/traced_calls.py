@@ -15,7 +15,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene, agents, walk, with_scope
 from minerva_bus.world.agent import ActivityError, Kinds
 from minerva_bus.world.agent_step import AgentStep, process_all
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.delivery import Addressed
+from minerva_bus.world.event_order import Addressed
 from minerva_bus.world.evolution import evolve
 
 
