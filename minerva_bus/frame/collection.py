@@ -1,4 +1,4 @@
-"""Steps 1 to 4 of Table 2: requests to generators, and the events of a frame.
+"""Steps 2 to 4 of Table 2: requests to generators, and the events of a frame.
 
 `FrameInbox` has the events that wait for the next frame, `SenderRights` the agents in whose name a
 generator may send events, `OrderRules` the events that people and guests may send.
