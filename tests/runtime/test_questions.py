@@ -19,7 +19,8 @@ STATUS = pack({"ask": "status"})
 def asked():
     """A function that asks on a key and returns whether it was admitted; replies; and answers."""
     limits, replies = Limits(questions=2), list[Any]()
-    world: Any = SimpleNamespace(algorithm=SimpleNamespace(world=SimpleNamespace(name="w")))
+    algorithm = SimpleNamespace(world=SimpleNamespace(name="w"))
+    world: Any = SimpleNamespace(runner=SimpleNamespace(algorithm=algorithm))
     admission = Admission(Keys("w"), limits, ListenConfig(), lambda *line: None)
     answers = Answers(world, admission, limits, lambda: None, REAL, {"status": lambda *_: {}})
 

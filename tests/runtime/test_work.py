@@ -268,7 +268,8 @@ def test_excess_questions_are_rejected_at_once_and_answers_leave_time_for_frames
         answered.append(asked)
         return {}
 
-    world: Any = SimpleNamespace(algorithm=SimpleNamespace(world=SimpleNamespace(name="w")))
+    algorithm = SimpleNamespace(world=SimpleNamespace(name="w"))
+    world: Any = SimpleNamespace(runner=SimpleNamespace(algorithm=algorithm))
     admission: Any = SimpleNamespace(objection_to_question=lambda *_: "")
     limits = replace(DEFAULT, questions=3)
     answers = Answers(
