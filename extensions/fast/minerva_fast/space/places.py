@@ -133,11 +133,13 @@ def place(table: Any, i: int, cell: int) -> None:
 @kernel
 def take_out(table: Any, i: int) -> None:
     """Remove row i from the list of its cell."""
+    # First, because it refuses an index that is no row: links beyond the rows have any value.
+    cell = table.cell[i]
     if not table.links[ALIVE, i]:
         raise IndexError(REMOVED)
     if table.counts[VACANT] == UNLISTED:
         return
-    cell, before, after = table.cell[i], table.links[PREVIOUS, i], table.links[NEXT, i]
+    before, after = table.links[PREVIOUS, i], table.links[NEXT, i]
     if after >= 0:
         table.links[PREVIOUS, after] = before
     if before >= 0:
