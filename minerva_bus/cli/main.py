@@ -152,6 +152,7 @@ def _make(name: str) -> Any:
         group = typer.main.get_group(function)
         group.name = name
         return group
+    # Such a command reads `context.args`; without it, misspelt options would be ignored.
     takes_others = "context" in signature(function).parameters
     single = typer.Typer(rich_markup_mode=None, add_completion=False)
     single.command(

@@ -194,7 +194,7 @@ def publish(order: OrderToSend, waiting: Waiting, target: WorldTarget, as_json: 
         if not as_json:
             through = f" through {', '.join(answer['through'])}" if answer["through"] else ""
             sender = f" by {answer['by']}" if answer["by"] else ""
-            sent = f"sent{sender}{through}, after frame {answer['frame']} began"
+            sent = f"sent{sender}{through} in frame {answer['frame']}"
             print_result(f"{answer['event']} {sent}")
             if "note" in answer:
                 print_message(f"warning: {answer['note']}")

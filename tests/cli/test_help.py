@@ -1,5 +1,6 @@
 """`minerva --help` and `minerva COMMAND --help`: groups, summaries and examples."""
 
+import inspect
 import json
 import shlex
 
@@ -47,6 +48,20 @@ def test_the_options_of_examples_exist(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line.partition(" > ")[0])
     ROOT.commands[words[1]].make_context(words[1], words[2:])
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "keys"])
+def test_a_command_uses_the_options_that_it_does_not_refuse(name):
+    if ROOT.commands[name].ignore_unknown_options:
+        assert "context.args" in inspect.getsource(command_of(name))
+
+
+@pytest.mark.parametrize("words", [("--recomput",), ("robot", "--recomput"), ("robot", "more")])
+def test_a_replay_refuses_what_it_does_not_know(words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        app(["replay", "run.mcap", *words])
+    assert ended.value.code == 2
+    assert words[-1] in capsys.readouterr().err
 
 
 def test_the_help_of_a_world_lists_its_options(capsys, tmp_path):

@@ -21,6 +21,7 @@ from minerva_bus.cli.options import (
     grouped,
 )
 from minerva_bus.cli.startup import uncollected
+from minerva_bus.errors import MisuseError
 from minerva_bus.settings.world_settings import Overrides
 
 TOPIC: Final = "Records"
@@ -84,7 +85,6 @@ def recover(
 )
 @grouped
 def replay(
-    context: typer.Context,
     overrides: Annotated[Overrides, Takes("view", "name", "listen", "connect", "keys", "insecure")],
     file: Record,
     world: MovedWorld = "",
@@ -117,13 +117,13 @@ def replay(
 
     if no_code:
         code = {"--recompute": recompute, "--view": overrides.views, "WORLD": world}
-        _refuse(context, code, "runs code, which --no-code forbids; minerva plot runs none")
+        _refuse(code, "runs code, which --no-code forbids; minerva plot runs none")
         show_frames(file, begin, json)
         return
     if recompute:
         # These would be ignored without a word.
         played = {"--view": overrides.views, "--from": begin != 0, "--speed": speed != 1.0}
-        _refuse(context, played, "cannot be combined with --recompute")
+        _refuse(played, "cannot be combined with --recompute")
         raise typer.Exit(recompute_record(file, world, json))
     code = replay_record(
         file, world, overrides, startup.BEGAN, begin=begin, speed=speed, as_json=json, quiet=quiet
@@ -131,10 +131,10 @@ def replay(
     raise typer.Exit(code)
 
 
-def _refuse(context: typer.Context, options: Mapping[str, object], reason: str) -> None:
-    """End the command with a usage error if one of these options is given."""
+def _refuse(options: Mapping[str, object], reason: str) -> None:
+    """Raise MisuseError if one of these options is given."""
     for option in [name for name, value in options.items() if value]:
-        context.fail(f"{option} {reason}")
+        raise MisuseError(f"{option} {reason}")
 
 
 @examples(

@@ -17,7 +17,7 @@ TOPIC: Final = "Observe"
 @examples(
     "minerva explain run.mcap --agent r1 --attribute objective --frame 340",
     "minerva explain meadow",
-    "minerva explain meadow --agent fox1 --attribute energy",
+    "minerva explain meadow --agent f1 --attribute energy",
 )
 @grouped
 def explain(
