@@ -89,8 +89,8 @@ def _address(value: Any) -> str:
     if text:
         try:
             address(text)
-        except MisuseError as error:
-            raise MisuseError(f"must be HOST:PORT: {error}") from None
+        except MisuseError:
+            raise MisuseError("must be HOST:PORT, such as 127.0.0.1:9464") from None
     return text
 
 
