@@ -25,6 +25,7 @@ from sphinx.environment import BuildEnvironment
 from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util.osutil import relative_uri
 
+EXTENSIONS = Path(__file__).resolve().parents[2] / "extensions"
 ARCHIVES = "_downloads/folders"
 STAMP = (1980, 1, 1, 0, 0, 0)
 """Time of all files in an archive, so that the same files give the same archive."""
@@ -46,9 +47,11 @@ class Document(MarkdownDirective):
 
 
 def left_out(path: Path) -> str | None:
-    """The extension of a file below `extensions/` whose folder does not exist, or None."""
-    top, name = path.parts[-3:-1]
-    return name if top == "extensions" and not path.parent.exists() else None
+    """The extension of a path below `extensions/` whose folder does not exist, or None."""
+    if EXTENSIONS not in path.parents:
+        return None
+    name = path.relative_to(EXTENSIONS).parts[0]
+    return None if (EXTENSIONS / name).exists() else name
 
 
 def page_of(env: BuildEnvironment, path: Path) -> str | None:
