@@ -1,5 +1,5 @@
 /* Answers questions about encodings and random streams, one on each line of the standard input.
- * tests/members compares the answers with protocol/vectors. Bytes and texts are hexadecimal. */
+ * members/tests compares the answers with protocol/vectors. Bytes and texts are hexadecimal. */
 
 #include <inttypes.h>
 #include <stdio.h>

@@ -11,7 +11,7 @@ import java.util.Map;
 import java.util.stream.Collectors;
 
 /**
- * Answers questions about encodings and random streams, one on each line of the standard input. tests/members compares
+ * Answers questions about encodings and random streams, one on each line of the standard input. members/tests compares
  * the answers with protocol/vectors. Bytes and texts are hexadecimal.
  */
 public final class Vectors {
