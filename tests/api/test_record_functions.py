@@ -1,25 +1,11 @@
 """Functions about records give what the commands give: strings, tables, differences."""
 
-import json
 from pathlib import Path
-from typing import Any
 
 import pytest
-from frogs import Frog, eTick, pond
+from frogs import Frog, pond
 
-from minerva_analysis import replay_swapped
-from minerva_bus import (
-    Agent,
-    Generator,
-    MinervaError,
-    count,
-    on,
-    record,
-    replay,
-    replay_views,
-    resume,
-    run,
-)
+from minerva_bus import MinervaError, count, record, replay, replay_views, resume, run
 from minerva_bus.errors import MisuseError, WorldFileError
 from tests.runtime.running import here, minerva, summary
 
@@ -27,30 +13,6 @@ pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
 CURVES = {"n": count(Frog), "x": Frog.x}
 PAPER = "svg:path={},every=5"
-
-
-class Heavy(Agent, symbol="AFrog"):
-    """Grows where other frogs age."""
-
-    x: float = 0.0
-    size: float = 1.0
-    age: int = 0
-    hungry: bool = True
-    mood: str = "calm"
-
-    @on("eTick")
-    def live(self, tick, moment):
-        self.size += 1.0
-
-
-class Pulse(Generator, events=("eTick",)):
-    """Ticks in some frames only."""
-
-    def __init__(self, every: int = 1):
-        self.every = every
-
-    def generate(self, tick):
-        return () if tick.number % self.every else (eTick(),)
 
 
 @pytest.fixture(scope="module")
@@ -133,39 +95,3 @@ def test_a_wrong_view_or_frame_is_reported_before_processes_start(
 ):
     with pytest.raises(error, match=problem):
         replay_views(folder / "run.mcap", views, **settings)
-
-
-@pytest.mark.parametrize(("member", "replacement", "options"), [
-    ("agents", Heavy, {}),
-    ("agents", Frog, {}),
-    ("eTick", Pulse, {"every": 3}),
-])  # fmt: skip
-def test_a_replaced_member_gives_the_run_of_the_command(
-    folder, tmp_path, member, replacement, options
-):
-    path = folder / "run.mcap"
-    steps: list[int] = []
-    done = replay_swapped(
-        path, member, replacement, options=options, into=tmp_path / "own.mcap",
-        progress=lambda frame, total: steps.append(frame),
-    )  # fmt: skip
-    spec = f"{member}={replacement.__module__}:{replacement.__name__}"
-    words = [word for name, value in options.items() for word in (f"--{name}", value)]
-    command = here(folder, "swap", path, spec, *words, "--json")
-    assert json.loads(command.stdout) == done.plain()
-    assert done.difference.same == (replacement is Frog)
-    assert steps == [*range(1, 11)]
-    assert replay_swapped(path, member, spec.partition("=")[2], options=options) == done
-
-
-def test_a_replacement_that_cannot_be_used_is_named(folder):
-    path = folder / "run.mcap"
-    with pytest.raises(MisuseError, match="no process 'agent'; did you mean 'agents'"):
-        replay_swapped(path, "agent", Heavy)
-    with pytest.raises(MisuseError, match="Heavy names agents, which have no options"):
-        replay_swapped(path, "agents", Heavy, options={"every": 2})
-    with pytest.raises(WorldFileError, match="every must be"):
-        replay_swapped(path, "eTick", Pulse, options={"every": "often"})
-    number: Any = int
-    with pytest.raises(MisuseError, match="<class 'int'> is not a class of agents"):
-        replay_swapped(path, "agents", number)

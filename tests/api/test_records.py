@@ -3,7 +3,6 @@
 import pytest
 from frogs import Frog, eTick, pond
 
-from minerva_analysis import diff
 from minerva_bus import Agent, MinervaError, World, check, each, on, record, replay, resume, run
 from minerva_bus.errors import WorldFileError
 
@@ -18,19 +17,14 @@ def many(**settings):
     )
 
 
-def test_a_record_of_a_world_is_replayed_compared_and_resumed(tmp_path):
-    a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
+def test_a_record_of_a_world_is_replayed_and_resumed(tmp_path):
+    a = tmp_path / "a.mcap"
     whole = run(pond(), frames=20, seed=5)
     done = record(pond(), a, frames=10, seed=5)
     assert done.frames == 10
     assert replay(a, pond()).same
     with pytest.raises(WorldFileError, match="name it"):
         replay(a)
-    record(pond(), b, frames=10, seed=6)
-    difference = diff(a, b)
-    assert not difference.same
-    assert difference.frame == 0
-    assert diff(a, a).same
     resumed = resume(a, pond(), frames=20)
     assert (resumed.frames, resumed.digest) == (20, whole.digest)
     with pytest.raises(MinervaError, match="over after 20 frames"):

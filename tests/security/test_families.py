@@ -8,9 +8,7 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from minerva_bus.errors import BusError, KeysError
-from minerva_bus.launch.coordinator_process import security
-from minerva_bus.launch.world_files import Access
+from minerva_bus.errors import BusError
 from minerva_bus.runtime.session import open_client
 from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import Rights, covers, overlap, rights_of
@@ -19,10 +17,8 @@ from tests.patience import patience
 from tests.runtime import yard
 from tests.runtime.running import Run, ends_as_alone, here
 from tests.security.secured import (
-    AuthorityFolder,
     Client,
     Joined,
-    Wanted,
     World,
     eventually,
     goes_on,
@@ -86,91 +82,6 @@ def test_the_rules_are_for_all_names_of_a_family_and_no_other(role):
             assert may(access, "hosts-*", flow, message, key) == its, key
             assert not may(access, "hostsx", flow, message, key) or name == "hostsx"
     assert not may(access, "hosts-*", "ingress", "put", keys.sent_by("hosts-a/b"))
-
-
-# --- certificates ---
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    keys = AuthorityFolder(tmp_path_factory.mktemp("families") / "keys")
-    keys.init()
-    keys.issue("hosts", Wanted(**ISSUED["hosts"]))
-    keys.issue("lone-a", Wanted(("view",)))
-    return keys
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("hosts-a", "--role", "view"), "hosts-a and hosts-* have names in common"),
-        (("hosts-a", "--role", "view", "--family"), "hosts-a-* and hosts-* have names in common"),
-        (("lone", "--role", "view", "--family"), "lone-* and lone-a have names in common"),
-        (("hosts", "--role", "agent"), "--renew replaces it"),
-        (("hosts", "--role", "agent", "--renew"), "hosts-* is renewed with --family"),
-        (("lone-a", "--role", "view", "--renew", "--family"), "lone-a is renewed without --family"),
-        (("a" * 63, "--role", "agent", "--family"), "too long for a family"),
-        (("mid", "--role", "router", "--family"), "this role cannot have a family"),
-        (("coordinator", "--role", "coordinator", "--family", "--renew"), "cannot have a family"),
-    ],
-)
-def test_a_family_is_issued_only_for_free_names(folder, words, said):
-    before = folder.stamp()
-    done = here(folder.folder.parent, "keys", "issue", *words)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert said in done.stderr
-    assert folder.stamp() == before
-
-
-def test_names_that_only_begin_alike_are_others(folder):
-    assert folder.issue("hostsx", Wanted(("view",))).rights.name == "hostsx"
-    renewed = folder.issue("hosts", Wanted(**ISSUED["hosts"]), renew=True)
-    assert (renewed.rights.name, renewed.rights.kinds) == ("hosts-*", {"AWalker"})
-
-
-def test_it_is_listed_as_a_family(folder):
-    assert "hosts-*" in here(folder.folder.parent, "keys", "list").stdout
-    answer = json.loads(here(folder.folder.parent, "keys", "list", "--json").stdout)
-    listed = {row["name"]: row["family"] for row in answer}
-    assert (listed["hosts"], listed["lone-a"], listed["coordinator"]) == (True, False, False)
-
-
-def test_one_of_a_family_shows_the_family_s_certificate_under_its_own_name(folder):
-    for own in (folder.credentials("hosts-b"), folder.credentials("hosts-b", "hosts")):
-        assert (own.name, own.certificate.name, own.key.name) == (
-            "hosts-b", "hosts.pem", "hosts.key",
-        )  # fmt: skip
-    assert folder.credentials(bearer="hosts").name.startswith("hosts-")
-    with pytest.raises(KeysError, match=r"for the family hosts-\*, not for other"):
-        folder.credentials("other", "hosts")
-    with pytest.raises(KeysError, match="no certificate of 'other'"):
-        folder.credentials("other")
-
-
-def test_a_folder_with_an_ambiguous_name_admits_no_member(folder, tmp_path):
-    keys = AuthorityFolder(tmp_path / "keys")
-    keys.init()
-    keys.issue("a-b", Wanted(("view",)))
-    aside = (keys.folder / "a-b.pem").rename(tmp_path / "a-b.pem")
-    keys.issue("a", Wanted(("agent",), family=True))
-    aside.rename(keys.folder / "a-b.pem")
-    with pytest.raises(KeysError, match=r"a-\* and a-b have names in common: revoke one of them"):
-        keys.rights()
-    keys.revoke("a-*")
-    assert keys.rights()["a-*"].revoked
-    with pytest.raises(KeysError, match="revoked, and its name cannot be used again"):
-        keys.issue("a", Wanted(("agent",), family=True), renew=True)
-
-
-def test_no_family_has_names_of_a_world_s_own_processes(folder, tmp_path, monkeypatch):
-    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
-    tmp_path.chmod(0o700)
-    border = Access(folder.folder)
-    assert security(border, "w", ["hosts", "lone-a", "hostsy"]) is not None
-    with pytest.raises(
-        KeysError, match=r"hosts-\* allows others to act as hosts-2, a process that"
-    ):
-        security(border, "w", ["steps", "hosts-2"])
 
 
 # --- a world ---

@@ -3,18 +3,13 @@
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import minerva_bus
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.specs import load
-from minerva_bus.launch.world_files import read_world_file
-from minerva_study.calibrate_command import _objective
-from minerva_study.evolve_command import read_fitness
 
 
 @pytest.mark.parametrize("name", minerva_bus.__all__)
@@ -126,18 +121,3 @@ def test_a_view_is_beside_the_world_file_or_in_the_current_folder(tmp_path, plac
     words = [sys.executable, str(script), str(world)]
     done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=current)
     assert done.stdout.strip() == place
-
-
-@pytest.mark.parametrize("place", ["world", "here"])
-def test_functions_of_a_study_are_beside_the_world_file_or_in_the_current_folder(
-    tmp_path, place, monkeypatch
-):
-    for name in ("world", "here"):
-        (tmp_path / name).mkdir()
-    module = f"measured_{place}"
-    (tmp_path / place / f"{module}.py").write_text("def score(run):\n    return 1.0\n")
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    monkeypatch.chdir(tmp_path / "here")
-    file = replace(read_world_file(find_world("meadow")), path=tmp_path / "world" / "w.toml")
-    assert read_fitness(f"{module}:score", file).__name__ == "score"
-    assert _objective(f"{module}:score", tmp_path / "world").__name__ == "score"

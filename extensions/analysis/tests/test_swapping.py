@@ -1,11 +1,16 @@
 """Replay of a record with one member replaced: all other members behave as recorded."""
 
 import json
+from typing import Any
 
 import pytest
 
+from minerva_analysis import replay_swapped
 from minerva_analysis.swapping import Without
+from minerva_bus import Agent, Generator, on, record
+from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.log.record import Cursor, Record
+from tests.api.frogs import Frog, eTick, pond
 from tests.runtime.running import ALL_KINDS, here, summary, write_world
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
@@ -267,3 +272,73 @@ def test_another_member_makes_the_difference_alone(shared):
     assert code == 1
     assert result["difference"]["frame"] == 1
     assert json.dumps(result["difference"]["events"]).count("eStep") == 2
+
+
+# --- the function ---
+
+
+class Heavy(Agent, symbol="AFrog"):
+    """Grows where other frogs age."""
+
+    x: float = 0.0
+    size: float = 1.0
+    age: int = 0
+    hungry: bool = True
+    mood: str = "calm"
+
+    @on("eTick")
+    def live(self, tick, moment):
+        self.size += 1.0
+
+
+class Pulse(Generator, events=("eTick",)):
+    """Ticks in some frames only."""
+
+    def __init__(self, every: int = 1):
+        self.every = every
+
+    def generate(self, tick):
+        return () if tick.number % self.every else (eTick(),)
+
+
+@pytest.fixture(scope="module")
+def frogs(tmp_path_factory):
+    """A folder with the world file of a pond and its record, of 10 frames."""
+    folder = tmp_path_factory.mktemp("frogs")
+    pond().save(folder / "pond.toml")
+    record(folder / "pond.toml", folder / "run.mcap", frames=10, seed=5)
+    return folder
+
+
+@pytest.mark.parametrize(("member", "replacement", "options"), [
+    ("agents", Heavy, {}),
+    ("agents", Frog, {}),
+    ("eTick", Pulse, {"every": 3}),
+])  # fmt: skip
+def test_the_function_gives_the_run_of_the_command(frogs, tmp_path, member, replacement, options):
+    path = frogs / "run.mcap"
+    steps: list[int] = []
+    done = replay_swapped(
+        path, member, replacement, options=options, into=tmp_path / "own.mcap",
+        progress=lambda frame, total: steps.append(frame),
+    )  # fmt: skip
+    spec = f"{member}={replacement.__module__}:{replacement.__name__}"
+    words = [word for name, value in options.items() for word in (f"--{name}", value)]
+    command = here(frogs, "swap", path, spec, *words, "--json")
+    assert json.loads(command.stdout) == done.plain()
+    assert done.difference.same == (replacement is Frog)
+    assert steps == [*range(1, 11)]
+    assert replay_swapped(path, member, spec.partition("=")[2], options=options) == done
+
+
+def test_a_replacement_that_cannot_be_used_is_named(frogs):
+    path = frogs / "run.mcap"
+    with pytest.raises(MisuseError, match="no process 'agent'; did you mean 'agents'"):
+        replay_swapped(path, "agent", Heavy)
+    with pytest.raises(MisuseError, match="Heavy names agents, which have no options"):
+        replay_swapped(path, "agents", Heavy, options={"every": 2})
+    with pytest.raises(WorldFileError, match="every must be"):
+        replay_swapped(path, "eTick", Pulse, options={"every": "often"})
+    number: Any = int
+    with pytest.raises(MisuseError, match="<class 'int'> is not a class of agents"):
+        replay_swapped(path, "agents", number)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,10 +16,13 @@ from extensions.study.tests.ponds import pond
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.parser import parse
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.world_settings import Overrides
+from minerva_study.calibrate_command import _objective
 from minerva_study.evaluation import EvaluationCache, Score, run_fitness
+from minerva_study.evolve_command import read_fitness
 from minerva_study.trial import prepared, run_trial
 
 MARK = "MINERVA_TEST_MARK"
@@ -193,3 +197,18 @@ def test_the_best_of_equal_strings_does_not_depend_on_the_order_of_runs(backward
     cache = EvaluationCache(Runs())
     cache(scenes)
     assert cache.best.scene == parse("PB")
+
+
+@pytest.mark.parametrize("place", ["world", "here"])
+def test_functions_of_a_study_are_beside_the_world_file_or_in_the_current_folder(
+    tmp_path, place, monkeypatch
+):
+    for name in ("world", "here"):
+        (tmp_path / name).mkdir()
+    module = f"measured_{place}"
+    (tmp_path / place / f"{module}.py").write_text("def score(run):\n    return 1.0\n")
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.chdir(tmp_path / "here")
+    file = replace(read_world_file(find_world("meadow")), path=tmp_path / "world" / "w.toml")
+    assert read_fitness(f"{module}:score", file).__name__ == "score"
+    assert _objective(f"{module}:score", tmp_path / "world").__name__ == "score"
