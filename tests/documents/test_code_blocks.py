@@ -27,7 +27,7 @@ ELSEWHERE = {
 EXCERPTS = {
     "extensions/exporters/datasets.md": ["from lerobot."],
     "docs/norms.md": ["moment.emit"],
-    "docs/worlds.md": ["from minerva_bus import portable\n\nself."],
+    "docs/reference/portable.md": ["from minerva_bus import portable\n\nself."],
 }
 """Beginnings of blocks that cannot run: lines of an agent, or a library that needs gigabytes."""
 

@@ -149,7 +149,7 @@ def test_the_command_prints_and_writes_mermaid(tmp_path):
 
 def test_the_guide_shows_the_graph_of_a_world(tmp_path):
     shown = minerva(tmp_path, "graph", "plants", "--view", "svg").stdout.splitlines()
-    guide = (Path(__file__).parents[3] / "docs" / "worlds.md").read_text(encoding="utf-8")
+    guide = (Path(__file__).parents[1] / "graph.md").read_text(encoding="utf-8")
     assert "\n".join(shown[1:]) in guide
 
 
