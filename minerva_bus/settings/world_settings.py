@@ -229,7 +229,7 @@ class BusSettings:
         "",
         "Keep the journal in this folder, and resume from an existing one.",
         option="journal",
-        more="See [the coordinator's successor](concepts/6-failures.md#the-coordinators-successor).",
+        more="See [its successor](concepts/6-failures.md#the-coordinators-successor).",
         form="folder",
         shown=" ",
     )
