@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from minerva_bus.grammar.ids import Ids
     from minerva_bus.grammar.parser import parse
     from minerva_bus.grammar.scene import EMPTY, Scene
-    from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
     from minerva_bus.grammar.types import (
         Cells,
         Degrees,
@@ -37,7 +36,13 @@ if TYPE_CHECKING:
         Reals,
         Seconds,
     )
-    from minerva_bus.grammar.vocabulary import Vocabulary
+    from minerva_bus.grammar.vocabulary import (
+        AgentKind,
+        EventType,
+        Primitive,
+        Transformation,
+        Vocabulary,
+    )
     from minerva_bus.semantics.geometry import Geometry, interpret
     from minerva_bus.world.agent import Agent
     from minerva_bus.world.class_declaration import on, view
@@ -65,9 +70,8 @@ _HOMES = {
     "grammar.ids": "Ids",
     "grammar.parser": "parse",
     "grammar.scene": "EMPTY Scene",
-    "grammar.symbols": "AgentKind EventType Primitive Transformation",
     "grammar.types": "Cells Degrees Metres MetresPerSecond Of Range Reals Seconds",
-    "grammar.vocabulary": "Vocabulary",
+    "grammar.vocabulary": "AgentKind EventType Primitive Transformation Vocabulary",
     "semantics.geometry": "Geometry interpret",
     "world.agent": "Agent",
     "world.evolution": "Policy evolve",

@@ -11,9 +11,8 @@ from hypothesis.strategies import SearchStrategy
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents, rebuild, rescoped
-from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Metres
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Primitive, Transformation, Vocabulary
 from minerva_bus.testing.strategies import events_of, strings_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.class_declaration import on, view

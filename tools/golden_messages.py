@@ -34,8 +34,7 @@ from minerva_bus import (
     Vocabulary,
 )
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.columns import Column, Columns
-from minerva_bus.grammar.delta import Change, Delta
+from minerva_bus.grammar.columns import Change, Column, Columns, Delta
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.ids import Ids, RowDelta
 from minerva_bus.grammar.scene import AgentNode

@@ -14,8 +14,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import write_output
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.launch.specs import find_service, load
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.wording import counted

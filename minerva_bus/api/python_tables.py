@@ -18,8 +18,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.launch.specs import bind, find_service
 from minerva_bus.launch.toml_tables import toml_text
 from minerva_bus.settings.kinds import check_known, settings_of

@@ -10,8 +10,13 @@ from typing import Any, Final, TypeAlias, cast
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import AgentNode, Scene, TransformationNode
-from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import (
+    AgentKind,
+    EventType,
+    Primitive,
+    Transformation,
+    Vocabulary,
+)
 from minerva_bus.user_code import variables_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Device, Generator, Service

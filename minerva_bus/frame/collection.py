@@ -51,9 +51,8 @@ from minerva_bus.grammar.columns import values_of
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, Value
-from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Of
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.event_order import collect
 from minerva_bus.world.norms import SOURCE
 

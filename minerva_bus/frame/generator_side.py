@@ -23,8 +23,7 @@ from minerva_bus.frame.messages import SAVED_VALUE, Readings
 from minerva_bus.grammar.events import AnyEvent, Event, Events, check_number, in_columns
 from minerva_bus.grammar.ids import no_id
 from minerva_bus.grammar.scene import AGENT_ID
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.user_code import blamed
 from minerva_bus.world.context import Frame
 from minerva_bus.world.readings import Reading

@@ -26,8 +26,7 @@ from minerva_bus.frame.generator_side import (
 )
 from minerva_bus.frame.messages import PROTOCOL_VERSION, EvolveReply, EvolveRequest, Fragments
 from minerva_bus.frame.view_streams import patch_all
-from minerva_bus.grammar.columns import has_columns, size
-from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.grammar.columns import Delta, difference, has_columns, size
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
 from minerva_bus.grammar.scene import Scene

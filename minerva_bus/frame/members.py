@@ -21,9 +21,8 @@ from minerva_bus.errors import nearest
 from minerva_bus.frame.messages import PROTOCOL_VERSION, Figures, Hello
 from minerva_bus.frame.placement import Offers, PlacementRules
 from minerva_bus.frame.stimuli import AGENTS, FrameInputs, is_people
-from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Type
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 from minerva_bus.world.services import Participation, objection
 
 

@@ -19,11 +19,10 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Annotated, Any, ClassVar, Final, TypeAlias, TypeVar, dataclass_transform
 
-from minerva_bus.grammar.delta import Delta
+from minerva_bus.grammar.columns import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.symbols import AgentKind
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Participation, When

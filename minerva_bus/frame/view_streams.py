@@ -13,7 +13,7 @@ from minerva_bus.frame.members import MemberIndex, Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.stimuli import Instructions, plain_form
 from minerva_bus.frame.world_state import FrameInFlight, WorldSpec
-from minerva_bus.grammar.delta import check, patched
+from minerva_bus.grammar.columns import check, patched
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
 from minerva_bus.grammar.types import Unfit
 

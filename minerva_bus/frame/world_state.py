@@ -19,12 +19,11 @@ from minerva_bus.frame.members import Members
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.frame.placement import PlacementRules
 from minerva_bus.frame.stimuli import DROPPED, Checkpoint, FrameInputs, OrdersBySource
-from minerva_bus.grammar.delta import Delta
+from minerva_bus.grammar.columns import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.event_order import Priority, collect
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import Norm

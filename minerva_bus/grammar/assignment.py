@@ -21,10 +21,10 @@ import numpy as np
 
 from minerva_bus.errors import GrammarError, MisuseError, SceneError, nearest
 from minerva_bus.grammar.columns import Column, Columns, Rows, has_columns, packed
-from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import (
     AGENT_ID,
     AgentNode,
@@ -40,9 +40,8 @@ from minerva_bus.grammar.scene import (
     rescoped,
     walk,
 )
-from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Type, Unfit
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 
 # Symbols begin with their letter and another capital one, names of processes usually do not.
 _OF_STRING: Final = re.compile(r"[PTA][A-Z]|[^.=]*[#*/]")

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.columns import Column, Columns, fit_array, is_array, repeated
-from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.types import INT_END, Type, Unfit, converted, type_of
 

@@ -139,7 +139,7 @@ class Scene(Digested):
         known: bytes | None = getattr(self, "_digest", None)
         if known is None:
             # Imported here, because the digest imports this module.
-            from minerva_bus.grammar.digest import scene_digest
+            from minerva_bus.grammar.printer import scene_digest
 
             known = scene_digest(self)
             object.__setattr__(self, "_digest", known)

@@ -53,7 +53,7 @@ from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.world_state import WorldSpec
-from minerva_bus.grammar.delta import difference, patched
+from minerva_bus.grammar.columns import difference, patched
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Scoped, with_scope
 from minerva_bus.grammar.types import Unfit

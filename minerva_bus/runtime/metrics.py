@@ -20,8 +20,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.world_state import Phase, WorldProgress
-from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, single
+from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.pace import Pace
 from minerva_bus.runtime.runner import Sink

@@ -39,9 +39,15 @@ from minerva_bus.grammar.scene import (
     rebuild,
     rescoped,
 )
-from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Quantity, Type
-from minerva_bus.grammar.vocabulary import Entry, Vocabulary
+from minerva_bus.grammar.vocabulary import (
+    AgentKind,
+    Entry,
+    EventType,
+    Primitive,
+    Transformation,
+    Vocabulary,
+)
 
 # Hypothesis validates each strategy once, with its parts. A strategy that depends on what has been
 # drawn costs less if its parts are the same objects each time, which `cache` gives.

@@ -23,14 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import ProtocolError, VocabularyError, nearest
-from minerva_bus.grammar.columns import CHAIN, MANY, Column, Columns, fits
-from minerva_bus.grammar.delta import Change, Delta
+from minerva_bus.grammar.columns import CHAIN, MANY, Change, Column, Columns, Delta, fits
 from minerva_bus.grammar.events import Events
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import LONGEST, Ids, RowDelta, same_id
-from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Unfit
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.wire.plain import (
     DEFAULT,
     Limits,

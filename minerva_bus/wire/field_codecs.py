@@ -17,8 +17,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import AtLeast, AtMost, Mark, Note, Within
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.symbols import AgentKind
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 from minerva_bus.wire.columns_codec import is_patch, plain_patch
 from minerva_bus.wire.plain import (
     OF_A_HOST,

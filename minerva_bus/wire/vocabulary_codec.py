@@ -33,9 +33,14 @@ from minerva_bus.grammar.appearance import Disc, Form, Label, Line, Motion, Rast
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.printer import value_text
-from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Unfit, parse_type
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import (
+    AgentKind,
+    EventType,
+    Primitive,
+    Transformation,
+    Vocabulary,
+)
 from minerva_bus.wire.plain import (
     as_bool,
     as_event_type,

@@ -21,8 +21,7 @@ from minerva_bus.grammar.scene import (
     rescoped,
     walk,
 )
-from minerva_bus.world.agent import Agent, Kinds, kinds_of
-from minerva_bus.world.agent_step import evolve_agent
+from minerva_bus.world.agent import Agent, Kinds, evolve_agent, kinds_of
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.event_order import Addressed, addressed
 from minerva_bus.world.population import copy_id, newest_copy

@@ -25,8 +25,7 @@ from minerva_bus.arguments import text, whole_number
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition, sort_of_kind
 from minerva_bus.grammar.fields import Fields
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 
 FUNCTIONS: Final = ("count", "sum", "mean", "min", "max", "quantiles", "histogram")
 MAX_BINS: Final = 10_000

@@ -23,8 +23,7 @@ from minerva_bus.errors import VocabularyError
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition, sort_of_kind
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.grammar.symbols import AgentKind, EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import AgentKind, EventType, Vocabulary
 
 SOURCE: Final = "~norms"
 """Source of sanctions, and the key of the violation counts in checkpoints."""

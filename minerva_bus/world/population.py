@@ -37,8 +37,8 @@ from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
-from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Unfit
+from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_bus.world.class_declaration import TOGETHER
 from minerva_bus.world.context import Context
 

@@ -22,8 +22,7 @@ from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch, first_
 from minerva_bus.grammar.ids import RowDelta
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.grammar.types import Type
-from minerva_bus.world.agent import ActivityError, Agent, Kinds
-from minerva_bus.world.agent_step import AgentStep, at_fault
+from minerva_bus.world.agent import ActivityError, Agent, AgentStep, Kinds, at_fault
 from minerva_bus.world.class_declaration import TOGETHER
 from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
 from minerva_bus.world.event_order import Addressed, Round, narrowed, rounds

@@ -17,8 +17,8 @@ from minerva_bus.grammar.columns import Column
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
-from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import type_of
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import WorldInfo
 
 

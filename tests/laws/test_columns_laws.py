@@ -28,8 +28,7 @@ from minerva_bus import (
 from minerva_bus import evolve as eta
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.composition import Composition, shares
-from minerva_bus.grammar.columns import CHUNK, Columns, packed
-from minerva_bus.grammar.delta import difference, patched
+from minerva_bus.grammar.columns import CHUNK, Columns, difference, packed, patched
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.context import Frame

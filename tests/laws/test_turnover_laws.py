@@ -29,8 +29,7 @@ from minerva_bus.frame.evolution_step import claim
 from minerva_bus.frame.member import Host
 from minerva_bus.frame.view_streams import patch_all
 from minerva_bus.frame.world_state import FrameResult
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.delta import Delta, difference, patched
+from minerva_bus.grammar.columns import Columns, Delta, difference, patched
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.log.entries import apply_delta, delta_between

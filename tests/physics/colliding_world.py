@@ -31,7 +31,7 @@ from minerva_bus import (
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_services.physics.collisions import Collisions
 from tests.collision_event import eCollision
 

@@ -10,8 +10,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.frame.world_state import WorldSpec
-from minerva_bus.grammar.symbols import EventType, Primitive
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Primitive, Vocabulary
 from minerva_bus.runtime.receiver import IN_COLUMNS, MAX_BEHIND, Receiver
 from minerva_bus.runtime.session import REAL
 from minerva_bus.wire.plain import DEFAULT, pack

@@ -17,8 +17,7 @@ import pytest
 
 from minerva_bus import Event, Events, Scene
 from minerva_bus.frame.messages import PROTOCOL_VERSION
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.delta import patched
+from minerva_bus.grammar.columns import Columns, patched
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.world_files import read_world_file

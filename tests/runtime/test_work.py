@@ -16,8 +16,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Events, single
-from minerva_bus.grammar.symbols import EventType, Primitive
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Primitive, Vocabulary
 from minerva_bus.runtime import receiver as postponing
 from minerva_bus.runtime.questions import PAUSE_FACTOR, Answers
 from minerva_bus.runtime.receiver import (

@@ -21,7 +21,7 @@ from minerva_bus import Generator
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.members import MemberState
-from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.grammar.columns import Delta, difference
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 

@@ -8,10 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus import Agent, Vocabulary
-from minerva_bus.grammar.columns import Coded, Column, Columns, fits, packed
-from minerva_bus.grammar.delta import Change, Delta, difference, patched
-from minerva_bus.grammar.digest import scene_digest
+from minerva_bus.grammar.columns import (
+    Change,
+    Coded,
+    Column,
+    Columns,
+    Delta,
+    difference,
+    fits,
+    packed,
+    patched,
+)
 from minerva_bus.grammar.ids import Ids, RowDelta
+from minerva_bus.grammar.printer import scene_digest
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Unfit, parse_type
 

@@ -28,7 +28,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import GrammarError, MisuseError, VocabularyError
 from minerva_bus.grammar.assignment import assigned, names_nodes
-from minerva_bus.grammar.digest import scene_digest
+from minerva_bus.grammar.printer import scene_digest
 from minerva_bus.grammar.scene import (
     FigureNode,
     TransformationNode,

@@ -24,8 +24,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.grammar.columns import Columns, Delta, difference
 from minerva_bus.grammar.events import Events
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.columns_codec import plain_columns, plain_events, plain_ids, plain_patch

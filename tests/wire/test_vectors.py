@@ -11,8 +11,7 @@ import pytest
 
 from minerva_bus import Scene
 from minerva_bus.errors import ProtocolError, SceneError
-from minerva_bus.grammar.columns import Columns, has_columns, unfolded
-from minerva_bus.grammar.delta import patched
+from minerva_bus.grammar.columns import Columns, has_columns, patched, unfolded
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.wire.codec import Decoder, stamped

@@ -9,9 +9,8 @@ import numpy as np
 
 from minerva_bus import Primitive, Scene, Vocabulary
 from minerva_bus.errors import SceneError
-from minerva_bus.grammar.columns import Columns, merged, packed, unfolded
+from minerva_bus.grammar.columns import Columns, difference, merged, packed, unfolded
 from minerva_bus.grammar.condition import holds
-from minerva_bus.grammar.delta import difference
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.printer import text

@@ -38,9 +38,8 @@ from minerva_bus.frame.stimuli import (
     person_of,
 )
 from minerva_bus.frame.world_state import WorldSpec
-from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of, single
-from minerva_bus.grammar.printer import shown_value
+from minerva_bus.grammar.printer import same_values, shown_value
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.log.record import Record
 from minerva_bus.user_code import SourceLine, assignments, defined, handler_name

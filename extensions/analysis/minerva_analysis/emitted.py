@@ -8,7 +8,7 @@ from types import FunctionType, ModuleType
 from typing import Any, Final, cast
 
 from minerva_bus.api.used_symbols import names_in
-from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.user_code import variables_of
 from minerva_bus.world.agent import Agent
 

@@ -14,7 +14,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.scene import kind_counts
-from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.world.agent import Agent

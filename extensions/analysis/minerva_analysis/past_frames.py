@@ -8,8 +8,8 @@ from typing import Final
 
 from minerva_bus.errors import RecordError, nearest
 from minerva_bus.frame.stimuli import Checkpoint, RecordedFrame
-from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Value, agents
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.wording import frames_up_to

@@ -12,8 +12,7 @@ from typing import Any
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode, Scene, agents, walk, with_scope
-from minerva_bus.world.agent import ActivityError, Kinds
-from minerva_bus.world.agent_step import AgentStep, process_all
+from minerva_bus.world.agent import ActivityError, AgentStep, Kinds, process_all
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.event_order import Addressed
 from minerva_bus.world.evolution import evolve

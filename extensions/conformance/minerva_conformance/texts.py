@@ -10,12 +10,11 @@ from collections.abc import Iterable, Mapping
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import PART
-from minerva_bus.grammar.columns import packed
-from minerva_bus.grammar.delta import Delta, patched
+from minerva_bus.grammar.columns import Delta, packed, patched
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import AgentNode, Scene
-from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Unfit
+from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_bus.wire.field_codecs import plain_reading
 
 

@@ -14,9 +14,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import EMPTY, Scene, walk
-from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.types import Metres
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Primitive, Vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.class_declaration import on, view
 from minerva_bus.world.context import Context

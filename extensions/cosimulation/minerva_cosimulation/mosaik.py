@@ -16,8 +16,7 @@ from typing import Any, Final
 import mosaik_api_v3
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.symbols import AgentKind
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 from minerva_cosimulation.stepped_world import SteppedWorld
 
 WORLD: Final = "World"

@@ -14,8 +14,7 @@ from minerva_bus.api.world import World, world_of
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.scene import AgentNode, agents
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 
 ALL: Final = ""
 """In place of an agent's id: an event for all agents that respond to its type."""

@@ -13,8 +13,7 @@ from minerva_bus.collect.data_tables import texts
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import AgentNode, Scene, walk
-from minerva_bus.grammar.symbols import AgentKind
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 from minerva_exporters.vectors import RowVectors, is_numeric, numbers_in
 
 

@@ -23,7 +23,7 @@ from minerva_bus import (
     visualize,
 )
 from minerva_bus.grammar.columns import has_columns
-from minerva_bus.grammar.digest import scene_digest
+from minerva_bus.grammar.printer import scene_digest
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.agent import ActivityError
 from minerva_bus.world.class_declaration import NotCompilable

@@ -26,8 +26,8 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.symbols import AgentKind, EventType
 from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import AgentKind, EventType
 
 Act: TypeAlias = "str | EventType | Event | Sequence[Event | None]"
 """What agents do: an event type (its data are the action), or a list of events to choose from."""

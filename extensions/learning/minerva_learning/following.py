@@ -20,7 +20,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_input
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.agent import Agent, Handler
 from minerva_bus.world.class_declaration import on
 from minerva_bus.world.context import Context

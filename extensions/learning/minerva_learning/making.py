@@ -10,8 +10,7 @@ from minerva_bus.api.pictures import WorldViews
 from minerva_bus.api.world import World, own_options, world_of
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.grammar.symbols import AgentKind
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.world.agent import Agent
 from minerva_learning.acting import Act, acting_of

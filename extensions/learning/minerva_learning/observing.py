@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode, scene_of
-from minerva_bus.grammar.symbols import AgentKind, EventType
 from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import AgentKind, EventType
 from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_learning.acting import AnySpace
 from minerva_learning.states import KindStates

@@ -17,7 +17,7 @@ from minerva_bus.api.live import Live
 from minerva_bus.api.world import World
 from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_learning.acting import Acting
 from minerva_learning.observing import Observations, Observing
 from minerva_learning.scoring import Ending, Rewarding

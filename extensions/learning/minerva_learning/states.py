@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from minerva_bus.collect.collector import agent_rows
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
-from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.vocabulary import AgentKind
 
 
 class KindStates:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
-from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import Primitive
 from minerva_messages.message import NEVER, answered_to
 from minerva_messages.protocols import PROTOCOLS, START, Protocol, Role
 

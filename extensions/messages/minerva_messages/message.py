@@ -12,8 +12,8 @@ from typing import Any
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default
-from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_messages.acts import ACTS, Act
 
 NEVER = -1

@@ -13,7 +13,7 @@ from typing import Any
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.scene import EMPTY, Scene
-from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
+from minerva_bus.grammar.vocabulary import EventType, Primitive, Transformation
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.class_declaration import on, view
 from minerva_bus.world.context import Context

@@ -24,7 +24,7 @@ import numpy as np
 import minerva_bus
 from minerva_bus.entry_points import OWN
 from minerva_bus.errors import MinervaError
-from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
+from minerva_bus.grammar.vocabulary import EventType, Primitive, Transformation
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.user_code import variables_of

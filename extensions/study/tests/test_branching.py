@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from minerva_bus import Agent, MinervaError, World, each, on, run
 from minerva_bus.cli.main import app
-from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.settings.world_settings import Overrides
 from minerva_study import branch
 from minerva_study.branch_command import grid_of_branches

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from extensions.study.tests.ponds import pond
 from minerva_bus import Agent, MinervaError, World, each, on, run
 from minerva_bus.cli.main import app
-from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_study import branch, calibrate, sweep
 
 eHour = EventType("eHour")

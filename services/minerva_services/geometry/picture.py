@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import FigureNode, Scene
-from minerva_bus.grammar.symbols import Primitive
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import Primitive, Vocabulary
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
 from minerva_services.geometry.colors import Color, Legend, legend, rgb

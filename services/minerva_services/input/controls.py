@@ -11,7 +11,7 @@ from typing import Any, cast
 from minerva_bus.errors import MisuseError, SceneError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import WorldInfo
 from minerva_services.event_factory import event_type
 

@@ -17,7 +17,7 @@ from minerva_assistants.llm.tools import ToolServers, UsedTool
 from minerva_assistants.minds.form import event_of, json_object, schema_of
 from minerva_assistants.minds.mind import Account
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import EventType
 
 FIRST_WAIT_SECONDS: Final = 0.5
 MAX_WAIT_SECONDS: Final = 30.0

@@ -9,8 +9,7 @@ from minerva_assistants.mcp.tool import AGENT_ID, Result, Tool, ToolCall, text, 
 from minerva_assistants.schemas import schema_of_fields
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.operator import WorldStatus
 
 PREFIX: Final = "publish_"

@@ -13,8 +13,8 @@ from minerva_assistants.schemas import schema_of_type
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field
-from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import EventType
 
 TOPIC: Final = "topic"
 MAX_SHOWN: Final = 80

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from minerva_bus.grammar.fields import Default
-from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Range, Reals, Seconds
+from minerva_bus.grammar.vocabulary import EventType, Primitive, Transformation
 
 # ruff: noqa: N816 - event types begin with e
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.columns import packed
-from minerva_bus.grammar.delta import difference
+from minerva_bus.grammar.columns import difference, packed
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_conformance.case import Deliver, Tier
 from minerva_conformance.cases.scripts import (

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias, cast
 
 from minerva_bus.errors import nearest
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.compiled.form import (
     BinaryOperation,

@@ -14,7 +14,7 @@ from minerva_bus.grammar.columns import Coded, Column, Columns, Rows
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, Node, Scene
-from minerva_bus.grammar.symbols import receiver_ids
+from minerva_bus.grammar.vocabulary import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import Birth, PopulationState, Turn, child_ids
 from minerva_bus.world.visualization import one_each

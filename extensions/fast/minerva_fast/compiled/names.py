@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from types import FunctionType
 from typing import Any, Final
 
-from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.user_code import variables_of
 from minerva_fast.compiled.form import (
     DECLARED,

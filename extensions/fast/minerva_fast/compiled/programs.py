@@ -19,8 +19,8 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.grammar.symbols import Primitive, Transformation
 from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import Primitive, Transformation
 from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.compiled.form import (
     Append,

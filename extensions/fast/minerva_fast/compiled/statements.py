@@ -13,8 +13,8 @@ from types import FunctionType
 from typing import Any, Final, TypeAlias, cast
 
 from minerva_bus.grammar.fields import Field, Fields
-from minerva_bus.grammar.symbols import AgentKind, EventType
 from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import AgentKind, EventType
 from minerva_fast.compiled.expressions import Column, Expressions, is_empty
 from minerva_fast.compiled.form import (
     Append,

@@ -8,7 +8,7 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
-from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import EMPTY, Scene, Value
 from minerva_bus.grammar.types import Type
 from minerva_bus.portable import normal

@@ -27,9 +27,8 @@ from minerva_bus.grammar.condition import (
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode
-from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Quantity, Type, Unfit
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_services.bridges.mqtt.connection import MqttMessage
 

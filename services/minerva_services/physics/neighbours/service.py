@@ -9,8 +9,7 @@ from typing import Any
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.event_factory import event_type
 from minerva_services.physics.neighbours.perception import individual, summary

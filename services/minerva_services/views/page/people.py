@@ -17,8 +17,7 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.printer import shown_value
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.services import WorldInfo
 from minerva_services.views.fates import LatestOrders, shown_person

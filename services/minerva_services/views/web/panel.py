@@ -27,8 +27,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.operator import CollectedSeries, LogEntry, Operator, WorldStatus
 from minerva_services.geometry.colors import OKABE_ITO, Legend
 from minerva_services.views.fates import OrderEntry

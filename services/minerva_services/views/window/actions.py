@@ -8,8 +8,7 @@ from typing import Protocol
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.grammar.symbols import EventType
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.operator import Operator
 
 
