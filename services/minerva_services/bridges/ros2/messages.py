@@ -12,6 +12,7 @@ from minerva_services.bridges.ros_messages.frames import GarbageError
 from minerva_services.options import require
 
 if TYPE_CHECKING:
+    from rosbags.interfaces import Nodetype
     from rosbags.typesys.store import Typestore
 
 LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
@@ -62,6 +63,23 @@ class MessageTypes:
     def hash(self, message: str) -> str:
         """The hash of a message type [REP 2016], as `RIHS01_...`."""
         return self._store.hash_rihs01(message)
+
+    def has_bytes(self, message: str) -> bool:
+        """True if a message type, or a part of it, has a sequence of bytes, as an image has."""
+        _, fields = self._store.fielddefs[message]
+        return any(self._is_bytes(kind, of) for _, (kind, of) in fields)
+
+    def _is_bytes(self, kind: Nodetype, of: Any) -> bool:
+        # `of` is a basic type with a limit, the name of a message type, or an element with a size.
+        if kind.name == "BASE":
+            return False
+        if kind.name == "NAME":
+            return self.has_bytes(of)
+        (element, type_of_element), _ = of
+        is_uint8 = element.name == "BASE" and type_of_element[0] == "uint8"
+        if is_uint8 and kind.name == "SEQUENCE":
+            return True
+        return self._is_bytes(element, type_of_element)
 
     def make(self, message: str, **fields: Any) -> Any:
         """A message with these fields; all are required."""

@@ -43,6 +43,12 @@ _QOS: Final = "::,10:,:,:,,"
 _LASTING_QOS: Final = ":1:,1:,:,:,,"
 """The same, but transient local with depth 1."""
 
+_CPU_ONLY: Final = "backends:cpu:"
+"""Part of a subscription's token from Lyrical on: memory shared by devices is not understood."""
+
+_CPU_KEY: Final = "_buf_cpu"
+"""Where such subscriptions receive messages with bytes, as long as all are of this kind."""
+
 
 @dataclass(frozen=True, slots=True)
 class Ros2Network:
@@ -128,21 +134,29 @@ class Ros2Network:
         name = self.name(topic)
         return name if self.layout == "dds" else f"{self.domain}/{name}/{dds_type(message)}/*"
 
+    def buffered_pattern(self, topic: str, message: str) -> str:
+        """The key expression on which Lyrical and later publish messages with bytes."""
+        return f"{self.pattern(topic, message)}/{_CPU_KEY}"
+
     def node_token(self, session: str, node: str) -> str:
         """The liveliness token that announces a node in the ROS graph."""
         return f"@ros2_lv/{self.domain}/{session}/0/0/NN/%/%/{node}"
 
     def topic_token(
         self, session: str, node: str, entity: int, kind: Literal["MP", "MS"],
-        topic: str, message: str, type_hash: str, *, lasting: bool,
+        topic: str, message: str, type_hash: str, *, lasting: bool, buffered: bool = False,
     ) -> str:  # fmt: skip
-        """The token of a publisher (MP) or subscription (MS); `lasting` means transient local."""
+        """The token of a publisher (MP) or subscription (MS).
+
+        `lasting` means transient local, `buffered` that it also receives on `buffered_pattern`.
+        """
         # rmw_zenoh writes slashes within a part of a token as %.
         name = "%" + self.name(topic).replace("/", "%")
         shown = NO_HASH if self.humble else type_hash
         return (
             f"@ros2_lv/{self.domain}/{session}/0/{entity}/{kind}/%/%/{node}/{name}"
             f"/{dds_type(message)}/{shown}/{_LASTING_QOS if lasting else _QOS}"
+            f"{f'/{_CPU_ONLY}' if buffered else ''}"
         )
 
 
@@ -274,7 +288,11 @@ class Ros2Session:
         if lasting:
             declare = partial(zenoh.ext.declare_advanced_subscriber, self._session, history=history)
         self._declared.append(_declared(topic, declare, pattern, on_sample))
-        self._announce("MS", topic, message, lasting=lasting)
+        buffered = self._is_buffered(message, lasting=lasting)
+        if buffered:
+            shared = self.network.buffered_pattern(topic, message)
+            self._declared.append(_declared(topic, declare, shared, on_sample))
+        self._announce("MS", topic, message, lasting=lasting, buffered=buffered)
 
     def publisher(self, topic: str, message: str, *, lasting: bool = False) -> TopicPublisher:
         """A publisher; `lasting` also serves late subscribers.
@@ -303,12 +321,23 @@ class Ros2Session:
                 declaration.undeclare()
         self._session.close()
 
-    def _announce(self, kind: Any, topic: str, message: str, *, lasting: bool) -> str:
+    def _is_buffered(self, message: str, *, lasting: bool) -> bool:
+        """Whether a publisher of Lyrical or later shares memory with subscriptions of a type.
+
+        It publishes nothing for a subscription without a list of the memory that it understands.
+        Lasting messages are never shared.
+        """
+        return self.network.layout == "rmw_zenoh" and not lasting and messages().has_bytes(message)
+
+    def _announce(
+        self, kind: Any, topic: str, message: str, *, lasting: bool, buffered: bool = False
+    ) -> str:
         # The list only grows, so its length is a number that is unique within the session.
         entity, type_hash = len(self._declared), messages().hash(message)
         token = self.network.topic_token(
-            self._id, self._node, entity, kind, topic, message, type_hash, lasting=lasting
-        )
+            self._id, self._node, entity, kind, topic, message, type_hash,
+            lasting=lasting, buffered=buffered,
+        )  # fmt: skip
         if self.network.layout == "rmw_zenoh":
             self._announce_token(token)
         return token

@@ -1,0 +1,136 @@
+"""The other side of a bridge: what ROS 2 nodes of several distributions do on a Zenoh network.
+
+Written from the behaviour of rmw_zenoh_cpp (humble 0.1.9, jazzy 0.2.10, kilted 0.6.7, lyrical
+0.10.5, rolling 0.12.0), independently of the bridge; only messages are encoded by its types.
+"""
+
+import json
+import struct
+import threading
+import time
+
+import zenoh
+import zenoh.ext
+
+from minerva_services.bridges.ros2.messages import messages
+
+DEFAULT_QOS = "::,:,:,:,,"
+"""Reliable, volatile, depth 42 [liveliness_utils.cpp 364-418, qos.cpp 27]: nothing is written."""
+
+NO_HASH = "TypeHashNotSupported"
+
+
+def dds(message):
+    package, kind, name = message.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def opened(endpoint):
+    config = zenoh.Config()
+    for key, value in {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
+        "timestamping/enabled": True,
+    }.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
+class Node:
+    """A node of rmw_zenoh. Humble has no hashes of types [humble rmw_publisher_data.cpp 75]."""
+
+    def __init__(self, endpoint, name="robot", *, humble=False, domain=0, namespace=""):
+        self.session, self.name, self.domain = opened(endpoint), name, domain
+        self.namespace, self.humble = namespace or "/", humble
+        self.zid, self.entities, self.declared = str(self.session.zid()), 0, []
+        self._announce("NN")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc):
+        self.session.close()
+
+    def key(self, topic, message):
+        """[liveliness_utils.cpp 76-95]; a relative name is in the node's namespace."""
+        name = topic if topic.startswith("/") else f"{self.namespace.rstrip('/')}/{topic}"
+        shown = NO_HASH if self.humble else messages().hash(message)
+        return name, f"{self.domain}{name}/{dds(message)}/{shown}"
+
+    def _announce(self, kind, *parts):
+        """Declare a token: 9 parts, for endpoints 13 or 14 [liveliness_utils.cpp 155-170]."""
+        names = "%", self.namespace.replace("/", "%"), self.name
+        self.entities += 1
+        number = self.entities - 1
+        token = "/".join(
+            ("@ros2_lv", str(self.domain), self.zid, "0", str(number), kind, *names, *parts)
+        )
+        self.declared.append(self.session.liveliness().declare_token(token))
+
+    def _about(self, topic, message, qos):
+        name, key = self.key(topic, message)
+        return name.replace("/", "%"), dds(message), key.rpartition("/")[2], qos
+
+    def publisher(self, topic, message, qos=DEFAULT_QOS):
+        """A function that publishes a message."""
+        publisher = self.session.declare_publisher(self.key(topic, message)[1])
+        self._announce("MP", *self._about(topic, message, qos))
+        return lambda value: self.put(publisher, message, value)
+
+    def put(self, publisher, message, value):
+        attachment = struct.pack("<qqB16s", 1, time.time_ns(), 16, b"gid")
+        publisher.put(messages().encode(message, value), attachment=attachment)
+
+    def subscribe(self, topic, message, receive, qos=DEFAULT_QOS):
+        """Receive messages with exactly this key, and with an attachment.
+
+        [rmw_subscription_data.cpp 396-440]
+        """
+
+        def on_sample(sample):
+            assert sample.attachment is not None
+            receive(messages().decode(message, sample.payload.to_bytes()))
+
+        key = self.key(topic, message)[1]
+        self.declared.append(self.session.declare_subscriber(key, on_sample))
+        self._announce("MS", *self._about(topic, message, qos))
+
+
+class LyricalPublisher:
+    """A publisher of a message with bytes in Lyrical and Rolling.
+
+    It decides where it publishes by the tokens of subscriptions [rmw_publisher_data.cpp 276-430,
+    494-513, 767-893; buffer_endpoint_helpers.hpp 62-81, 114-118]: for those that understand the
+    processor's memory only, once on `_buf_cpu`; for each other one on a key of its own, where only
+    a node of the same middleware listens; for nobody, nowhere.
+    """
+
+    def __init__(self, node, topic, message):
+        self.node, self.message = node, message
+        self.base = node.key(topic, message)[1]
+        self.subscriptions, self.lock = set(), threading.Lock()
+        about = node._about(topic, message, DEFAULT_QOS)
+        node._announce("MP", *about, "backends:cpu:")
+        pattern = f"@ros2_lv/{node.domain}/*/*/*/MS/*/*/*/{about[0]}/{about[1]}/**"
+        liveliness = node.session.liveliness()
+        node.declared.append(liveliness.declare_subscriber(pattern, self._on_token, history=True))
+
+    def _on_token(self, sample):
+        known = sample.kind == zenoh.SampleKind.PUT
+        with self.lock:
+            (self.subscriptions.add if known else self.subscriptions.discard)(str(sample.key_expr))
+
+    def put(self, value):
+        with self.lock:
+            keys = {self._key(token) for token in self.subscriptions}
+        for key in keys:
+            self.node.put(self.node.session.declare_publisher(key), self.message, value)
+
+    def _key(self, token):
+        parts = token.split("/")
+        backends = parts[13].removeprefix("backends:").split(";") if len(parts) > 13 else []
+        if [name.partition(":")[0] for name in backends] == ["cpu"]:
+            return f"{self.base}/_buf_cpu"
+        return f"{self.base}/_buf/{abs(hash(token)):032x}"
