@@ -1,7 +1,7 @@
 """The other side of a bridge: what ROS 2 nodes of several distributions do on a Zenoh network.
 
 Written from the behaviour of rmw_zenoh_cpp (humble 0.1.9, jazzy 0.2.10, kilted 0.6.7, lyrical
-0.10.5, rolling 0.12.0), independently of the bridge; only messages are encoded by its types.
+0.10.5, rolling 0.12.0) and zenoh-plugin-ros2dds (August 2026), independently of the bridge; only messages are encoded by its types.
 """
 
 import json
@@ -17,6 +17,9 @@ from minerva_services.bridges.ros2.messages import messages
 DEFAULT_QOS = "::,:,:,:,,"
 """Reliable, volatile, depth 42 [liveliness_utils.cpp 364-418, qos.cpp 27]: nothing is written."""
 
+LASTING_QOS = ":1:,1:,:,:,,"
+"""Reliable, transient local, depth 1."""
+
 NO_HASH = "TypeHashNotSupported"
 
 
@@ -25,24 +28,33 @@ def dds(message):
     return f"{package}::{kind}::dds_::{name}_"
 
 
-def opened(endpoint):
+def opened(mode, **ends):
+    """A session; `connect` or `listen` are its endpoint."""
     config = zenoh.Config()
-    for key, value in {
-        "mode": "client",
-        "connect/endpoints": [endpoint],
+    settings = {
+        "mode": mode,
         "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
         "scouting/delay": 0,
         "timestamping/enabled": True,
-    }.items():
+    }
+    for key, value in (settings | {f"{way}/endpoints": [end] for way, end in ends.items()}).items():
         config.insert_json5(key, json.dumps(value))
     return zenoh.open(config)
+
+
+def declared(session, key, lasting):
+    if not lasting:
+        return session.declare_publisher(key)
+    cache = zenoh.ext.CacheConfig(1)
+    return zenoh.ext.declare_advanced_publisher(session, key, cache=cache, publisher_detection=True)
 
 
 class Node:
     """A node of rmw_zenoh. Humble has no hashes of types [humble rmw_publisher_data.cpp 75]."""
 
     def __init__(self, endpoint, name="robot", *, humble=False, domain=0, namespace=""):
-        self.session, self.name, self.domain = opened(endpoint), name, domain
+        self.session, self.name, self.domain = opened("client", connect=endpoint), name, domain
         self.namespace, self.humble = namespace or "/", humble
         self.zid, self.entities, self.declared = str(self.session.zid()), 0, []
         self._announce("NN")
@@ -74,8 +86,9 @@ class Node:
         return name.replace("/", "%"), dds(message), key.rpartition("/")[2], qos
 
     def publisher(self, topic, message, qos=DEFAULT_QOS):
-        """A function that publishes a message."""
-        publisher = self.session.declare_publisher(self.key(topic, message)[1])
+        """A function that publishes a message [jazzy rmw_publisher_data.cpp 115-150]."""
+        publisher = declared(self.session, self.key(topic, message)[1], qos == LASTING_QOS)
+        self.declared.append(publisher)
         self._announce("MP", *self._about(topic, message, qos))
         return lambda value: self.put(publisher, message, value)
 
@@ -134,3 +147,27 @@ class LyricalPublisher:
         if [name.partition(":")[0] for name in backends] == ["cpu"]:
             return f"{self.base}/_buf_cpu"
         return f"{self.base}/_buf/{abs(hash(token)):032x}"
+
+
+class DdsBridge:
+    """A zenoh-bridge-ros2dds beside a robot; it is a router unless it is configured as a peer.
+
+    All names of the robot get the bridge's own namespace, also `/tf` [ros2_utils.rs 100-113].
+    """
+
+    def __init__(self, endpoint, namespace="", mode="router"):
+        self.session, self.namespace = opened(mode, listen=endpoint), namespace.strip("/")
+        self.declared = []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc):
+        self.session.close()
+
+    def publisher(self, topic, message, *, lasting=False):
+        """A function that forwards a message of the robot [route_publisher.rs 140-215]."""
+        key = "/".join(filter(None, (self.namespace, topic.strip("/"))))
+        publisher = declared(self.session, key, lasting)
+        self.declared.append(publisher)
+        return lambda value: publisher.put(messages().encode(message, value))

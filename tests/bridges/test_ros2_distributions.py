@@ -9,8 +9,8 @@ from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridging.testing import RunningBridge
-from tests.bridges.ros2_peers import LyricalPublisher, Node
-from tests.bridges.ros2_rig import network
+from tests.bridges.ros2_peers import LASTING_QOS, DdsBridge, LyricalPublisher, Node
+from tests.bridges.ros2_rig import free_endpoint, network, scan, transforms
 from tests.patience import eventually
 
 
@@ -24,7 +24,7 @@ def image(shade):
 
 def has_come(running, put):
     """Publish until a reading arrives, and return the first."""
-    eventually(lambda: put() or running.published, f"a reading; {running.bridge.report()}")
+    eventually(lambda: put() or running.published, "a reading")
     return running.published[0][1]
 
 
@@ -38,3 +38,26 @@ def test_images_of_all_distributions_arrive(lyrical):
         with RunningBridge(Ros2(endpoint, image="camera")) as running:
             reading = has_come(running, lambda: put(image(7)))
     assert (reading.width, reading.height, reading.data) == (2, 1, bytes([7] * 6))
+
+
+# --- a robot behind a zenoh-bridge-ros2dds ---
+
+
+@pytest.mark.parametrize("topic", ["scan", "/scan"])
+def test_the_namespace_of_a_dds_bridge_is_that_of_all_topics(topic):
+    endpoint = free_endpoint()
+    with DdsBridge(endpoint, "/bot1") as robot:
+        robot.publisher("/tf_static", types.TRANSFORMS, lasting=True)(transforms(90.0))
+        put = robot.publisher("/scan", types.LASER_SCAN)
+        with RunningBridge(Ros2(endpoint, layout="dds", namespace="bot1", scan=topic)) as running:
+            reading = has_come(running, lambda: put(scan()))
+    assert reading.mount_angle == pytest.approx(90.0)
+
+
+def test_transforms_may_be_in_the_namespace_of_a_robot():
+    with network() as (endpoint, _), Node(endpoint, namespace="/bot1") as robot:
+        put = robot.publisher("scan", types.LASER_SCAN)
+        tf = robot.publisher("tf_static", types.TRANSFORMS, LASTING_QOS)
+        with RunningBridge(Ros2(endpoint, namespace="bot1", tf="tf")) as running:
+            reading = has_come(running, lambda: tf(transforms(90.0)) or put(scan()))
+    assert reading.mount_angle == pytest.approx(90.0)

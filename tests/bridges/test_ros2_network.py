@@ -16,35 +16,12 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
 from minerva_services.bridges.ros2.view import occupancy
-from tests.bridges.ros2_rig import free_endpoint, network, router
+from tests.bridges.ros2_rig import free_endpoint, network, router, scan, transforms
 from tests.patience import patience
 from tests.runtime.running import eventually
 
 LAYOUTS = ("rmw_zenoh", "dds")
 INFO = WorldInfo("w", vocabulary, 0, 0.1)
-RANGES = [0.5, 1.0, np.inf, np.nan, 0.01, 12.0]
-
-
-def scan(frame="laser", ranges=RANGES):
-    return messages().make(
-        types.LASER_SCAN,
-        header=messages().header(frame, 1_500_000_000), angle_min=-0.5, angle_max=0.5,
-        angle_increment=0.2, time_increment=0.0, scan_time=0.1, range_min=0.1, range_max=12.0,
-        ranges=np.array(ranges, np.float32), intensities=np.zeros(0, np.float32),
-    )  # fmt: skip
-
-
-def transforms(yaw):
-    make = messages()
-    turned = make.pose(0.0, 0.0, yaw).orientation
-    transform = make.make(
-        "geometry_msgs/msg/TransformStamped",
-        header=make.header("base_link", 0), child_frame_id="laser",
-        transform=make.make(
-            "geometry_msgs/msg/Transform", translation=make.vector(-0.04), rotation=turned
-        ),
-    )  # fmt: skip
-    return make.make(types.TRANSFORMS, transforms=[transform])
 
 
 class Heard:

@@ -411,7 +411,8 @@ class SensorBuffers:
     def listen(self, session: Ros2Session, scan: str, odometry: str, detections: str) -> None:
         """Subscribe to the configured topics."""
         self._by_arrival = not odometry
-        session.subscribe("/tf_static", TRANSFORMS, self._on_transforms, lasting=True)
+        static = session.network.static_tf
+        session.subscribe(static, TRANSFORMS, self._on_transforms, lasting=True)
         if odometry:
             session.subscribe(odometry, ODOMETRY, self._decoder(ODOMETRY, self._take_odometry))
         if scan:
@@ -583,7 +584,7 @@ class Motors:
     """Publishes on the configured topics; publishes nothing before `declare`.
 
     `stamped`: velocities are TwistStamped messages in the frame `base`. `clock` is a topic of Clock
-    messages, `map_frame` the frame in which /tf places the odometry frame.
+    messages, `map_frame` the frame in which transforms place the odometry frame.
     """
 
     def __init__(self, cmd_vel: str, clock: str, map_frame: str, base: str, *, stamped: bool):
@@ -596,7 +597,7 @@ class Motors:
     def declare(self, session: Ros2Session) -> None:
         """Create the publishers of a session. Raises SourceError if it is lost."""
         if self._map_frame:
-            self._transforms = session.publisher("/tf", types.TRANSFORMS)
+            self._transforms = session.publisher(session.network.tf, types.TRANSFORMS)
         if self._clock_topic:
             self._clock = session.publisher(self._clock_topic, types.CLOCK)
         twist = types.TWIST_STAMPED if self._stamped else types.TWIST

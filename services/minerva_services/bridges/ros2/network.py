@@ -59,7 +59,9 @@ class Ros2Network:
           zenoh-bridge-ros2dds.
         layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
         domain: the ROS domain, for rmw_zenoh.
-        namespace: prefix of all topics that do not begin with a slash.
+        namespace: prefix of all topics that do not begin with a slash; of all topics if it is that
+          of a zenoh-bridge-ros2dds, which prefixes them all.
+        tf: topic of the transforms; those that never change are on it with _static appended.
         humble: the robot runs ROS 2 Humble, which has no type hashes.
         authority: for tls/ and quic/: PEM file of the authority that signed the router's
           certificate.
@@ -74,6 +76,7 @@ class Ros2Network:
     layout: str = "rmw_zenoh"
     domain: int = 0
     namespace: str = ""
+    tf: str = "/tf"
     humble: bool = False
     authority: str = ""
     certificate: str = ""
@@ -90,6 +93,7 @@ class Ros2Network:
             raise MisuseError(f"ros2: domain is {self.domain}; expected 0 to 232")
         if self.namespace.strip("/"):
             check_name("namespace", self.namespace)
+        self.name(self.tf)
         self._check_certificates(protocol)
 
     def _check_certificates(self, protocol: str) -> None:
@@ -114,12 +118,19 @@ class Ros2Network:
         given = {name: str(Path(path).absolute()) for name, path in files.items() if path}
         return {**given, "enable_mtls": bool(self.certificate)} if given else {}
 
+    @property
+    def static_tf(self) -> str:
+        """Topic of the transforms that never change."""
+        return f"{self.tf}_static"
+
     def name(self, topic: str) -> str:
         """A topic's full name without the leading slash. Raises MisuseError."""
         check_name("a topic", topic)
-        if topic.startswith("/") or not self.namespace.strip("/"):
+        namespace, is_absolute = self.namespace.strip("/"), topic.startswith("/")
+        # In the layout of dds, the namespace is not the robot's own, but that of its bridge.
+        if not namespace or (is_absolute and self.layout != "dds"):
             return topic.strip("/")
-        return f"{self.namespace.strip('/')}/{topic.strip('/')}"
+        return f"{namespace}/{topic.strip('/')}"
 
     def key_of(self, topic: str, message: str, type_hash: str) -> str:
         """The key on which a topic of a message type is published."""

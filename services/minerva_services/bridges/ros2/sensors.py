@@ -50,8 +50,8 @@ Make: TypeAlias = Callable[[Any], Reading]
 class Ros2(Bridge):
     """Publishes the readings of a ROS 2 robot: scans, odometry, images, battery.
 
-    Empty topics are not subscribed to. Mounts come from /tf_static, unless `mount` is given for the
-    laser.
+    Empty topics are not subscribed to. Mounts come from the fixed transforms, unless `mount` is
+    given for the laser.
 
     Args:
         router: the endpoint of the robot's network; its other options are those of `Ros2Network`.
@@ -140,7 +140,8 @@ class Ros2(Bridge):
         """Raises SourceError if the network does not answer."""
         session = Ros2Session(self._network, "minerva_sensors")
         source = _Listening(session, self)
-        session.subscribe("/tf_static", TRANSFORMS, source.receiver(TRANSFORMS), lasting=True)
+        tf = source.receiver(TRANSFORMS)
+        session.subscribe(self._network.static_tf, TRANSFORMS, tf, lasting=True)
         for message, (topic, _, _) in self._wanted.items():
             session.subscribe(topic, message, source.receiver(message))
         if self._map:
