@@ -8,6 +8,7 @@ pytest.importorskip("rosbags")
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import LASTING_QOS, DdsBridge, LyricalPublisher, Node
 from tests.bridges.ros2_rig import free_endpoint, network, scan, transforms
@@ -61,3 +62,13 @@ def test_transforms_may_be_in_the_namespace_of_a_robot():
         with RunningBridge(Ros2(endpoint, namespace="bot1", tf="tf")) as running:
             reading = has_come(running, lambda: tf(transforms(90.0)) or put(scan()))
     assert reading.mount_angle == pytest.approx(90.0)
+
+
+@pytest.mark.parametrize("mode", ["router", "peer"])
+def test_the_link_to_a_bridge_is_up_until_it_has_gone(mode):
+    endpoint = free_endpoint()
+    with DdsBridge(endpoint, mode=mode):
+        session = Ros2Session(Ros2Network(endpoint, "dds"), "sensors")
+        assert session.connected
+    eventually(lambda: not session.connected, "it is lost")
+    session.close()

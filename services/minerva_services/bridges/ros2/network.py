@@ -278,8 +278,9 @@ class Ros2Session:
 
     @property
     def connected(self) -> bool:
-        """True while the link to the network's router is up."""
-        return bool(list(self._session.info.routers_zid()))
+        """True while the link to the network's router, or to a bridge that is a peer, is up."""
+        info = self._session.info
+        return bool([*info.routers_zid(), *info.peers_zid()])
 
     def subscribe(
         self, topic: str, message: str, receive: Callable[[bytes], None], *, lasting: bool = False
