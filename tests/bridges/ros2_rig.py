@@ -18,13 +18,14 @@ from tests.patience import patience
 ROBOT = Path(__file__).parents[2] / "worlds" / "minerva_worlds" / "ros2" / "ros_robot.py"
 
 
-def router(listen="tcp/127.0.0.1:0"):
+def router(listen="tcp/127.0.0.1:0", filters=()):
     """A Zenoh router with the configuration of rmw_zenohd, and its endpoint."""
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([listen]))
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("adminspace/enabled", "true")
+    config.insert_json5("low_pass_filter", json.dumps(filters))
     session = zenoh.open(config)
     if not listen.endswith(":0"):
         return session, listen
@@ -36,9 +37,12 @@ def router(listen="tcp/127.0.0.1:0"):
 
 
 @contextmanager
-def network():
-    """Start a router; yields its endpoint and its session."""
-    session, endpoint = router()
+def network(filters=()):
+    """Start a router; yields its endpoint and its session.
+
+    `filters` are those of Zenoh: messages that it loses.
+    """
+    session, endpoint = router(filters=filters)
     try:
         yield endpoint, session
     finally:

@@ -34,6 +34,22 @@ def grid(data=TOLD, width=3, height=2, cell=0.05, turned=0.0):
     )
 
 
+def test_a_map_that_was_lost_on_its_way_is_repeated():
+    lost = {"flows": ["ingress"], "messages": ["put"], "key_exprs": ["*/map/**"], "size_limit": 300}
+    with network([lost]) as (endpoint, _):
+        session = Ros2Session(Ros2Network(endpoint), "slam")
+        slam = session.publisher("map", types.GRID, lasting=True)
+        with RunningBridge(Ros2(endpoint, map="map"), INFO) as running:
+            running.wait_for(lambda: running.state == "open", "it is open")
+            # A small map, which passes, and then one of 400 bytes, which is lost.
+            slam.put(grid())
+            running.wait_for(lambda: running.emitted, "the first map")
+            slam.put(grid([0] * 400, 20, 20))
+            running.wait_for(lambda: len(running.emitted) > 1, "the second map")
+        session.close()
+    assert running.emitted[1].cells.shape == (20, 20)
+
+
 def test_a_late_subscriber_receives_the_map():
     with network() as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint), "slam")

@@ -43,6 +43,9 @@ _QOS: Final = "::,10:,:,:,,"
 _LASTING_QOS: Final = ":1:,1:,:,:,,"
 """The same, but transient local with depth 1."""
 
+_HEARTBEAT_SECONDS: Final = 0.5
+"""How often a lasting publisher repeats the number of its last message, as in rmw_zenoh."""
+
 _CPU_ONLY: Final = "backends:cpu:"
 """Part of a subscription's token from Lyrical on: memory shared by devices is not understood."""
 
@@ -296,9 +299,13 @@ class Ros2Session:
         pattern = self.network.pattern(topic, message)
         # A publisher of /tf_static may start later than this subscription.
         history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+        recovery = zenoh.ext.RecoveryConfig(heartbeat=True, periodic_queries=None)
         declare = self._session.declare_subscriber
         if lasting:
-            declare = partial(zenoh.ext.declare_advanced_subscriber, self._session, history=history)
+            declare = partial(
+                zenoh.ext.declare_advanced_subscriber,
+                self._session, history=history, recovery=recovery,
+            )  # fmt: skip
         self._declared.append(_declared(topic, declare, pattern, on_sample))
         buffered = self._is_buffered(message, lasting=lasting)
         if buffered:
@@ -313,10 +320,15 @@ class Ros2Session:
         """
         key = self.network.key_of(topic, message, messages().hash(message))
         cache, declare = zenoh.ext.CacheConfig(1), self._session.declare_publisher
+        # Subscribers learn from it that they have missed a message, and get it from the cache.
+        heartbeat = zenoh.ext.MissDetectionConfig(
+            sporadic_heartbeat=_HEARTBEAT_SECONDS, heartbeat=None
+        )
         if lasting:
             declare = partial(
                 zenoh.ext.declare_advanced_publisher,
                 self._session, cache=cache, publisher_detection=True,
+                sample_miss_detection=heartbeat,
             )  # fmt: skip
         declared = _declared(topic, declare, key)
         self._declared.append(declared)
