@@ -72,3 +72,17 @@ def test_the_link_to_a_bridge_is_up_until_it_has_gone(mode):
         assert session.connected
     eventually(lambda: not session.connected, "it is lost")
     session.close()
+
+
+def test_nodes_of_two_robots_in_a_domain_differ():
+    with network() as (endpoint, hub):
+        sessions = [Ros2Session(Ros2Network(endpoint), "motors") for _ in range(2)]
+
+        def names():
+            tokens = hub.liveliness().get("@ros2_lv/0/*/0/0/NN/**")
+            return {str(token.ok.key_expr).rpartition("/")[2] for token in tokens}
+
+        eventually(lambda: names() == {session.node for session in sessions}, "two names")
+        assert len(names()) == 2
+        for session in sessions:
+            session.close()

@@ -103,6 +103,13 @@ def test_the_tokens_of_a_node_and_its_publisher():
     assert token == f"@ros2_lv/0/abc/0/3/MP/%/%/motors/{name}/{HASH}/::,10:,:,:,,"
 
 
+def test_a_node_is_in_the_namespace_of_its_robot():
+    network = Ros2Network("tcp/h:7447", namespace="/fleet/bot1/")
+    assert network.node_token("abc", "motors") == "@ros2_lv/0/abc/0/0/NN/%/%fleet%bot1/motors"
+    token = network.topic_token("abc", "motors", 3, "MP", "b", SCAN, HASH, lasting=False)
+    assert token.startswith("@ros2_lv/0/abc/0/3/MP/%/%fleet%bot1/motors/%fleet%bot1%b/")
+
+
 def test_an_attachment_is_that_of_zenohs_own_serializer():
     ext = pytest.importorskip("zenoh.ext")
     gid = bytes(range(16))

@@ -154,7 +154,11 @@ class Ros2Network:
 
     def node_token(self, session: str, node: str) -> str:
         """The liveliness token that announces a node in the ROS graph."""
-        return f"@ros2_lv/{self.domain}/{session}/0/0/NN/%/%/{node}"
+        return f"@ros2_lv/{self.domain}/{session}/0/0/NN/%/{self._node_namespace}/{node}"
+
+    @property
+    def _node_namespace(self) -> str:
+        return _mangled(f"/{self.namespace.strip('/')}")
 
     def topic_token(
         self, session: str, node: str, entity: int, kind: Literal["MP", "MS"],
@@ -164,12 +168,11 @@ class Ros2Network:
 
         `lasting` means transient local, `buffered` that it also receives on `buffered_pattern`.
         """
-        # rmw_zenoh writes slashes within a part of a token as %.
-        name = "%" + self.name(topic).replace("/", "%")
+        name = _mangled(f"/{self.name(topic)}")
         shown = NO_HASH if self.humble else type_hash
         return (
-            f"@ros2_lv/{self.domain}/{session}/0/{entity}/{kind}/%/%/{node}/{name}"
-            f"/{dds_type(message)}/{shown}/{_LASTING_QOS if lasting else _QOS}"
+            f"@ros2_lv/{self.domain}/{session}/0/{entity}/{kind}/%/{self._node_namespace}/{node}"
+            f"/{name}/{dds_type(message)}/{shown}/{_LASTING_QOS if lasting else _QOS}"
             f"{f'/{_CPU_ONLY}' if buffered else ''}"
         )
 
@@ -195,6 +198,11 @@ class Attachment:
             )
         sequence, nanoseconds, _, gid = _ATTACHMENT.unpack(data)
         return Attachment(sequence, nanoseconds, gid)
+
+
+def _mangled(name: str) -> str:
+    """A name as part of a token."""
+    return name.replace("/", "%")
 
 
 def dds_type(message: str) -> str:
@@ -256,9 +264,10 @@ class TopicPublisher:
 
 
 class Ros2Session:
-    """A named ROS 2 node on a network; call `close` to leave.
+    """A ROS 2 node on a network; call `close` to leave.
 
-    Raises SourceError if the network does not answer.
+    Its name is `node` with a part of the session's id, because other nodes of a domain may be of
+    the same kind. Raises SourceError if the network does not answer.
     """
 
     def __init__(self, network: Ros2Network, node: str) -> None:
@@ -273,11 +282,11 @@ class Ros2Session:
         except zenoh.ZError:
             raise SourceError(f"no ROS 2 network answers at {network.router}") from None
         self.network = network
-        self._node = node
         self._id = str(self._session.zid())
+        self.node = f"{node}_{self._id[:8]}"
         self._declared: list[Any] = []
         if network.layout == "rmw_zenoh":
-            self._announce_token(network.node_token(self._id, node))
+            self._announce_token(network.node_token(self._id, self.node))
 
     @property
     def connected(self) -> bool:
@@ -359,7 +368,7 @@ class Ros2Session:
         # The list only grows, so its length is a number that is unique within the session.
         entity, type_hash = len(self._declared), messages().hash(message)
         token = self.network.topic_token(
-            self._id, self._node, entity, kind, topic, message, type_hash,
+            self._id, self.node, entity, kind, topic, message, type_hash,
             lasting=lasting, buffered=buffered,
         )  # fmt: skip
         if self.network.layout == "rmw_zenoh":
