@@ -16,7 +16,7 @@
     ├── UserCodeError            a method of an agent or a service failed
     │   └── ActivityError        a method of an agent failed at an event         world.agent
     ├── RecordError              a record cannot be written or read
-    ├── RecordingError           a sensor recording cannot be read               world.readings
+    ├── RecordingError           a sensor recording cannot be read               log.recordings
     ├── ProtocolError            a member sent what the protocol does not allow
     ├── Refusal                  the world does not admit this member            frame.member
     │   ├── Unready              the member's service cannot run in this world   frame.member

@@ -5,7 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from minerva_bus.world.readings import Odometry, Recorded, Scan
+from minerva_bus.log.recordings import Recorded
+from minerva_bus.world.readings import Odometry, Scan
 
 WIDE = 2.0
 """Width of the corridors in metres."""

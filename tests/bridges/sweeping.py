@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
+from minerva_bus.log.recordings import Recorded
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Displacement, Odometry, Recorded, Scan
+from minerva_bus.world.readings import Displacement, Odometry, Scan
 
 HALF_X, HALF_Y = 5.0, 3.0
 """Half the size of the room in metres; its centre is (0, 0)."""

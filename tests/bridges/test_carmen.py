@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from recorded import INTEL, Passed, flaser, needs_intel, odom, raw_laser, robot_laser, write
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.log.recordings import RecordingError
 from minerva_bus.wire.field_codecs import plain_reading, read_reading
-from minerva_bus.world.readings import Odometry, RecordingError, Scan
+from minerva_bus.world.readings import Odometry, Scan
 from minerva_services.sensors.carmen import Carmen, CarmenLog
 from minerva_services.sensors.carmen.log import (
     LineError,

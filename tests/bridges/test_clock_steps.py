@@ -12,19 +12,11 @@ from recorded import Passed, flaser, messages, odom, raw_laser, write, write_bag
 from sweeping import drive, place_at, spread
 
 from minerva_agents.robot.map_recording import map_recording
-from minerva_agents.robot.mapping import Drift, TrajectoryPoint, draw_map
+from minerva_agents.robot.mapping import Drift, MapChoice, TrajectoryPoint, draw_map
 from minerva_agents.robot.trajectories import Posed, ScanMotion, located_scans, posed_scans
+from minerva_bus.log.recordings import STEP_SECONDS, Compensator, Recorded, RecordingClock
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import (
-    STEP_SECONDS,
-    Compensator,
-    MapChoice,
-    Odometry,
-    Recorded,
-    RecordingClock,
-    Scan,
-    hits,
-)
+from minerva_bus.world.readings import Odometry, Scan, hits
 from minerva_services.sensors.carmen import CarmenLog
 
 BACK = [0.3, 2.0, 100.0, 1e6]

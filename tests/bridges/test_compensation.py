@@ -9,19 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweeping import drive, place_at, spread, swept, without_path
 
-from minerva_agents.robot.mapping import draw_map
+from minerva_agents.robot.mapping import MapChoice, draw_map
 from minerva_agents.robot.trajectories import ScanMotion, located_scans
+from minerva_bus.log.recordings import Compensator, Recorded, path_of
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wire.field_codecs import plain_reading, read_reading
-from minerva_bus.world.readings import (
-    Compensator,
-    MapChoice,
-    Odometry,
-    Recorded,
-    Scan,
-    hits,
-    path_of,
-)
+from minerva_bus.world.readings import Odometry, Scan, hits
 from minerva_services.bridges.ros2.mobile_base import scanned_from
 
 FORWARD, TURNING, BOTH = (1.0, 0.0), (0.0, 90.0), (0.5, -60.0)

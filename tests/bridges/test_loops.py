@@ -11,9 +11,15 @@ pytest.importorskip("scipy")
 from looping import Block, recorded
 
 from minerva_agents.robot.loop_closure import Edge, closed_loops, optimised
-from minerva_agents.robot.mapping import doubled_walls, doubling_notes, draw_map, errors_of
+from minerva_agents.robot.mapping import (
+    MapChoice,
+    doubled_walls,
+    doubling_notes,
+    draw_map,
+    errors_of,
+)
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import MapChoice, Scan
+from minerva_bus.world.readings import Scan
 
 
 class Tape:

@@ -9,7 +9,7 @@ import pytest
 from recorded import DEMO, INTEL, Passed, flaser, needs_demo, needs_intel, odom, raw_laser, write
 
 from minerva_agents.robot.map_recording import map_recording
-from minerva_agents.robot.mapping import draw, draw_map, save_map, save_picture
+from minerva_agents.robot.mapping import MapChoice, draw, draw_map, save_map, save_picture
 from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, load_map
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.trajectories import Posed, Unposed, posed_scans
@@ -17,7 +17,8 @@ from minerva_agents.robot.vocabulary import eLaser
 from minerva_bus import Frame, Tick, Vocabulary, WorldInfo, evolve
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.readings import MapChoice, Odometry, Recorded, RecordingError, Scan, hits
+from minerva_bus.log.recordings import Recorded, RecordingError
+from minerva_bus.world.readings import Odometry, Scan, hits
 from minerva_services.sensors.carmen import CarmenLog
 from minerva_services.sensors.laser import Laser
 from minerva_services.sensors.playback import MountOverride

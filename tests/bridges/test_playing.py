@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from recorded import Hurried
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.readings import Battery, Mount, Recorded, RecordingError
+from minerva_bus.log.recordings import Recorded, RecordingError
+from minerva_bus.world.readings import Battery, Mount
 from minerva_services.bridging import SourceError
 from minerva_services.sensors.playback import (
     MAX_GAP_SECONDS,

@@ -12,8 +12,9 @@ pytest.importorskip("rosbags")
 from recorded import DEMO, Passed, messages, needs_demo, write_bag
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.log.recordings import RecordingError
 from minerva_bus.wire.field_codecs import plain_reading, read_reading
-from minerva_bus.world.readings import Battery, Image, Odometry, Position, RecordingError
+from minerva_bus.world.readings import Battery, Image, Odometry, Position
 from minerva_services.bridges.rosbag import Bag, Rosbag
 from minerva_services.sensors.playback import MountOverride
 

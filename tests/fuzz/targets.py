@@ -39,10 +39,10 @@ from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.log.record import Record
+from minerva_bus.log.recordings import RecordingError
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.status_codec import read_lines, read_status
-from minerva_bus.world.readings import RecordingError
 from minerva_services.bridges.mqtt.rules import InvalidPayload, Pattern, Payload
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros_messages import GarbageError, images

@@ -37,8 +37,9 @@ from minerva_agents.robot.trajectories import (
     seen_through,
     transformed,
 )
+from minerva_bus.log.recordings import Progress
 from minerva_bus.semantics.poses import Pose, moved
-from minerva_bus.world.readings import Progress, Scan
+from minerva_bus.world.readings import Scan
 
 _MIN_WEIGHT: Final = 0.25
 """Minimum weight for a closure to be kept."""

@@ -13,19 +13,13 @@ from typing import Any, Final, cast
 
 import typer
 
-from minerva_agents.robot.mapping import draw
+from minerva_agents.robot.mapping import MapChoice, draw
 from minerva_bus.cli.output import Done, print_report
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.files import forget_inputs
 from minerva_bus.launch.specs import load
-from minerva_bus.world.readings import (
-    MapChoice,
-    PassOver,
-    Progress,
-    Recording,
-    RecordingError,
-)
+from minerva_bus.log.recordings import PassOver, Progress, Recording, RecordingError
 
 RECORDINGS: Final = "minerva.recordings"
 

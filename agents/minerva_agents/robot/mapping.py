@@ -20,7 +20,7 @@ import io
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -53,25 +53,61 @@ from minerva_agents.robot.trajectories import (
     transformed,
 )
 from minerva_bus import Cells
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import check_output, write_output
-from minerva_bus.semantics.poses import Pose
-from minerva_bus.wording import counted, install
-from minerva_bus.world.readings import (
+from minerva_bus.log.recordings import (
     Compensator,
-    Displacement,
-    MapChoice,
     Progress,
     Recorded,
     Recording,
     RecordingClock,
-    Scan,
     needs_path,
-    seconds_of,
 )
+from minerva_bus.semantics.poses import Pose
+from minerva_bus.wording import counted, install
+from minerva_bus.world.readings import Displacement, Scan
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw as Pen
+
+POSES: Final = ("published", "odometry", "matched")
+
+
+@dataclass(frozen=True, slots=True)
+class MapChoice:
+    """Options of a map of a recording. Raises MisuseError.
+
+    `cell` is the side of a cell and `farthest` the longest range to use (0: as recorded), in
+    metres; `begin` and `end` are seconds after the first reading. `poses` selects the poses of the
+    robot: those `published` in the recording, those of the `odometry`, or those corrected by scans
+    `matched` to the map. `time_offset`, in seconds, is added to the times of scans, because the
+    clocks of lidar and odometry may differ.
+    """
+
+    cell: float = 0.05
+    farthest: float = 0.0
+    begin: float = 0.0
+    end: float = math.inf
+    poses: str = "published"
+    time_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cell < math.inf:
+            raise MisuseError(f"the cell is {self.cell:g} m; expected metres above 0")
+        if not 0 <= self.farthest < math.inf:
+            raise MisuseError(f"the range is {self.farthest:g} m; expected metres, or 0 for all")
+        if not 0 <= self.begin < self.end:
+            raise MisuseError(
+                f"from {self.begin:g} to {self.end:g} s there is nothing; expected from < to,"
+                " seconds after the beginning"
+            )
+        if not math.isfinite(self.time_offset):
+            raise MisuseError(f"the time offset is {self.time_offset:g} s; expected seconds")
+        if self.poses not in POSES:
+            known = f"expected {', '.join(POSES)}"
+            raise MisuseError(
+                f"there are no poses {self.poses!r}{nearest(self.poses, [*POSES], known)}"
+            )
 
 
 def draw(
@@ -588,3 +624,12 @@ def doubling_notes(scans: Sequence[Scan], places: Sequence[Pose], poses: str) ->
         f" first near ({worst.x:.1f}, {worst.y:.1f}) m, seen at {worst.first:.0f} s and"
         f" {worst.second:.0f} s: {advice}"
     ]
+
+
+def seconds_of(times: Iterable[float]) -> list[float]:
+    """Seconds since the first of a series of times, without steps."""
+    clock, seconds = RecordingClock(), list[float]()
+    for time in times:
+        clock.advance(time)
+        seconds.append(clock.seconds)
+    return seconds

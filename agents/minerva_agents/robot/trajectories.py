@@ -23,20 +23,18 @@ from minerva_agents.robot.matching import Uncertainty, match
 from minerva_agents.robot.pose import GridPose, Reals, at_distances
 from minerva_bus import Cells, portable
 from minerva_bus.errors import MisuseError
-from minerva_bus.semantics.poses import HasPose, Pose, interpolated, moved
-from minerva_bus.world.readings import (
+from minerva_bus.log.recordings import (
     CORRECTION,
     POSE,
     STEP_SECONDS,
-    Odometry,
     Recorded,
     RecordingClock,
     RecordingError,
-    Scan,
-    hits,
     needs_path,
     path_of,
 )
+from minerva_bus.semantics.poses import HasPose, Pose, interpolated, moved
+from minerva_bus.world.readings import Odometry, Scan, hits
 
 # --- poses of scans -------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.world.readings import STEP_SECONDS, PassOver, Recorded, RecordingClock
+from minerva_bus.log.recordings import STEP_SECONDS, PassOver, Recorded, RecordingClock
 
 STEPS_BACK: Final = "clock steps back"
 """The counter of such steps."""

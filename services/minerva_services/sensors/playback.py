@@ -14,14 +14,14 @@ from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import is_stream
-from minerva_bus.world.readings import (
+from minerva_bus.log.recordings import (
     Compensator,
-    Mount,
     Recorded,
     Recording,
     RecordingClock,
     RecordingError,
 )
+from minerva_bus.world.readings import Mount
 from minerva_bus.world.services import Emit
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem

@@ -15,8 +15,9 @@ from typing import Final
 
 from minerva_bus import portable
 from minerva_bus.errors import MisuseError
+from minerva_bus.log.recordings import needs_path, path_of
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Scan, needs_path, path_of
+from minerva_bus.world.readings import Scan
 from minerva_services.physics.body import DriveCommand
 
 _SPEED_GAIN: Final = 8.0

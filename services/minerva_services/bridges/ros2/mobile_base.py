@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
 from minerva_bus import portable
+from minerva_bus.log.recordings import span
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings, span
+from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
 from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.driver import (

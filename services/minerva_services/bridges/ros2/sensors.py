@@ -11,7 +11,8 @@ from typing import Any, ClassVar, Final, TypeAlias
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Cells, Degrees, Metres
-from minerva_bus.world.readings import Compensator, Mount, Reading, Recorded
+from minerva_bus.log.recordings import Compensator, Recorded
+from minerva_bus.world.readings import Mount, Reading
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.messages import (
     BATTERY,

@@ -9,8 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.log.recordings import RecordingError
 from minerva_bus.wording import install
-from minerva_bus.world.readings import Image, RecordingError
+from minerva_bus.world.readings import Image
 from minerva_services.bridges.ros_messages.frames import GarbageError, SensorMount
 from minerva_services.bridges.ros_messages.readings import stamp_of
 

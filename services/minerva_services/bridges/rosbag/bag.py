@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from minerva_bus.log.recordings import PassOver, Recorded, RecordingError
 from minerva_bus.wording import install
-from minerva_bus.world.readings import PassOver, Reading, Recorded, RecordingError
+from minerva_bus.world.readings import Reading
 from minerva_services.bridges.ros_messages import (
     Frames,
     GarbageError,

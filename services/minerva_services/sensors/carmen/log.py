@@ -31,8 +31,9 @@ from numpy.typing import NDArray
 
 from minerva_bus import portable
 from minerva_bus.files import check_input
+from minerva_bus.log.recordings import PassOver, Recorded, RecordingError
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Mount, Odometry, PassOver, Recorded, RecordingError, Scan
+from minerva_bus.world.readings import Mount, Odometry, Scan
 from minerva_services.sensors.clocks import FirstSkip, watched
 from minerva_services.sensors.playback import MountOverride
 

@@ -10,7 +10,8 @@ from functools import partial
 from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.world.readings import STEP_SECONDS, Position
+from minerva_bus.log.recordings import STEP_SECONDS
+from minerva_bus.world.readings import Position
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.options import require
 from minerva_services.sensors.clocks import STEPS_BACK

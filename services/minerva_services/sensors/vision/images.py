@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.files import read_bytes
-from minerva_bus.world.readings import Image, PassOver, Recorded, RecordingError, Sightings
+from minerva_bus.log.recordings import PassOver, Recorded, RecordingError
+from minerva_bus.world.readings import Image, Sightings
 from minerva_services.bridging import SourceError
 from minerva_services.options import require
 

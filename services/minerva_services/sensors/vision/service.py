@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.readings import Mount, Recording, RecordingError, Sightings
+from minerva_bus.log.recordings import Recording, RecordingError
+from minerva_bus.world.readings import Mount, Sightings
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.options import takes_options
