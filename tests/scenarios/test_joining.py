@@ -28,17 +28,10 @@ from minerva_bus.world.services import Participation, When
 def test_all_are_there_before_the_first_frame():
     bus = counters(frames=1)
     bus.do("start, run").expect("""
-        > add appeared
-            add ← greet
-        > add: hello, generator
-            add ← welcome to frame 0
-        > host appeared
-            host ← greet
-        > host: hello, agents
-            host ← welcome to frame 0
+        > add joins at frame 0: generator
+        > host joins at frame 0: agents
             ready for frame 0
-        > begin
-            ~tick ← tick 0
+        > begin 0
         > add: ticked 0: eAdd<n=1>
             host ← fragments #a #b
             ~hosts ← evolve 0 on host: eAdd<n=1>
@@ -58,16 +51,10 @@ def test_the_first_frame_waits_for_all_members_of_the_world_file():
     bus = counters().do("appear add, settle")
     assert bus.algorithm.waiting_for() == ["host"]
     bus.expect("""
-        > add appeared
-            add ← greet
-        > add: hello, generator
-            add ← welcome to frame 0
+        > add joins at frame 0: generator
     """)
     bus.do("appear host, settle").expect("""
-        > host appeared
-            host ← greet
-        > host: hello, agents
-            host ← welcome to frame 0
+        > host joins at frame 0: agents
             ready for frame 0
     """)
 
@@ -78,28 +65,21 @@ def test_a_host_that_joins_takes_over_agents_and_changes_nothing():
     bus.do("start, run 2, clear")
     bus.join("heir", host("heir", Counter))
     bus.do("run 2").expect("""
-        > heir appeared
-            heir ← greet
-        > heir: hello, agents
-            heir ← welcome to frame 2
-        > begin
-            ~tick ← tick 2
+        > heir joins at frame 2: agents
+        > begin 2
         > add: ticked 2: eAdd<n=1>
             heir ← fragments #b
             host ← fragments nothing, without #b
             ~hosts ← evolve 2 on heir, host: eAdd<n=1>
         > heir: evolved 2: #b
         > host: evolved 2: #a
-            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
-            ready for frame 3
-        > begin
-            ~tick ← tick 3
+            frame 2 is done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
+        > begin 3
         > add: ticked 3: eAdd<n=1>
             ~hosts ← evolve 3 on heir, host: eAdd<n=1>
         > heir: evolved 3: #b
         > host: evolved 3: #a
-            frame 3 done: eAdd<n=1>; #a: ACounter#a<n=4>(), #b: ACounter#b<n=4>()
-            ready for frame 4
+            frame 3 is done: eAdd<n=1>; #a: ACounter#a<n=4>(), #b: ACounter#b<n=4>()
     """)
     assert bus.digests == plain.digests
 
@@ -111,16 +91,14 @@ def test_a_member_that_joins_in_the_midst_of_a_frame_is_admitted_at_its_edge():
     bus.settle()
     assert bus.algorithm.members.get("heir").state is MemberState.JOINING
     bus.do("release, settle, frame").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > heir appeared
             heir ← greet
         > heir: hello, agents
         > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
         > begin
             heir ← welcome to frame 2
             ~tick ← tick 2
@@ -130,8 +108,7 @@ def test_a_member_that_joins_in_the_midst_of_a_frame_is_admitted_at_its_edge():
             ~hosts ← evolve 2 on heir, host: eAdd<n=1>
         > heir: evolved 2: #b
         > host: evolved 2: #a
-            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
-            ready for frame 3
+            frame 2 is done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
     """)
 
 
@@ -147,10 +124,7 @@ def test_an_observer_that_joins_gets_the_last_view_whole():
     bus.trace.clear()
     bus.join("look", service("look", lambda: Screen(0)))
     bus.do("settle").expect("""
-        > look appeared
-            look ← greet
-        > look: hello, device
-            look ← welcome to frame 2
+        > look joins at frame 2: device
             look ← view 1 of eShow, number 2: all of #a #b
     """)
     bus.frame()
@@ -161,18 +135,13 @@ def test_a_generator_that_joins_is_asked_from_the_next_frame_on():
     bus = started("ACounter#a")
     bus.join("more", service("more", lambda: Add(10)))
     bus.do("clear, run 1").expect("""
-        > more appeared
-            more ← greet
-        > more: hello, generator
-            more ← welcome to frame 1
-        > begin
-            ~tick ← tick 1
+        > more joins at frame 1: generator
+        > begin 1
         > add: ticked 1: eAdd<n=1>
         > more: ticked 1: eAdd<n=10>
             ~hosts ← evolve 1 on host: eAdd<n=1>, eAdd<n=10>
         > host: evolved 1: #a
-            frame 1 done: eAdd<n=1>, eAdd<n=10>; #a: ACounter#a<n=12>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>, eAdd<n=10>; #a: ACounter#a<n=12>()
     """)
 
 
@@ -225,13 +194,7 @@ def test_a_member_of_another_protocol_is_refused():
         > old: hello, generator
             says old: may not join: it speaks protocol 0, this world 7: install the same version of Minerva Bus on both sides
             old ← refused: it speaks protocol 0, this world 7: install the same version of Minerva Bus on both sides
-        > begin
-            ~tick ← tick 1
-        > add: ticked 1: eAdd<n=1>
-            ~hosts ← evolve 1 on host: eAdd<n=1>
-        > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+        > frame 1 as usual: #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
     """)
 
 
@@ -250,13 +213,7 @@ def test_a_hello_out_of_turn_is_ignored():
         > add: hello, generator
         > nobody: hello, generator
             says nobody: unknown member: message ignored
-        > begin
-            ~tick ← tick 1
-        > add: ticked 1: eAdd<n=1>
-            ~hosts ← evolve 1 on host: eAdd<n=1>
-        > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+        > frame 1 as usual: #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
     """)
 
 

@@ -56,11 +56,9 @@ def test_it_is_asked_in_its_first_frame_and_in_those_with_orders():
         > add: ticked 2: eAdd<n=-31>
             ~hosts ← evolve 2 on host: eAdd<n=-31>
         > host: evolved 2: #a #b
-            frame 2 done: eAdd<n=-31>; #a: ACounter#a<n=-36>(), #b: ACounter#b<n=-36>()
-            ready for frame 3
+            frame 2 is done: eAdd<n=-31>; #a: ACounter#a<n=-36>(), #b: ACounter#b<n=-36>()
         > begin
-            frame 3 done: no events; no change
-            ready for frame 4
+            frame 3 is done: no events; no change
     """)
 
 

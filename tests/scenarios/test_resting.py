@@ -37,11 +37,9 @@ def test_it_rests_until_an_event_waits_and_while_agents_answer_one_another():
             host ← fragments #a
             ~hosts ← evolve 2 on host: eAdd<n=1>
         > host: evolved 2: #a, emitting eDone from #a
-            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=7>()
-            ready for frame 3
+            frame 2 is done: eAdd<n=1>; #a: ACounter#a<n=7>()
         > begin
-            frame 3 done: eDone from #a; no change
-            ready for frame 4
+            frame 3 is done: eDone from #a; no change
     """)
 
 

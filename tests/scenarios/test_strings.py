@@ -28,24 +28,19 @@ from minerva_bus.frame.world_state import WorldSpec
 def test_a_newborn_receives_its_first_events_in_the_next_frame():
     bus = started("AMother#m", members={"host": host("host", Counter, Mother)}, frames=3, after=0)
     bus.do("run").expect("""
-        > begin
-            ~tick ← tick 0
+        > begin 0
         > add: ticked 0: eAdd<n=1>
             host ← fragments #m
             ~hosts ← evolve 0 on host: eAdd<n=1>
         > host: evolved 0: #m
-            frame 0 done: eAdd<n=1>; #m: AMother#m<births=1>() · ACounter#m:1<n=1>()
-            ready for frame 1
-        > begin
-            ~tick ← tick 1
+            frame 0 is done: eAdd<n=1>; #m: AMother#m<births=1>() · ACounter#m:1<n=1>()
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             host ← fragments #m #m:1
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #m #m:1
-            frame 1 done: eAdd<n=1>; #m: AMother#m<births=2>() · ACounter#m:2<n=1>(), #m:1: ACounter#m:1<n=2>()
-            ready for frame 2
-        > begin
-            ~tick ← tick 2
+            frame 1 is done: eAdd<n=1>; #m: AMother#m<births=2>() · ACounter#m:2<n=1>(), #m:1: ACounter#m:1<n=2>()
+        > begin 2
         > add: ticked 2: eAdd<n=1>
             host ← fragments #m #m:2
             ~hosts ← evolve 2 on host: eAdd<n=1>
@@ -86,12 +81,11 @@ def test_transformations_around_agents_stay():
 def test_the_world_ends_with_the_empty_string():
     bus = started("ACounter#a<n=98>")
     bus.do("run").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a
-            frame 1 done: eAdd<n=1>; #a: 
+            frame 1 done: eAdd<n=1>; #a:
             stopping
             ~all ← stop: the string is empty
         > add: report {'adders': 1, 'added': 1}

@@ -27,20 +27,15 @@ def test_the_world_waits_for_a_generator_that_dies_in_a_tick():
     bus = started().do("step begin, vanish add, settle")
     assert bus.algorithm.waiting_for() == ["add"]
     bus.do("appear add, settle").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add vanished
             says add: is gone; the world waits for it
-        > add appeared
-            add ← greet
-        > add: hello, generator
-            add ← welcome to frame 1
+        > add joins at frame 1: generator
             add ← tick 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
     """)
     assert bus.digests == undisturbed(2)
 
@@ -52,16 +47,12 @@ def test_the_world_waits_for_a_generator_that_died_between_frames():
         > add vanished
             says add: is gone; the world waits for it
         > begin
-        > add appeared
-            add ← greet
-        > add: hello, generator
-            add ← welcome to frame 1
+        > add joins at frame 1: generator
             add ← tick 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
     """)
     assert bus.digests == undisturbed(2)
 
@@ -70,22 +61,17 @@ def test_a_dead_generators_reply_is_requested_again_during_the_tick():
     """Its successor must know what it had published; here it had published nothing."""
     bus = started(members={"slow": service("slow", Steps)})
     bus.do("hold up slow, frame, restart add, settle, release, settle").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
         > add vanished
             says add: is gone; the world waits for it
-        > add appeared
-            add ← greet
-        > add: hello, generator
-            add ← welcome to frame 1
+        > add joins at frame 1: generator
             add ← tick 1
         > add: ticked 1: eAdd<n=1>
         > slow: ticked 1: eStep<count=2>
             ~hosts ← evolve 1 on host: eAdd<n=1>, eStep<count=2>
         > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>, eStep<count=2>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>, eStep<count=2>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
     """)
 
 
@@ -146,21 +132,16 @@ def test_the_world_waits_for_a_host_that_dies_in_evolution():
     bus = started().do("hold down host, frame, vanish host, settle, release, settle")
     assert bus.algorithm.waiting_for() == ["host"]
     bus.do("appear host, settle").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host vanished
             says host: is gone; the world waits for it
-        > host appeared
-            host ← greet
-        > host: hello, agents
-            host ← welcome to frame 1
+        > host joins at frame 1: agents
             host ← fragments #a #b
             host ← evolve 1 on host (#a #b only): eAdd<n=1>
         > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
     """)
     assert bus.digests == undisturbed(2)
 
@@ -169,8 +150,7 @@ def test_another_host_takes_over_what_one_that_died_in_evolution_leaves():
     members = {"host": host("host", Counter), "other": host("other", Counter)}
     bus = started(members=members)
     bus.do("hold down host, frame, vanish host, settle, release, settle, frame").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host, other: eAdd<n=1>
         > other: evolved 1: #b
@@ -179,15 +159,12 @@ def test_another_host_takes_over_what_one_that_died_in_evolution_leaves():
             other ← fragments #a
             other ← evolve 1 on other (#a only): eAdd<n=1>
         > other: evolved 1: #a
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
-        > begin
-            ~tick ← tick 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+        > begin 2
         > add: ticked 2: eAdd<n=1>
             ~hosts ← evolve 2 on other: eAdd<n=1>
         > other: evolved 2: #a #b
-            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
-            ready for frame 3
+            frame 2 is done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
     """)
     assert bus.digests == undisturbed(3)
 
@@ -196,24 +173,20 @@ def test_a_dead_hosts_reply_counts_and_goes_to_its_successor():
     members = {"host": host("host", Counter), "other": host("other", Counter)}
     bus = started(members=members)
     bus.do("hold down other, frame, vanish host, settle, release, settle, frame").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host, other: eAdd<n=1>
         > host: evolved 1: #a
         > host vanished
             says host: is gone; other hosts take its agents over
         > other: evolved 1: #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
-        > begin
-            ~tick ← tick 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+        > begin 2
         > add: ticked 2: eAdd<n=1>
             other ← fragments #a
             ~hosts ← evolve 2 on other: eAdd<n=1>
         > other: evolved 2: #a #b
-            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
-            ready for frame 3
+            frame 2 is done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
     """)
     assert bus.digests == undisturbed(3)
 
@@ -258,23 +231,15 @@ def test_agents_of_a_host_that_is_given_up_stand_still():
     bus.do("vanish mothers, clear, run 1, abandon mothers, run 1").expect("""
         > mothers vanished
             says mothers: is gone; the world waits for it
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             host ← fragments #m:1
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a #m:1
         > mothers is given up
             says mothers: is not restarted; the world continues without it
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #m:1: ACounter#m:1<n=2>()
-            ready for frame 2
-        > begin
-            ~tick ← tick 2
-        > add: ticked 2: eAdd<n=1>
-            ~hosts ← evolve 2 on host: eAdd<n=1>
-        > host: evolved 2: #a #m:1
-            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #m:1: ACounter#m:1<n=3>()
-            ready for frame 3
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #m:1: ACounter#m:1<n=2>()
+        > frame 2 as usual: #a: ACounter#a<n=3>(), #m:1: ACounter#m:1<n=3>()
     """)
     bus.do("appear mothers, run 1")
     assert "#m<births=2>" in str(bus.algorithm.scene)
@@ -287,15 +252,8 @@ def test_a_generator_given_up_in_a_tick_is_no_longer_awaited():
             says more: is not restarted; the world continues without it
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=12>(), #b: ACounter#b<n=12>()
-            ready for frame 2
-        > begin
-            ~tick ← tick 2
-        > add: ticked 2: eAdd<n=1>
-            ~hosts ← evolve 2 on host: eAdd<n=1>
-        > host: evolved 2: #a #b
-            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=13>(), #b: ACounter#b<n=13>()
-            ready for frame 3
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=12>(), #b: ACounter#b<n=12>()
+        > frame 2 as usual: #a: ACounter#a<n=13>(), #b: ACounter#b<n=13>()
     """)
 
 
@@ -364,8 +322,7 @@ def test_one_that_leaves_of_its_own_will_is_not_waited_for():
             says add: has left
         > add vanished
         > begin
-            frame 1 done: no events; no change
-            ready for frame 2
+            frame 1 is done: no events; no change
     """)
 
 
@@ -380,26 +337,13 @@ def sights():
 def test_readings_go_straight_from_one_to_the_other_in_the_same_frame():
     bus = sights()
     bus.do("start, run 2").expect("""
-        > add appeared
-            add ← greet
-        > add: hello, generator
-            add ← welcome to frame 0
-        > eye appeared
-            eye ← greet
-        > eye: hello, generator
-            eye ← welcome to frame 0
-        > host appeared
-            host ← greet
-        > host: hello, agents
-            host ← welcome to frame 0
-        > water appeared
-            water ← greet
-        > water: hello, device
-            water ← welcome to frame 0
+        > add joins at frame 0: generator
+        > eye joins at frame 0: generator
+        > host joins at frame 0: agents
+        > water joins at frame 0: device
             ~all ← sources: sight by water
             ready for frame 0
-        > begin
-            ~tick ← tick 0
+        > begin 0
         > add: ticked 0: eAdd<n=1>
         > eye: ticked 0: eSeen<figures=0>
         > water: ticked 0: no events
@@ -407,18 +351,15 @@ def test_readings_go_straight_from_one_to_the_other_in_the_same_frame():
             ~hosts ← evolve 0 on host: eAdd<n=1>, eSeen<figures=0>, eShow
         > host: evolved 0: #a
             water ← view 0 of eShow, number 1: all of #a
-            frame 0 done: eAdd<n=1>, eSeen<figures=0>, eShow; #a: ACounter#a<n=1>()
-            ready for frame 1
-        > begin
-            ~tick ← tick 1
+            frame 0 is done: eAdd<n=1>, eSeen<figures=0>, eShow; #a: ACounter#a<n=1>()
+        > begin 1
         > add: ticked 1: eAdd<n=1>
         > eye: ticked 1: eSeen<figures=1>
         > water: ticked 1: no events
             ~hosts ← evolve 1 on host: eAdd<n=1>, eSeen<figures=1>, eShow
         > host: evolved 1: #a
             water ← view 1 of eShow, number 2: #a
-            frame 1 done: eAdd<n=1>, eSeen<figures=1>, eShow; #a: ACounter#a<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>, eSeen<figures=1>, eShow; #a: ACounter#a<n=2>()
     """)
 
 
@@ -446,8 +387,7 @@ def test_a_generator_does_not_wait_for_a_source_that_has_left():
         > eye: ticked 1: no events
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>()
     """)
 
 

@@ -79,39 +79,31 @@ def test_a_delta_has_only_what_looks_different_and_a_new_skeleton_makes_it_whole
     members = {"screen": service("screen", Screen), "host": host("host", Counter, Mother)}
     bus = started("ACounter#a<n=98> · TAt<x=1>(ACounter#b)", members=members, after=0)
     bus.do("run 4").expect("""
-        > begin
-            ~tick ← tick 0
+        > begin 0
         > add: ticked 0: eAdd<n=1>
             host ← fragments #a #b
             ~hosts ← evolve 0 on host: eAdd<n=1>, eShow
         > host: evolved 0: #a #b
             observers of eShow ← view 0 of eShow, number 1: all of #a #b
-            frame 0 done: eAdd<n=1>, eShow; #a: ACounter#a<n=99>(), #b: ACounter#b<n=1>()
-            ready for frame 1
-        > begin
-            ~tick ← tick 1
+            frame 0 is done: eAdd<n=1>, eShow; #a: ACounter#a<n=99>(), #b: ACounter#b<n=1>()
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host: eAdd<n=1>, eShow
         > host: evolved 1: #a #b
             observers of eShow ← view 1 of eShow, number 2: #a #b
-            frame 1 done: eAdd<n=1>, eShow; #a: , #b: ACounter#b<n=2>()
-            ready for frame 2
-        > begin
-            ~tick ← tick 2
+            frame 1 is done: eAdd<n=1>, eShow; #a: , #b: ACounter#b<n=2>()
+        > begin 2
         > add: ticked 2: eAdd<n=1>
             ~hosts ← evolve 2 on host: eAdd<n=1>, eShow
         > host: evolved 2: #b
             observers of eShow ← view 2 of eShow, number 3: all of #b
-            frame 2 done: eAdd<n=1>, eShow; #b: ACounter#b<n=3>()
-            ready for frame 3
-        > begin
-            ~tick ← tick 3
+            frame 2 is done: eAdd<n=1>, eShow; #b: ACounter#b<n=3>()
+        > begin 3
         > add: ticked 3: eAdd<n=1>
             ~hosts ← evolve 3 on host: eAdd<n=1>, eShow
         > host: evolved 3: #b
             observers of eShow ← view 3 of eShow, number 4: #b
-            frame 3 done: eAdd<n=1>, eShow; #b: ACounter#b<n=4>()
-            ready for frame 4
+            frame 3 is done: eAdd<n=1>, eShow; #b: ACounter#b<n=4>()
     """)
 
 
@@ -126,27 +118,22 @@ def test_an_agent_that_looks_as_before_is_not_shown_again():
 def test_a_coupled_device_has_the_view_of_a_frame_before_it_is_asked_for_the_next():
     bus = started("ACounter#a", members={"water": service("water", Water)}, frames=3, after=0)
     bus.do("run").expect("""
-        > begin
-            ~tick ← tick 0
+        > begin 0
         > add: ticked 0: eAdd<n=1>
         > water: ticked 0: no events
             host ← fragments #a
             ~hosts ← evolve 0 on host: eAdd<n=1>, eShow
         > host: evolved 0: #a
             water ← view 0 of eShow, number 1: all of #a
-            frame 0 done: eAdd<n=1>, eShow; #a: ACounter#a<n=1>()
-            ready for frame 1
-        > begin
-            ~tick ← tick 1
+            frame 0 is done: eAdd<n=1>, eShow; #a: ACounter#a<n=1>()
+        > begin 1
         > add: ticked 1: eAdd<n=1>
         > water: ticked 1: no events
             ~hosts ← evolve 1 on host: eAdd<n=1>, eShow
         > host: evolved 1: #a
             water ← view 1 of eShow, number 2: #a
-            frame 1 done: eAdd<n=1>, eShow; #a: ACounter#a<n=2>()
-            ready for frame 2
-        > begin
-            ~tick ← tick 2
+            frame 1 is done: eAdd<n=1>, eShow; #a: ACounter#a<n=2>()
+        > begin 2
         > add: ticked 2: eAdd<n=1>
         > water: ticked 2: no events
             ~hosts ← evolve 2 on host: eAdd<n=1>, eShow
@@ -190,14 +177,12 @@ def test_an_observer_that_missed_views_asks_for_a_whole_one(lost):
     bus.do("release, clear, run 1")
     if lost == 1:
         bus.expect("""
-        > begin
-            ~tick ← tick 2
+        > begin 2
         > add: ticked 2: eAdd<n=1>
             ~hosts ← evolve 2 on host: eAdd<n=1>, eShow
         > host: evolved 2: #a #b
             observers of eShow ← view 2 of eShow, number 3: #a #b
-            frame 2 done: eAdd<n=1>, eShow; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
-            ready for frame 3
+            frame 2 is done: eAdd<n=1>, eShow; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
         > screen: resync eShow
             screen ← view 2 of eShow, number 3: all of #a #b
         """)

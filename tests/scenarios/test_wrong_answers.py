@@ -43,14 +43,12 @@ def test_a_second_answer_to_a_tick_is_dropped_and_counted():
     bus = started().do("hold up host, frame")
     bus.put(m.TickReply("add", 1, (eAdd(50),)))
     bus.do("settle, release, settle").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > add: ticked 1: eAdd<n=50>
         > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
     """)
     assert member(bus, "add").late == 1
 
@@ -78,8 +76,7 @@ def test_an_answer_of_a_host_for_another_frame_or_part_is_dropped_and_counted(fr
 def test_a_dead_hosts_reply_is_dropped_after_another_was_asked():
     bus = started(members={"other": host("other", Counter)})
     bus.do("hold up host, frame, vanish host, settle, release, settle").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host, other: eAdd<n=1>
         > other: evolved 1: #b
@@ -88,8 +85,7 @@ def test_a_dead_hosts_reply_is_dropped_after_another_was_asked():
             other ← fragments #a
             other ← evolve 1 on other (#a only): eAdd<n=1>
         > other: evolved 1: #a
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
         > host: evolved 1: #a
     """)
     assert member(bus, "host").late == 1
@@ -160,8 +156,7 @@ def test_the_trace_of_one_that_is_shut_out():
     bus.do("hold down host, hold down other, frame")
     bus.put(m.EvolveReply("other", 1, 0, {"z": VOCABULARY.read("ACounter#z")}))
     bus.do("release, settle").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host, other: eAdd<n=1>
         > host: evolved 1: #a
@@ -171,8 +166,7 @@ def test_the_trace_of_one_that_is_shut_out():
             host ← fragments #b
             host ← evolve 1 on host (#b only): eAdd<n=1>
         > host: evolved 1: #b
-            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
         > other: evolved 1: #b
         > other vanished
     """)
@@ -239,8 +233,7 @@ def test_undeclared_events_of_a_generator_are_rejected():
     bus.step(BEGIN)
     bus.put(m.TickReply("add", 1, (eCroak(1.0),)))
     bus.do("step up add, settle").expect("""
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > add: ticked 1: eCroak<x=1>
             says add: broke the protocol: it sent eCroak, but its hello declares eAdd
             add ← refused: it sent eCroak, but its hello declares eAdd
@@ -264,14 +257,12 @@ def test_events_of_a_free_generator_count_in_the_next_frame():
     bus.do("settle, release, settle").expect("""
         > free: emitted eAdd<n=10>
         > free: emitted eAdd<n=20>
-        > begin
-            ~tick ← tick 1
+        > begin 1
         > free: emitted eAdd<n=30>
         > add: ticked 1: eAdd<n=1>
             ~hosts ← evolve 1 on host: eAdd<n=1>, eAdd<n=10>, eAdd<n=20>, eAdd<n=30>
         > host: evolved 1: #a #b
-            frame 1 done: eAdd<n=1>, eAdd<n=10>, eAdd<n=20>, eAdd<n=30>; #a: ACounter#a<n=62>(), #b: ACounter#b<n=62>()
-            ready for frame 2
+            frame 1 is done: eAdd<n=1>, eAdd<n=10>, eAdd<n=20>, eAdd<n=30>; #a: ACounter#a<n=62>(), #b: ACounter#b<n=62>()
     """)
 
 
