@@ -6,10 +6,10 @@ import re
 import pytest
 import yaml
 
+from deploy.tests.commands import DEPLOY
+from deploy.tests.deployed import COMPOSE
 from minerva_bus.runtime.metrics import Durations, Totals
 from minerva_bus.world.operator import MemberStatus, WorldStatus
-from tests.deploy.commands import DEPLOY
-from tests.deploy.deployed import COMPOSE
 
 DASHBOARD = json.loads((DEPLOY / "grafana" / "minerva.json").read_text(encoding="utf-8"))
 RULES = yaml.safe_load((DEPLOY / "prometheus" / "rules.yaml").read_text(encoding="utf-8"))

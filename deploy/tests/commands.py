@@ -12,7 +12,7 @@ from minerva_bus.launch.installed import WORLDS, find_world
 from minerva_bus.launch.specs import find_service
 from minerva_bus.launch.world_files import read_world_file
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
+DEPLOY = Path(__file__).parents[1]
 
 
 def known(words):

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.deploy.deployed import DOCKERFILE
+from deploy.tests.deployed import DOCKERFILE
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 INCLUDED = "python3,python3-venv,ca-certificates,systemd,systemd-sysv,dbus,jq,curl"
 BASE = re.search(r"^FROM (\S+)", DOCKERFILE, re.M)[1]
 IMAGE = "minerva-bus:local"

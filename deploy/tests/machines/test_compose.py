@@ -7,8 +7,8 @@ import urllib.request
 
 import pytest
 
-from tests.deploy.deployed import COMPOSE, README
-from tests.machines.conftest import ROOT, needs, run
+from deploy.tests.deployed import COMPOSE, README
+from deploy.tests.machines.conftest import ROOT, needs, run
 from tests.runtime.running import eventually
 
 pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]

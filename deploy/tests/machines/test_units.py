@@ -6,8 +6,8 @@ import subprocess
 
 import pytest
 
-from tests.deploy.deployed import README
-from tests.machines.conftest import ROOT, needs, run
+from deploy.tests.deployed import README
+from deploy.tests.machines.conftest import ROOT, needs, run
 
 pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]
 

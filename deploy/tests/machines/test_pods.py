@@ -15,8 +15,8 @@ from copy import deepcopy
 import pytest
 import yaml
 
-from tests.deploy.deployed import PODS, README
-from tests.machines.conftest import IMAGE, needs, run
+from deploy.tests.deployed import PODS, README
+from deploy.tests.machines.conftest import IMAGE, needs, run
 from tests.runtime.running import eventually
 
 pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]

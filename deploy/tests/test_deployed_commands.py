@@ -4,11 +4,11 @@ import re
 
 import pytest
 
+from deploy.tests.commands import in_markdown, wrong_with
+from deploy.tests.deployed import COMPOSE, CONTAINERS, FLEET, README, UNITS
 from minerva_bus.entry_points import entries
 from minerva_bus.launch.installed import WORLDS, find_world
 from minerva_bus.launch.world_files import read_world_file
-from tests.deploy.commands import in_markdown, wrong_with
-from tests.deploy.deployed import COMPOSE, CONTAINERS, FLEET, README, UNITS
 
 
 def commands():

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from tests.deploy.commands import DEPLOY
-from tests.deploy.deployed import COMPOSE, DOCKERFILE, README
+from deploy.tests.commands import DEPLOY
+from deploy.tests.deployed import COMPOSE, DOCKERFILE, README
 from tools.dependencies import IMAGE_EXTRAS, project
 
 

@@ -7,9 +7,9 @@ import signal
 
 import pytest
 
+from deploy.tests.deployed import PODS
 from minerva_bus.runtime.operator_client import Client
 from minerva_certificates import AuthorityFolder, Wanted
-from tests.deploy.deployed import PODS
 from tests.runtime.running import Run, World, eventually
 
 pytest.importorskip("prometheus_client")

@@ -2,7 +2,7 @@
 
 import yaml
 
-from tests.deploy.commands import DEPLOY
+from deploy.tests.commands import DEPLOY
 
 README = (DEPLOY / "README.md").read_text(encoding="utf-8")
 FLEET = (DEPLOY.parent / "docs" / "fleet.md").read_text(encoding="utf-8")

@@ -8,8 +8,8 @@ import subprocess
 import pytest
 import zenoh
 
-from tests.deploy.commands import DEPLOY
-from tests.deploy.deployed import UNITS
+from deploy.tests.commands import DEPLOY
+from deploy.tests.deployed import UNITS
 from tests.runtime.running import here
 
 
