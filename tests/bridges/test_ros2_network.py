@@ -14,7 +14,7 @@ from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2, Ros2View
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
+from minerva_services.bridges.ros2.network import Attachment, Ros2Network, Ros2Session, gid_of
 from minerva_services.bridges.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router, scan, transforms
 from tests.patience import patience
@@ -190,8 +190,6 @@ def test_rviz_sees_the_map_and_orders_by_goals(layout, capsys):
 
 
 def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
-    from minerva_services.bridges.ros2.network import Attachment
-
     with network() as (endpoint, hub):
         session = Ros2Session(Ros2Network(endpoint), "motors")
         heard = []
@@ -210,6 +208,7 @@ def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
     )
     assert len({attachment.gid for attachment in attachments}) == 1
     about = f"/MP/%/%/{session.node}/%cmd_vel/geometry_msgs::msg::dds_::Twist_/"
-    assert any(about in token for token in tokens)
+    (token,) = (token for token in tokens if about in token)
+    assert attachments[0].gid == gid_of(token)
     twist = messages().decode(types.TWIST, heard[0].payload.to_bytes())
     assert (twist.linear.x, twist.angular.z) == (0.5, pytest.approx(np.pi / 2))

@@ -28,7 +28,7 @@ from minerva_services.bridges.ros2.mobile_base import (
     scanned_from,
     seen_from,
 )
-from minerva_services.bridges.ros2.network import Attachment, Ros2Network
+from minerva_services.bridges.ros2.network import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.sensors import Ros2
 from minerva_services.bridges.ros_messages import Frames, SensorMount
 from minerva_services.bridges.ros_messages.frames import mount_of
@@ -108,6 +108,17 @@ def test_a_node_is_in_the_namespace_of_its_robot():
     assert network.node_token("abc", "motors") == "@ros2_lv/0/abc/0/0/NN/%/%fleet%bot1/motors"
     token = network.topic_token("abc", "motors", 3, "MP", "b", SCAN, HASH, lasting=False)
     assert token.startswith("@ros2_lv/0/abc/0/3/MP/%/%fleet%bot1/motors/%fleet%bot1%b/")
+
+
+def test_the_gid_of_a_token_is_that_of_rmw_zenoh():
+    # From a program with simplified_xxhash3.cpp, the same file in all five distributions, whose
+    # two halves are copied into the gid as liveliness_utils.cpp does.
+    token = (
+        "@ros2_lv/0/1f2e3d4c5b6a79880011223344556677/0/1/MP/%/%bot1/minerva_motors/%bot1%cmd_vel"
+        "/geometry_msgs::msg::dds_::Twist_"
+        "/RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a/::,10:,:,:,,"
+    )
+    assert gid_of(token).hex() == "18abdedb49b2632c571ef2044478a2b5"
 
 
 def test_an_attachment_is_that_of_zenohs_own_serializer():

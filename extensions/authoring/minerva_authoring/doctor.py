@@ -45,7 +45,7 @@ EXTRAS: Final = {
     "onnx": (("onnxruntime",), "trained policies in ONNX files"),
     "dask": (("distributed",), "studies on a Dask cluster"),
     "video": (("av",), "films of runs"),
-    "ros": (("rosbags", "PIL"), "ROS 2 robots, and bags"),
+    "ros": (("rosbags", "PIL", "xxhash"), "ROS 2 robots, and bags"),
     "mqtt": (("paho",), "MQTT brokers"),
     "llm": (("httpx",), "servers of language models"),
     "serial": (("serial", "pynmea2"), "lidars and GPS on a serial line"),

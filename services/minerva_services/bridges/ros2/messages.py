@@ -43,10 +43,11 @@ _VISION: Final = {
 
 
 class MessageTypes:
-    """All supported message types. Raises MisuseError if rosbags is missing."""
+    """All supported message types. Raises MisuseError if a library is missing."""
 
     def __init__(self) -> None:
         require("ros2", "rosbags.typesys", "rosbags", "ros")
+        require("ros2", "xxhash", "xxhash", "ros")
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         self._store = get_typestore(Stores.LATEST)

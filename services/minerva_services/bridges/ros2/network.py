@@ -10,7 +10,6 @@ watches it, and opens it again when it is lost.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import struct
 import threading
@@ -205,6 +204,13 @@ def _mangled(name: str) -> str:
     return name.replace("/", "%")
 
 
+def gid_of(token: str) -> bytes:
+    """The identifier of an endpoint, as all nodes of a network derive it from its token."""
+    import xxhash  # late: optional dependency (extra "ros")
+
+    return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(GID_BYTES, "little")
+
+
 def dds_type(message: str) -> str:
     """A message type's DDS name: `sensor_msgs::msg::dds_::LaserScan_`."""
     package, kind, name = message.split("/")
@@ -342,10 +348,8 @@ class Ros2Session:
         declared = _declared(topic, declare, key)
         self._declared.append(declared)
         token = self._announce("MP", topic, message, lasting=lasting)
-        # Any 16 bytes that no other publisher has: the token is unique in the network.
-        gid = hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
         attaches = self.network.layout == "rmw_zenoh"
-        return TopicPublisher(message, declared, gid, attaches=attaches)
+        return TopicPublisher(message, declared, gid_of(token), attaches=attaches)
 
     def close(self) -> None:
         """Leave the network."""
