@@ -8,6 +8,7 @@ import json
 import struct
 import threading
 import time
+from functools import partial
 
 import zenoh
 import zenoh.ext
@@ -99,15 +100,21 @@ class Node:
     def subscribe(self, topic, message, receive, qos=DEFAULT_QOS):
         """Receive messages with exactly this key, and with an attachment.
 
-        [rmw_subscription_data.cpp 396-440]
+        [rmw_subscription_data.cpp 375-440]
         """
 
         def on_sample(sample):
             assert sample.attachment is not None
             receive(messages().decode(message, sample.payload.to_bytes()))
 
-        key = self.key(topic, message)[1]
-        self.declared.append(self.session.declare_subscriber(key, on_sample))
+        key, declare = self.key(topic, message)[1], self.session.declare_subscriber
+        if qos == LASTING_QOS:
+            declare = partial(
+                zenoh.ext.declare_advanced_subscriber, self.session,
+                history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+                recovery=zenoh.ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
+            )  # fmt: skip
+        self.declared.append(declare(key, on_sample))
         self._announce("MS", *self._about(topic, message, qos))
 
 

@@ -10,7 +10,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
 from minerva_services.bridging.testing import RunningBridge
-from tests.bridges.ros2_peers import LASTING_QOS, DdsBridge, LyricalPublisher, Node
+from tests.bridges.ros2_peers import LASTING_QOS, NO_HASH, DdsBridge, LyricalPublisher, Node
 from tests.bridges.ros2_rig import free_endpoint, network, scan, transforms
 from tests.patience import eventually
 
@@ -39,6 +39,59 @@ def test_images_of_all_distributions_arrive(lyrical):
         with RunningBridge(Ros2(endpoint, image="camera")) as running:
             reading = has_come(running, lambda: put(image(7)))
     assert (reading.width, reading.height, reading.data) == (2, 1, bytes([7] * 6))
+
+
+# --- velocities and maps reach subscriptions with and without hashes of types ---
+
+
+def test_velocities_reach_robots_that_appear_later():
+    with network() as (endpoint, hub):
+        session = Ros2Session(Ros2Network(endpoint), "motors")
+        motors = session.publisher("cmd_vel", types.TWIST)
+        heard, any_hash = [], []
+        with Node(endpoint, "old", humble=True) as old, Node(endpoint, "new") as new:
+            old.subscribe("/cmd_vel", types.TWIST, lambda twist: heard.append(("old", twist)))
+            eventually(lambda: drive(motors, 0.1) or heard, "Humble alone is driven")
+            new.subscribe("/cmd_vel", types.TWIST, lambda twist: heard.append(("new", twist)))
+            eventually(lambda: drive(motors, 0.2) or named(heard, "new"), "both are driven")
+            eventually(lambda: drive(motors, 0.2) or len(named(heard, "old")) > 2, "as before")
+        # Without a robot of Humble, nothing is published twice to those who take any hash.
+        eventually(lambda: not session.graph.hashes("/cmd_vel", types.TWIST), "both have gone")
+        wild = hub.declare_subscriber("0/cmd_vel/**", any_hash.append)
+        eventually(lambda: drive(motors, 0.3) or any_hash, "it is heard")
+        wild.undeclare()
+        session.close()
+    assert all(NO_HASH not in str(sample.key_expr) for sample in any_hash)
+
+
+def drive(motors, speed):
+    motors.put(messages().twist(speed, 0.0))
+
+
+def named(heard, name):
+    return [twist for node, twist in heard if node == name]
+
+
+@pytest.mark.parametrize("humble", [False, True], ids=["with hashes", "Humble"])
+def test_a_last_map_reaches_subscriptions_of_later(humble):
+    with network() as (endpoint, _):
+        session = Ros2Session(Ros2Network(endpoint), "view")
+        publisher, heard = session.publisher("map", types.PATH, lasting=True), []
+        header = messages().header("map", 0)
+        publisher.put(messages().make(types.PATH, header=header, poses=[]))
+        with Node(endpoint, humble=humble) as rviz:
+            rviz.subscribe("/map", types.PATH, heard.append, LASTING_QOS)
+            eventually(lambda: heard, "the map")
+        session.close()
+
+
+def test_a_publisher_whose_session_is_closed_loses_its_messages():
+    with network() as (endpoint, _):
+        session = Ros2Session(Ros2Network(endpoint), "view")
+        publishers = [session.publisher("map", types.TWIST, lasting=last) for last in (True, False)]
+        session.close()
+        for publisher in publishers:
+            drive(publisher, 0.1)
 
 
 # --- a robot behind a zenoh-bridge-ros2dds ---

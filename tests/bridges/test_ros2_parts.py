@@ -84,11 +84,6 @@ def test_the_key_of_a_topic_in_dds_is_its_name():
         assert network.pattern(topic, SCAN) == "bot1/scan"
 
 
-def test_humble_has_no_hashes():
-    key = Ros2Network("tcp/h:7447", humble=True).key_of("scan", SCAN, HASH)
-    assert key == "0/scan/sensor_msgs::msg::dds_::LaserScan_/TypeHashNotSupported"
-
-
 def test_a_topic_with_a_slash_is_in_no_namespace():
     network = Ros2Network("tcp/h:7447", namespace="bot1")
     assert network.name("cmd_vel") == "bot1/cmd_vel"

@@ -25,15 +25,13 @@ import zenoh
 import zenoh.ext
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_services.bridges.ros2.graph import NO_HASH, TOKENS, Graph, dds_type, mangled
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridging.bridge import SourceError, log
 
 LAYOUTS: Final = ("rmw_zenoh", "dds")
 ENDPOINTS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURED: Final = ("tls", "quic")
-NO_HASH: Final = "TypeHashNotSupported"
-"""Placeholder used by ROS 2 Humble, which has no type hashes."""
-
 GID_BYTES: Final = 16
 _ATTACHMENT: Final = struct.Struct(f"<qqB{GID_BYTES}s")
 _QOS: Final = "::,10:,:,:,,"
@@ -64,7 +62,6 @@ class Ros2Network:
         namespace: prefix of all topics that do not begin with a slash; of all topics if it is that
           of a zenoh-bridge-ros2dds, which prefixes them all.
         tf: topic of the transforms; those that never change are on it with _static appended.
-        humble: the robot runs ROS 2 Humble, which has no type hashes.
         authority: for tls/ and quic/: PEM file of the authority that signed the router's
           certificate.
         certificate: PEM file of a client certificate, if the router requires one.
@@ -79,7 +76,6 @@ class Ros2Network:
     domain: int = 0
     namespace: str = ""
     tf: str = "/tf"
-    humble: bool = False
     authority: str = ""
     certificate: str = ""
     key: str = ""
@@ -139,8 +135,7 @@ class Ros2Network:
         name = self.name(topic)
         if self.layout == "dds":
             return name
-        shown = NO_HASH if self.humble else type_hash
-        return f"{self.domain}/{name}/{dds_type(message)}/{shown}"
+        return f"{self.domain}/{name}/{dds_type(message)}/{type_hash}"
 
     def pattern(self, topic: str, message: str) -> str:
         """The key expression for a topic, for any version of its type."""
@@ -157,7 +152,7 @@ class Ros2Network:
 
     @property
     def _node_namespace(self) -> str:
-        return _mangled(f"/{self.namespace.strip('/')}")
+        return mangled(f"/{self.namespace.strip('/')}")
 
     def topic_token(
         self, session: str, node: str, entity: int, kind: Literal["MP", "MS"],
@@ -167,11 +162,10 @@ class Ros2Network:
 
         `lasting` means transient local, `buffered` that it also receives on `buffered_pattern`.
         """
-        name = _mangled(f"/{self.name(topic)}")
-        shown = NO_HASH if self.humble else type_hash
+        name = mangled(f"/{self.name(topic)}")
         return (
             f"@ros2_lv/{self.domain}/{session}/0/{entity}/{kind}/%/{self._node_namespace}/{node}"
-            f"/{name}/{dds_type(message)}/{shown}/{_LASTING_QOS if lasting else _QOS}"
+            f"/{name}/{dds_type(message)}/{type_hash}/{_LASTING_QOS if lasting else _QOS}"
             f"{f'/{_CPU_ONLY}' if buffered else ''}"
         )
 
@@ -199,22 +193,11 @@ class Attachment:
         return Attachment(sequence, nanoseconds, gid)
 
 
-def _mangled(name: str) -> str:
-    """A name as part of a token."""
-    return name.replace("/", "%")
-
-
 def gid_of(token: str) -> bytes:
     """The identifier of an endpoint, as all nodes of a network derive it from its token."""
     import xxhash  # late: optional dependency (extra "ros")
 
     return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(GID_BYTES, "little")
-
-
-def dds_type(message: str) -> str:
-    """A message type's DDS name: `sensor_msgs::msg::dds_::LaserScan_`."""
-    package, kind, name = message.split("/")
-    return f"{package}::{kind}::dds_::{name}_"
 
 
 def check_name(what: str, name: str) -> None:
@@ -249,24 +232,65 @@ _CONFIG: Final[dict[str, Any]] = {
 
 
 class TopicPublisher:
-    """Publishes messages of one type on one topic."""
+    """Publishes messages of one type on one topic.
 
-    def __init__(self, message: str, publisher: Any, gid: bytes, *, attaches: bool) -> None:
-        self._message = message
-        self._publisher = publisher
-        self._gid = gid
-        self._attaches = attaches
-        self._sequence = 0
+    Which keys it uses depends on the subscriptions: those of Humble have no hash of the type in
+    theirs. `listened` yields the hashes that subscriptions expect at present, `declare` makes a
+    publisher of Zenoh for a hash. With a `gid`, messages have an attachment.
+    """
+
+    def __init__(
+        self, message: str, declare: Callable[[str], Any], listened: Callable[[], set[str]],
+        gid: bytes | None, *, lasting: bool,
+    ) -> None:  # fmt: skip
+        self._message, self._gid, self._lasting = message, gid, lasting
+        self._declare, self._listened = declare, listened
+        self._hash = messages().hash(message)
+        self._lock = threading.Lock()
+        self._publishers = {self._hash: declare(self._hash)}
+        self._sequence, self._is_closed = 0, False
+        self._last: tuple[bytes, bytes | None] | None = None
 
     def put(self, value: Any) -> None:
-        """Publish a message; it is lost while the network is unreachable."""
-        self._sequence += 1
+        """Publish a message; it is lost while the network is unreachable, and after the session."""
         data = messages().encode(self._message, value)
-        if self._attaches:
-            attachment = Attachment(self._sequence, time.time_ns(), self._gid).packed()
-            self._publisher.put(data, attachment=attachment)
-        else:
-            self._publisher.put(data)
+        with self._lock:
+            self._sequence += 1
+            attachment = None
+            if self._gid is not None:
+                attachment = Attachment(self._sequence, time.time_ns(), self._gid).packed()
+            listened = self._extended()
+            if self._lasting:
+                self._last = data, attachment
+            for type_hash, publisher in self._publishers.items():
+                # Subscriptions to any hash must not receive a message twice.
+                if self._lasting or type_hash in listened:
+                    publisher.put(data, attachment=attachment)
+
+    def serve(self) -> None:
+        """Serve subscriptions that have appeared: a lasting message is for them, too."""
+        with self._lock:
+            self._extended()
+
+    def _extended(self) -> set[str]:
+        """Declare what is missing for the present subscriptions; returns the hashes to use."""
+        if self._is_closed:
+            return set()
+        listened = self._listened() & {self._hash, NO_HASH} or {self._hash}
+        for type_hash in listened - self._publishers.keys():
+            publisher = self._publishers[type_hash] = self._declare(type_hash)
+            if self._last is not None:
+                data, attachment = self._last
+                publisher.put(data, attachment=attachment)
+        return listened
+
+    def undeclare(self) -> None:
+        """Publish nothing further."""
+        with self._lock:
+            self._is_closed = True
+            for publisher in self._publishers.values():
+                publisher.undeclare()
+            self._publishers.clear()
 
 
 class Ros2Session:
@@ -291,8 +315,18 @@ class Ros2Session:
         self._id = str(self._session.zid())
         self.node = f"{node}_{self._id[:8]}"
         self._declared: list[Any] = []
-        if network.layout == "rmw_zenoh":
-            self._announce_token(network.node_token(self._id, self.node))
+        self._publishers: list[TopicPublisher] = []
+        self.graph = Graph(self._id)
+        for pattern in TOKENS:
+            watch = partial(self._session.liveliness().declare_subscriber, history=True)
+            self._declared.append(_declared("its nodes", watch, pattern, self._on_token))
+        self._announce(network.node_token(self._id, self.node))
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        self.graph.update(str(sample.key_expr), is_there=sample.kind == zenoh.SampleKind.PUT)
+        for publisher in list(self._publishers):
+            with suppress(SourceError):  # The session has been lost meanwhile.
+                publisher.serve()
 
     @property
     def connected(self) -> bool:
@@ -326,14 +360,13 @@ class Ros2Session:
         if buffered:
             shared = self.network.buffered_pattern(topic, message)
             self._declared.append(_declared(topic, declare, shared, on_sample))
-        self._announce("MS", topic, message, lasting=lasting, buffered=buffered)
+        self._announce(self._token("MS", topic, message, lasting=lasting, buffered=buffered))
 
     def publisher(self, topic: str, message: str, *, lasting: bool = False) -> TopicPublisher:
         """A publisher; `lasting` also serves late subscribers.
 
         Raises SourceError if the session is lost.
         """
-        key = self.network.key_of(topic, message, messages().hash(message))
         cache, declare = zenoh.ext.CacheConfig(1), self._session.declare_publisher
         # Subscribers learn from it that they have missed a message, and get it from the cache.
         heartbeat = zenoh.ext.MissDetectionConfig(
@@ -345,11 +378,19 @@ class Ros2Session:
                 self._session, cache=cache, publisher_detection=True,
                 sample_miss_detection=heartbeat,
             )  # fmt: skip
-        declared = _declared(topic, declare, key)
-        self._declared.append(declared)
-        token = self._announce("MP", topic, message, lasting=lasting)
-        attaches = self.network.layout == "rmw_zenoh"
-        return TopicPublisher(message, declared, gid_of(token), attaches=attaches)
+        network, name = self.network, f"/{self.network.name(topic)}"
+        token = self._token("MP", topic, message, lasting=lasting)
+        publisher = TopicPublisher(
+            message,
+            lambda type_hash: _declared(topic, declare, network.key_of(topic, message, type_hash)),
+            lambda: self.graph.hashes(name, message),
+            gid_of(token) if network.layout == "rmw_zenoh" else None,
+            lasting=lasting,
+        )
+        self._publishers.append(publisher)
+        self._declared.append(publisher)
+        self._announce(token)
+        return publisher
 
     def close(self) -> None:
         """Leave the network."""
@@ -366,22 +407,21 @@ class Ros2Session:
         """
         return self.network.layout == "rmw_zenoh" and not lasting and messages().has_bytes(message)
 
-    def _announce(
+    def _token(
         self, kind: Any, topic: str, message: str, *, lasting: bool, buffered: bool = False
     ) -> str:
         # The list only grows, so its length is a number that is unique within the session.
         entity, type_hash = len(self._declared), messages().hash(message)
-        token = self.network.topic_token(
+        return self.network.topic_token(
             self._id, self.node, entity, kind, topic, message, type_hash,
             lasting=lasting, buffered=buffered,
         )  # fmt: skip
-        if self.network.layout == "rmw_zenoh":
-            self._announce_token(token)
-        return token
 
-    def _announce_token(self, token: str) -> None:
-        declare = self._session.liveliness().declare_token
-        self._declared.append(_declared("a liveliness token", declare, token))
+    def _announce(self, token: str) -> None:
+        """Declare a liveliness token; a bridge for DDS finds its counterparts by other means."""
+        if self.network.layout == "rmw_zenoh":
+            declare = self._session.liveliness().declare_token
+            self._declared.append(_declared("a liveliness token", declare, token))
 
 
 def _declared(what: str, declare: Callable[..., Any], *arguments: Any) -> Any:

@@ -1,0 +1,134 @@
+"""The nodes and topics of a robot, as they announce themselves, and what of a service fits them.
+
+Nodes of rmw_zenoh have liveliness tokens `@ros2_lv/DOMAIN/SESSION/...`, a zenoh-bridge-ros2dds has
+`@/SESSION/@ros2_lv/...` for the topics of its robot.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+NODE, PUBLISHER, SUBSCRIPTION = "NN", "MP", "MS"
+
+NO_HASH: Final = "TypeHashNotSupported"
+"""What ROS 2 Humble announces in place of the hash of a type."""
+
+TOKENS: Final = ("@ros2_lv/**", "@/*/@ros2_lv/**")
+"""Key expressions of all tokens: of rmw_zenoh, and of bridges for DDS."""
+
+_TRANSIENT_LOCAL: Final = "1"
+_BACKENDS: Final = "backends:"
+
+
+@dataclass(frozen=True, slots=True)
+class Announced:
+    """A node, or one of its publishers and subscriptions.
+
+    `layout` is that of its network; `session` is the Zenoh session that it belongs to. A bridge for
+    DDS announces no nodes and no hashes, and its `domain` is 0. `lasting`: transient local;
+    `buffered`: shares memory, as nodes do from Lyrical on.
+    """
+
+    layout: str
+    domain: int
+    session: str
+    kind: str
+    node: str
+    topic: str = ""
+    message: str = ""
+    type_hash: str = ""
+    lasting: bool = False
+    buffered: bool = False
+
+
+def announced(token: str) -> Announced | None:
+    """What a token announces; None for other parts of the graph, such as services."""
+    parts = token.split("/")
+    try:
+        if parts[0] == "@ros2_lv":
+            return _of_rmw_zenoh(*parts[1:])
+        _, session, _, kind, topic, message, qos, *_ = parts
+    except (TypeError, ValueError):
+        return None
+    if kind not in (PUBLISHER, SUBSCRIPTION):
+        return None
+    # Such a bridge writes slashes as §, and types as people do.
+    lasting = _durability(qos, 2) == _TRANSIENT_LOCAL
+    name, kind_of_message = f"/{topic.replace('§', '/')}", message.replace("§", "/")
+    return Announced("dds", 0, session, kind, "", name, kind_of_message, lasting=lasting)
+
+
+def _of_rmw_zenoh(
+    domain: str, session: str, _: str, __: str, kind: str, ___: str, namespace: str, node: str,
+    topic: str = "", message: str = "", type_hash: str = "", qos: str = "", backends: str = "",
+) -> Announced | None:  # fmt: skip
+    if kind not in (NODE, PUBLISHER, SUBSCRIPTION):
+        return None
+    name = f"{_demangled(namespace).rstrip('/')}/{node}"
+    return Announced(
+        "rmw_zenoh", int(domain), session, kind, name,
+        _demangled(topic), ros_type(message), type_hash,
+        _durability(qos, 1) == _TRANSIENT_LOCAL, backends.startswith(_BACKENDS),
+    )  # fmt: skip
+
+
+def _durability(qos: str, place: int) -> str:
+    return qos.split(":")[place] if qos.count(":") >= place else ""
+
+
+def mangled(name: str) -> str:
+    """A name as part of a token of rmw_zenoh."""
+    return name.replace("/", "%")
+
+
+def _demangled(part: str) -> str:
+    return part.replace("%", "/")
+
+
+def dds_type(message: str) -> str:
+    """A message type's DDS name: `sensor_msgs::msg::dds_::LaserScan_`."""
+    package, kind, name = message.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def ros_type(name: str) -> str:
+    """Inverse of `dds_type`."""
+    return name.replace("::dds_::", "::").replace("::", "/").removesuffix("_")
+
+
+class Graph:
+    """What is announced on a network at present; thread-safe.
+
+    What this program's own `session` announces is left out.
+    """
+
+    def __init__(self, session: str = "") -> None:
+        self._own = session
+        self._announced: dict[str, Announced] = {}
+        self._lock = threading.Lock()
+
+    def update(self, token: str, *, is_there: bool) -> None:
+        """Add or remove a token; unknown ones are ignored."""
+        about = announced(token)
+        if about is None or about.session == self._own:
+            return
+        with self._lock:
+            if is_there:
+                self._announced[token] = about
+            else:
+                self._announced.pop(token, None)
+
+    def __iter__(self) -> Iterator[Announced]:
+        with self._lock:
+            return iter(list(self._announced.values()))
+
+    def hashes(self, topic: str, message: str) -> set[str]:
+        """The hashes that subscriptions to a topic expect."""
+        return {
+            each.type_hash
+            for each in self
+            if (each.kind, each.topic, each.message) == (SUBSCRIPTION, topic, message)
+        }
