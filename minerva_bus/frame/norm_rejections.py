@@ -27,7 +27,6 @@ from minerva_bus.frame.composition import Composition, Fragment, ids_of
 from minerva_bus.frame.messages import Parts, SentBy
 from minerva_bus.frame.stimuli import PEOPLE, Instructions, is_people, person_of, source_of
 from minerva_bus.frame.world_state import FrameResult
-from minerva_bus.grammar.assignment import rested
 from minerva_bus.grammar.columns import Columns, Rows, packed
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.ids import Ids, repeated_in
@@ -42,6 +41,7 @@ from minerva_bus.world.norms import (
     Norm,
     Then,
     ViolationCounts,
+    rested,
     sanction_of,
 )
 from minerva_bus.world.operator import NormStatus

@@ -24,12 +24,11 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.world_state import WorldSpec
-from minerva_bus.grammar.assignment import rested
 from minerva_bus.grammar.columns import Delta
 from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.scene import FigureNode, agents, walk
 from minerva_bus.world.event_order import Priority
-from minerva_bus.world.norms import Norm
+from minerva_bus.world.norms import Norm, rested
 
 PPush = Primitive("PPush", who=str, push=float)
 eWord, eStep, eAfter = EventType("eWord"), EventType("eStep"), EventType("eAfter")
