@@ -16,11 +16,11 @@ from typing import Literal
 import numpy as np
 
 from minerva_bus.errors import SceneError
-from minerva_bus.grammar.assignment import Extent, extent
 from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Cells, Degrees, Metres, Reals
 from minerva_bus.grammar.vocabulary import AgentKind, Primitive, Transformation, Vocabulary
+from minerva_study.domains import Extent, extent
 from minerva_study.mutation.mutable import Targets
 from minerva_study.mutation.mutator import Mutator
 

@@ -29,7 +29,7 @@ from minerva_bus.errors import (
     WorldFileError,
     nearest,
 )
-from minerva_bus.grammar.assignment import names_nodes
+from minerva_bus.launch.assignment import names_nodes
 from minerva_bus.launch.installed import SERVICES, is_file
 from minerva_bus.launch.specs import load
 from minerva_bus.settings.kinds import TABLE, Kind, Setting, fits, phrase_of, settings_of

@@ -35,10 +35,10 @@ from minerva_bus.frame.member import Member
 from minerva_bus.frame.placement import PlacementRules, Rule
 from minerva_bus.frame.stimuli import source_of
 from minerva_bus.frame.world_state import WorldSpec
-from minerva_bus.grammar.assignment import assigned
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AGENT_ID, Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.assignment import assigned
 from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.machine_resources import cores
 from minerva_bus.launch.process_specs import (

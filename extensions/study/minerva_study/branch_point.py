@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.assignment import assigned
+from minerva_bus.launch.assignment import assigned
 from minerva_bus.launch.past import (
     Past,
     WorldSource,

@@ -14,7 +14,7 @@ from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.collect.data_tables import needed
 from minerva_bus.collect.plans import parse_entries
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.assignment import names_nodes
+from minerva_bus.launch.assignment import names_nodes
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import folder_of, load
 from minerva_bus.launch.toml_tables import option_text

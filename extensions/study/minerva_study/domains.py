@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from minerva_bus.errors import MisuseError, SceneError
-from minerva_bus.grammar.assignment import parse_value, read_one
 from minerva_bus.grammar.scene import FigureNode, Scene, Value, walk
 from minerva_bus.grammar.types import Type, Unfit
+from minerva_bus.launch.assignment import parse_value, read_one
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from typing import Any
 from minerva_bus.api.world import World, request_of, world_of
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.assignment import places
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.assignment import places
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.world_settings import Overrides

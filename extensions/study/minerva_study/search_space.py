@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast
 
 from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.assignment import Parameter, names_nodes, parameter_of
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.assignment import Parameter, names_nodes, parameter_of
 from minerva_bus.launch.toml_tables import option_text
 from minerva_study.domains import Interval, OneOf, parse_domain
 

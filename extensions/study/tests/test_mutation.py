@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.assignment import places
 from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.grammar.scene import walk
 from minerva_bus.grammar.types import Degrees
 from minerva_bus.grammar.vocabulary import AgentKind, Primitive, Transformation, Vocabulary
+from minerva_bus.launch.assignment import places
 from minerva_study.domains import Extent, Interval, OneOf, extent
 from minerva_study.mutation import operators as op
 from minerva_study.mutation.mutable import parse_targets

@@ -1,6 +1,6 @@
 """What may mutate in strings: the nodes and parameters that targets name.
 
-ABug                  every ABug; see grammar/assignment.py
+ABug                  every ABug; see launch/assignment.py
 ABug.speed            this attribute of every ABug
 ABug.speed=0:2        from 0 to 2; numbers may have units
 ABug.gait=walk,run    one of these values
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar import assignment
-from minerva_bus.grammar.assignment import ANY, NodePath
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch import assignment
+from minerva_bus.launch.assignment import ANY, NodePath
 from minerva_study.domains import Domain, parse_domain
 
 

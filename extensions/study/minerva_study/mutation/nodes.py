@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from minerva_bus.grammar.assignment import NodePath, with_value
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.scene import (
     EMPTY,
@@ -20,6 +19,7 @@ from minerva_bus.grammar.scene import (
     rescoped,
     walk,
 )
+from minerva_bus.launch.assignment import NodePath, with_value
 from minerva_study.mutation.mutable import Targets
 from minerva_study.mutation.naming import new_id
 from minerva_study.mutation.values import drawn, one_of

@@ -11,9 +11,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from minerva_bus.grammar.assignment import NodePath, places
 from minerva_bus.grammar.printer import head, value_text
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Node, Scene, Value, scene_of, with_scope
+from minerva_bus.launch.assignment import NodePath, places
 from minerva_study.domains import Extent
 from minerva_study.mutation.mutable import Targets
 from minerva_study.mutation.naming import with_own_ids
