@@ -1,6 +1,6 @@
 """Writes a record: an MCAP file with our channels, in the order of events.
 
-Beside these there are channels for other tools: poses, maps, log lines and sensor data in JSON.
+Log lines are in JSON, which other tools read, too. Extensions write further channels for them.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
 
 from minerva_bus import __version__
+from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import check_new, check_output, check_replaceable, replacing
 from minerva_bus.frame.messages import FrameRecord, Readings
@@ -21,15 +22,7 @@ from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
-from minerva_bus.log.channels import (
-    Surveyor,
-    check_installed,
-    encode_log,
-    encode_maps,
-    encode_poses,
-    encode_transform,
-    shown_readings,
-)
+from minerva_bus.log.channels import check_installed, encode_log
 from minerva_bus.log.chunks import Losses
 from minerva_bus.log.entries import (
     Kept,
@@ -82,21 +75,25 @@ class McapFile:
         )
         # Readers of damaged files rely on these ids, so they are registered first and in order.
         for topic in c.OWN:
-            self.register(topic, c.SCHEMA_OF.get(topic, ""))
+            self.register(topic, c.SCHEMAS.get(topic))
 
     def __contains__(self, topic: str) -> bool:
         return topic in self._channels
 
-    def register(self, topic: str, schema: str = "") -> None:
+    def register(self, topic: str, schema: Mapping[str, Any] | None = None) -> None:
         """Add a channel: JSON with this schema, for other tools, or else msgpack."""
         # Called again for each message of a channel for other tools.
         if topic in self._channels:
             return
-        if schema and schema not in self._schemas:
-            plain = json.dumps(c.SCHEMAS[schema]).encode()
-            self._schemas[schema] = self._writer.register_schema(schema, "jsonschema", plain)
-        encoding, number = ("json", self._schemas[schema]) if schema else ("msgpack", 0)
+        encoding, number = ("msgpack", 0) if schema is None else ("json", self._schema(schema))
         self._channels[topic] = self._writer.register_channel(topic, encoding, number)
+
+    def _schema(self, schema: Mapping[str, Any]) -> int:
+        title = schema["title"]
+        if title not in self._schemas:
+            plain = json.dumps(schema).encode()
+            self._schemas[title] = self._writer.register_schema(title, "jsonschema", plain)
+        return self._schemas[title]
 
     def put(self, topic: str, data: bytes, frame: int, seconds: float, sequence: int = 0) -> None:
         """Write a message at the beginning of a frame, `seconds` after the record began."""
@@ -202,51 +199,26 @@ def _keep_old(path: Path) -> None:
 
 # --- channels for other tools ---
 
-SHOWN: Final = 500
-"""Agents of a kind whose poses are shown; of a larger kind, every n-th agent."""
-
-SHOWN_EVERY: Final = 0.1
-"""Seconds of world time between two shown poses of an agent."""
+CHANNELS: Final = "minerva.channels"
+"""The entry points of classes of `FurtherChannels`."""
 
 
-class Display:
-    """Writes the channels for other tools; Minerva's own readers ignore them."""
+class FurtherChannels:
+    """Base of channels for other tools, which our own readers ignore.
 
-    def __init__(self, file: McapFile, world: WorldSpec) -> None:
-        self._file = file
-        self._world = world
-        self._surveyor = Surveyor(world.vocabulary, SHOWN)
-        self._last_shown = -SHOWN_EVERY
-        self._robots: set[str] = set()
-        for kind in self._surveyor.placed:
-            file.register(c.POSES + kind, "foxglove.PosesInFrame")
+    `file` is to be written, `world` that of the record; see the methods of `McapFile`.
+    """
 
-    def maps(self) -> None:
-        """Write the rasters of the initial string."""
-        for grid in encode_maps(self._world.scene, self._world.vocabulary):
-            self._file.put(c.MAP, grid, 0, 0.0)
+    def __init__(self, file: McapFile, world: WorldSpec) -> None: ...
 
-    def poses(self, scene: Scene, frame: int, seconds: float) -> None:
-        """Write the poses before a frame, if they are due: of agents, and of robots that sense."""
-        now, time = frame * self._world.dt, c.time_of(frame, self._world.dt)
-        if now - self._last_shown < SHOWN_EVERY:
-            return
-        self._last_shown = now
-        for kind, places in self._surveyor.places(scene).items():
-            self._file.put(c.POSES + kind, encode_poses(time, places), frame, seconds)
-            for robot, x, y, angle in places.of(self._robots) if self._robots else ():
-                self._file.register(c.TRANSFORMS, "foxglove.FrameTransform")
-                data = encode_transform(robot, time, x, y, angle)
-                self._file.put(c.TRANSFORMS, data, frame, seconds)
+    def begin(self) -> None:
+        """Write what does not change: a new record begins."""
+
+    def string(self, scene: Scene, frame: int, seconds: float) -> None:
+        """Write about the string with which a frame begins."""
 
     def readings(self, message: Readings, frame: int, seconds: float) -> None:
         """Write readings that arrived during a frame."""
-        for schema, data in shown_readings(message, c.time_of(frame, self._world.dt)):
-            topic = f"{c.TOPICS}{message.topic}/{message.member}/{schema.partition('.')[2]}"
-            self._file.register(topic, schema)
-            self._file.put(topic, data, frame, seconds, frame)
-        # Only robots that sense need transforms: other tools place sensor data by them.
-        self._robots.update(reading.robot for reading in message.readings)
 
 
 # --- our own channels ---
@@ -272,7 +244,10 @@ class RecordWriter:
         self.kept: int = 0
         self._description = description
         self._file = McapFile(stream, description)
-        self._display = Display(self._file, description.world)
+        self._further: list[FurtherChannels] = [
+            entry.load()(self._file, description.world)
+            for _, entry in sorted(entries(CHANNELS).items())
+        ]
         self._scene = description.world.scene
         self._checkpoint: Kept | None = None
         self._since_key = 0
@@ -281,9 +256,9 @@ class RecordWriter:
         if past is None:
             first, state = description.frame, description.world.past
             self._put_keyframe(first, 0.0, Kept.of(state) if first else None)
-            # The parts outside of all agents never change, so their maps are written once.
-            self._display.maps()
-            self._display.poses(self._scene, first, 0.0)
+            for channels in self._further:
+                channels.begin()
+                channels.string(self._scene, first, 0.0)
         else:
             self._copy(past)
         self.flush()
@@ -310,7 +285,7 @@ class RecordWriter:
             seconds = (published - self._description.began) / c.NANO
             sensed = decode_sensed(message.data) if topic == c.SENSED else None
             if isinstance(sensed, Readings):
-                self._display.readings(sensed, message.sequence, seconds)
+                self._show(sensed, message.sequence, seconds)
         checkpoint = None if end.checkpoint is None else Kept.of(end.checkpoint)
         self._put_keyframe(end.number, seconds, checkpoint)
 
@@ -342,7 +317,8 @@ class RecordWriter:
         # Keyframes then take an eighth of the record at most, and a seek reads a bounded amount.
         if self._since_key > KEY_AFTER * self._key_bytes:
             self._put_keyframe(after, seconds, checkpoint)
-        self._display.poses(scene, after, seconds)
+        for channels in self._further:
+            channels.string(scene, after, seconds)
 
     def log(self, frame: int, seconds: float, member: str, text: str, warning: bool) -> None:
         """Write a log line during this frame."""
@@ -359,7 +335,11 @@ class RecordWriter:
         # Readings in step have the time of their frame; free ones that of the frame in progress.
         number = readings.frame if readings.frame >= 0 else frame
         self._file.put(c.SENSED, encode_readings(readings), number, seconds, number)
-        self._display.readings(readings, number, seconds)
+        self._show(readings, number, seconds)
+
+    def _show(self, readings: Readings, frame: int, seconds: float) -> None:
+        for channels in self._further:
+            channels.readings(readings, frame, seconds)
 
     def dropped(self, count: int, frame: int, seconds: float) -> None:
         """Write the number of missing messages on topics."""

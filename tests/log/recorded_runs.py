@@ -1,6 +1,7 @@
 """In-process runs of worlds, and their records."""
 
 import io
+import json
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -97,3 +98,26 @@ def record_of(data, folder):
     path = folder / "run.mcap"
     path.write_bytes(data)
     return Record(path)
+
+
+def others(data):
+    """The messages by topic, read by a generic MCAP reader."""
+    from mcap.reader import make_reader
+
+    channels = {}
+    for schema, channel, message in make_reader(
+        io.BytesIO(data), validate_crcs=True
+    ).iter_messages():
+        shown = json.loads(message.data) if channel.message_encoding == "json" else message.data
+        channels.setdefault(channel.topic, []).append((schema, message, shown))
+    return channels
+
+
+def fits(value, schema):
+    """Check a value against a subset of JSON schema: required members and their types."""
+    kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float)}
+    assert isinstance(value, kinds[schema["type"]])
+    for name, inner in schema.get("properties", {}).items():
+        fits(value[name], inner)
+    for item in value if schema["type"] == "array" else ():
+        fits(item, schema["items"])

@@ -5,12 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from minerva_analysis.places import SHOWN
 from minerva_analysis.tracks import MAX_AGENTS
 from minerva_bus.log import channels as c
 from minerva_bus.log.chunks import CHUNK_FLOOR, FEWEST_MESSAGES, FLOOR, RATIO, Chunks
-from minerva_bus.log.record_writer import KEY_AFTER, SHOWN, SHOWN_EVERY
+from minerva_bus.log.record_writer import KEY_AFTER
 from minerva_bus.log.recorder import PATIENCE, WAITING
 from minerva_bus.wire.plain import ON_DISK, unpack
+from minerva_exporters.foxglove_channels import SHOWN_EVERY
 from tests.log.recorded_runs import bytes_of, happened, strings_of
 
 mcap = pytest.importorskip("mcap")

@@ -3,16 +3,23 @@
 import io
 import json
 
-import numpy as np
 import pytest
 
 from minerva_bus.errors import RecordError
 from minerva_bus.grammar.events import single
 from minerva_bus.log import channels as c
-from minerva_bus.log import chunks, record_writer
+from minerva_bus.log import chunks
 from minerva_bus.log.entries import encode_frame, encode_header
 from minerva_bus.log.record_writer import RecordWriter
-from tests.log.recorded_runs import bytes_of, description, happened, record_of, strings_of
+from tests.log.recorded_runs import (
+    bytes_of,
+    description,
+    fits,
+    happened,
+    others,
+    record_of,
+    strings_of,
+)
 
 mcap = pytest.importorskip("mcap")
 
@@ -108,29 +115,6 @@ def test_the_log_survives_a_round_trip(tmp_path):
     assert lines[1].time == pytest.approx(0.04)
 
 
-def others(data):
-    """The messages by topic, read by a generic MCAP reader."""
-    from mcap.reader import make_reader
-
-    channels = {}
-    for schema, channel, message in make_reader(
-        io.BytesIO(data), validate_crcs=True
-    ).iter_messages():
-        shown = json.loads(message.data) if channel.message_encoding == "json" else message.data
-        channels.setdefault(channel.topic, []).append((schema, message, shown))
-    return channels
-
-
-def fits(value, schema):
-    """Check a value against a subset of JSON schema: required members and their types."""
-    kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float)}
-    assert isinstance(value, kinds[schema["type"]])
-    for name, inner in schema.get("properties", {}).items():
-        fits(value[name], inner)
-    for item in value if schema["type"] == "array" else ():
-        fits(item, schema["items"])
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_others_can_show_it(name):
     channels = others(bytes_of(name))
@@ -142,42 +126,3 @@ def test_others_can_show_it(name):
     dt = happened(name)[0].world.dt
     assert times == [round((n + 1) * dt * 1e9) for n in range(len(times))]
     assert channels[c.FRAME][3][1].publish_time == 1_700_000_000 * 10**9 + 30_000_000
-
-
-def test_others_see_where_agents_are():
-    channels = others(bytes_of("meadow"))
-    _, _, shown = channels["poses/AFox"][0]
-    assert shown["poses"][1]["position"] == {"x": 22, "y": 13, "z": 0}
-    assert shown["poses"][1]["orientation"] == {"x": 0, "y": 0, "z": 1, "w": 0}
-    (_, _, shown), *_ = others(bytes_of("robot"))["poses/ARobot"]
-    state = next(node.state for node in strings_of("robot")[0] if node.symbol == "ARobot")
-    place = shown["poses"][0]["position"]
-    assert place["x"] == pytest.approx(state["x0"] + state["row"] * state["cell"], abs=1e-4)
-
-
-def test_others_see_the_map():
-    import base64
-
-    [(_, _, shown)] = others(bytes_of("robot"))["map"]
-    floor = next(node for node in strings_of("robot")[0] if node.symbol == "PMap").parameters
-    rows, columns = floor["cells"].shape
-    data = base64.b64decode(shown["data"])
-    assert shown["column_count"] == rows
-    assert len(data) == shown["row_stride"] * columns == 4 * rows * columns
-    red = np.frombuffer(data, np.uint8).reshape(columns, rows, 4)[:, :, 0]
-    reds = {100: 0x9A, 0: 0xFB, -1: 0xE6}  # y runs along the rows of a grid, x along each row
-    assert (np.vectorize(reds.__getitem__)(floor["cells"]) == red.T).all()
-
-
-def test_a_world_of_many_shows_some_of_them(monkeypatch):
-
-    monkeypatch.setattr(record_writer, "SHOWN", 10)
-    file, frames = happened("flock")
-    stream = io.BytesIO()
-    writer = RecordWriter(stream, description(file))
-    writer.frame(*frames[0], 0.0, {})
-    writer.frame(*frames[1], 0.0, {})
-    writer.finish()
-    shown = [len(poses["poses"]) for _, _, poses in others(stream.getvalue())["poses/ABird"]]
-    assert shown
-    assert all(8 <= count <= 20 for count in shown)

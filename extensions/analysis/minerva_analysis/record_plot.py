@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from minerva_analysis.places import painted
 from minerva_analysis.plotting import COLORS, DOTS, FAINT, INK, draw, label_ends, show_grid
 from minerva_analysis.tracks import Story, Track, story_of
 from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.channels import painted
 from minerva_bus.log.record import Record
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import Bounds, PlaneGeometry, bounds, raster_corner, resolve

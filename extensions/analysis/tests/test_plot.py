@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from extensions.analysis.tests.test_table_files import swept
+from minerva_analysis.places import Surveyor
 from minerva_analysis.plot_command import plot_file
 from minerva_analysis.tables import read_table
 from minerva_analysis.tracks import story_of
@@ -14,7 +15,6 @@ from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation,
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.world_state import WorldSpec
-from minerva_bus.log.channels import Surveyor
 from minerva_bus.log.entries import RecordHeader
 from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, happened, record_of, strings_of

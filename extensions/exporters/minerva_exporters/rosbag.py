@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from minerva_analysis.places import SHOWN, Surveyor
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.channels import Surveyor, time_of
+from minerva_bus.log.channels import time_of
 from minerva_bus.log.record import Record
-from minerva_bus.log.record_writer import SHOWN
 from minerva_bus.world.readings import Mount, Reading
 from minerva_exporters.datasets import ExportChoice, ExportProgress
 from minerva_exporters.ros_readings import frame_of, message_of, mount_of
