@@ -7,10 +7,10 @@ algorithm changes the state; others read it as `WorldProgress` or `StateToRecord
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, Final, Protocol, cast
+from typing import Final, Protocol
 
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import messages as m
@@ -135,14 +135,9 @@ TRANSITIONS: Final[Mapping[tuple[Phase, Awaited], Phase]] = {
 
 Events = tuple[AnyEvent, ...]
 
-# Each frame calls a dozen of these. A call of `dict[str, Scene]`, or of a lambda, takes several
-# times as long as one of `dict`, whose type pyright cannot infer by itself.
-_DICT: Final = cast("Callable[[], dict[Any, Any]]", dict)
-_SET: Final = cast("Callable[[], set[Any]]", set)
-_LIST: Final = cast("Callable[[], list[Any]]", list)
 
-
-@dataclass(slots=True)
+# These four are no dataclasses: each frame makes them, and the factory of a field takes several
+# times as long as a literal.
 class FrameEvents:
     """Events of a frame (steps 2 to 4 of Table 2).
 
@@ -154,16 +149,17 @@ class FrameEvents:
     `ordered`: e*, of which `visual` is e^v and `evolving` is e^u.
     """
 
-    orders: OrdersBySource = field(default_factory=_DICT)
-    permitted: Events = ()
-    taken: dict[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
-    people: tuple[str, ...] = ()
-    due: tuple[str, ...] = ()
-    allowed: Mapping[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
-    dropped: tuple[str, ...] = ()
-    ordered: Events = ()
-    visual: Events = ()
-    evolving: Events = ()
+    def __init__(self) -> None:
+        self.orders: OrdersBySource = {}
+        self.permitted: Events = ()
+        self.taken: dict[str, Sequence[AnyEvent]] = {}
+        self.people: tuple[str, ...] = ()
+        self.due: tuple[str, ...] = ()
+        self.allowed: Mapping[str, Sequence[AnyEvent]] = {}
+        self.dropped: tuple[str, ...] = ()
+        self.ordered: Events = ()
+        self.visual: Events = ()
+        self.evolving: Events = ()
 
     def split(self, events: Events, types: Mapping[str, EventType]) -> None:
         """Steps 3 and 4: the events of views, and those of evolution."""
@@ -174,7 +170,6 @@ class FrameEvents:
         self.ordered, self.visual, self.evolving = events, tuple(visual), tuple(evolving)
 
 
-@dataclass(slots=True)
 class Requests:
     """Requests to hosts in a frame (steps 5 and 6).
 
@@ -187,13 +182,14 @@ class Requests:
     `deaths`: how often each host has ended while a request to it was unanswered.
     """
 
-    outstanding: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=_DICT)
-    repeats: int = 0
-    unassigned: set[str] = field(default_factory=_SET)
-    left_out: set[str] = field(default_factory=_SET)
-    reduced: tuple[Events, Events] | None = None
-    layout: Layout = ()
-    deaths: dict[str, int] = field(default_factory=_DICT)
+    def __init__(self) -> None:
+        self.outstanding: dict[tuple[str, int], tuple[str, ...]] = {}
+        self.repeats = 0
+        self.unassigned: set[str] = set()
+        self.left_out: set[str] = set()
+        self.reduced: tuple[Events, Events] | None = None
+        self.layout: Layout = ()
+        self.deaths: dict[str, int] = {}
 
     @property
     def complete(self) -> bool:
@@ -209,7 +205,6 @@ class Requests:
         self.outstanding, self.unassigned = {}, set()
 
 
-@dataclass(slots=True)
 class FrameResult:
     """Results of a frame (steps 5 and 6), as reported by hosts and later as permitted by norms.
 
@@ -222,17 +217,18 @@ class FrameResult:
     `halted`: agents whose actions devices must not execute in this frame.
     """
 
-    replies: list[m.EvolveReply] = field(default_factory=_LIST)
-    answers: list[int] = field(default_factory=_LIST)
-    changed: dict[str, Scene] = field(default_factory=_DICT)
-    changed_by: dict[str, str] = field(default_factory=_DICT)
-    sent: dict[str, Events] = field(default_factory=_DICT)
-    newborns: dict[str, str] = field(default_factory=_DICT)
-    born: list[tuple[str, Ids]] = field(default_factory=_LIST)
-    views: dict[str, dict[str, Scene]] = field(default_factory=_DICT)
-    view_patches: dict[str, dict[str, Delta]] = field(default_factory=_DICT)
-    rejected: tuple[str, ...] = ()
-    halted: tuple[str, ...] = ()
+    def __init__(self) -> None:
+        self.replies: list[m.EvolveReply] = []
+        self.answers: list[int] = []
+        self.changed: dict[str, Scene] = {}
+        self.changed_by: dict[str, str] = {}
+        self.sent: dict[str, Events] = {}
+        self.newborns: dict[str, str] = {}
+        self.born: list[tuple[str, Ids]] = []
+        self.views: dict[str, dict[str, Scene]] = {}
+        self.view_patches: dict[str, dict[str, Delta]] = {}
+        self.rejected: tuple[str, ...] = ()
+        self.halted: tuple[str, ...] = ()
 
     def merge(self, reply: m.EvolveReply, changed: m.Parts) -> None:
         """Add a host's reply; `changed` are its fragments with deltas applied."""
@@ -250,7 +246,6 @@ class FrameResult:
         self.answers.append(len(self.replies) - sum(self.answers))
 
 
-@dataclass(slots=True)
 class FrameInFlight:
     """One frame, from `Begin` to its result.
 
@@ -259,13 +254,16 @@ class FrameInFlight:
     `logged`: inputs from a log, which replace those of absent members.
     """
 
-    clock_views: tuple[str, ...] = ()
-    logged: FrameInputs | None = None
-    pending: set[str] = field(default_factory=_SET)
-    ticked: dict[str, m.TickReply] = field(default_factory=_DICT)
-    events: FrameEvents = field(default_factory=FrameEvents)
-    requests: Requests = field(default_factory=Requests)
-    result: FrameResult = field(default_factory=FrameResult)
+    def __init__(
+        self, clock_views: tuple[str, ...] = (), logged: FrameInputs | None = None
+    ) -> None:
+        self.clock_views = clock_views
+        self.logged = logged
+        self.pending: set[str] = set()
+        self.ticked: dict[str, m.TickReply] = {}
+        self.events = FrameEvents()
+        self.requests = Requests()
+        self.result = FrameResult()
 
     def leave_out(
         self, sources: Sequence[str], order: Priority, types: Mapping[str, EventType]
