@@ -38,7 +38,7 @@ from minerva_bus.frame.messages import Figures
 from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.placement import Offers, Placement
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, Instructions, is_people, is_set_aside
-from minerva_bus.frame.view_streams import Views, due_views
+from minerva_bus.frame.view_streams import Views
 from minerva_bus.frame.world_state import Awaited, FrameInFlight, Phase, Progress, WorldSpec
 from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
@@ -132,6 +132,7 @@ class FrameAlgorithm:
             world, self.now, self.members, self.placement, self.views, self.out, self.answers,
             self.orders, self,
         )  # fmt: skip
+        self._handlers = self._handlers_of_stimuli()
 
     def _parts(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
         """What takes the events and results of frames from the members."""
@@ -154,6 +155,35 @@ class FrameAlgorithm:
         )
         return collection, evolution, answers
 
+    def _handlers_of_stimuli(self) -> dict[type, Callable[[Any], str | None]]:
+        """Handlers by type of stimulus; those of members' answers return the reason of a violation.
+
+        Bound methods, because a frame has a stimulus for each member.
+        """
+        answers, lifecycle = self.answers, self.lifecycle
+        return {
+            s.Begin: self.on_begin,
+            m.TickReply: answers.tick_reply,
+            m.EvolveReply: answers.evolve_reply,
+            m.Emitted: answers.emitted,
+            s.Publish: answers.order,
+            s.Seek: self.on_seek,
+            s.Appeared: lifecycle.appeared,
+            m.Hello: lifecycle.hello,
+            s.Vanished: lifecycle.vanished,
+            s.Abandoned: lifecycle.gave_up,
+            m.Leaving: lifecycle.leaving,
+            s.Violation: lifecycle.violation,
+            s.Skip: lifecycle.skip,
+            s.Drain: self.on_drain,
+            s.Silent: self.on_silent,
+            m.Failed: self.on_failed,
+            m.Resync: self.on_resync,
+            m.MemberMetrics: self.on_metrics,
+            m.Report: lifecycle.shutdown.report,
+            s.End: self.on_end,
+        }
+
     def receive(self, stimulus: s.Stimulus) -> list[s.Instruction]:
         """Process one stimulus and return the resulting instructions, in order."""
         out = self.out
@@ -164,7 +194,9 @@ class FrameAlgorithm:
         if sender and not self.members.knows(sender) and not isinstance(stimulus, s.Appeared):
             self._note_stranger(sender)
         else:
-            _HANDLERS[type(stimulus)](self, stimulus)
+            reason = self._handlers[stimulus.__class__](stimulus)
+            if reason:
+                self.lifecycle.violation(s.Violation(sender, reason))
             self.advance()
         return out.pending
 
@@ -189,7 +221,9 @@ class FrameAlgorithm:
         # generator and no host has to answer runs through all of its steps here.
         if now.phase is Phase.TICK and not in_flight.pending:
             self.inputs.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
-            self._report_unknown_receivers()
+            # Repeated frames have reported theirs.
+            if in_flight.events.ordered and in_flight.logged is None:
+                self._report_unknown_receivers()
             now.enter(Awaited.EVENTS)
             self.outcome.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
         # `settle` is the last condition because it has effects: it applies the norms, and may
@@ -222,7 +256,8 @@ class FrameAlgorithm:
 
     def _commit(self) -> None:
         # Before the string changes, because the sender of such an event may be gone then.
-        self.goal.note(self.now.in_flight.result.sent, self.out)
+        if self.now.in_flight.result.sent:
+            self.goal.note(self.now.in_flight.result.sent, self.out)
         self.outcome.commit()
 
     def has_next(self) -> bool:
@@ -263,15 +298,17 @@ class FrameAlgorithm:
 
     def show(self) -> None:
         """Step 7: send every device its view of w, the string that this frame began with."""
-        last = self.now.phase is Phase.CLOSING
-        self.views.show(
-            self.now.frame, self.now.in_flight, self.composition, self.members, self.out, last=last
-        )
+        now = self.now
+        if now.in_flight.events.visual:
+            last = now.phase is Phase.CLOSING
+            self.views.show(
+                now.frame, now.in_flight, self.composition, self.members, self.out, last=last
+            )
 
     def close(self, reason: str) -> None:
         """End a world after its last frame: devices show its last string before it stops."""
         self.shutdown.reason = reason
-        due = due_views(self.members.index, self.now.frame, (), closing=True)
+        due = self.members.index.due_views(self.now.frame, (), closing=True)
         self.now.in_flight = FrameInFlight()
         types = self.world.vocabulary.events
         self.now.in_flight.events.visual = visual_events(types, due)
@@ -305,11 +342,9 @@ class FrameAlgorithm:
         self.out.add(s.Ended(self.shutdown.reason, self.shutdown.total()))
 
     def _report_unknown_receivers(self) -> None:
-        # Repeated frames have reported theirs.
         events = self.now.in_flight.events.ordered
-        if events and self.now.in_flight.logged is None:
-            for problem in self.inbox.unknown.problems(events, self.composition):
-                self.out.log(EVENTS, problem)
+        for problem in self.inbox.unknown.problems(events, self.composition):
+            self.out.log(EVENTS, problem)
 
     # --- handlers ---
 
@@ -327,7 +362,8 @@ class FrameAlgorithm:
         if self.now.phase is not Phase.READY or not self.has_next():
             return
         # Before the new frame is made, so that newcomers answer its tick and host its agents.
-        self.lifecycle.admit_joining()
+        if self.members.index.joining:
+            self.lifecycle.admit_joining()
         self.now.in_flight = FrameInFlight(begin.due, begin.inputs)
         self.now.enter(Awaited.BEGIN)
         self.inputs.begin()
@@ -397,23 +433,9 @@ class FrameAlgorithm:
             self.shutdown.reason = end.reason
             self._stop(Awaited.END)
 
-    def on_tick_reply(self, reply: m.TickReply) -> None:
-        """Accept the events of a member in step."""
-        reason = self.answers.tick_reply(reply)
-        if reason:
-            self.lifecycle.violation(s.Violation(reply.member, reason))
-
-    def on_evolve_reply(self, reply: m.EvolveReply) -> None:
-        """Accept a host's results for its fragments."""
-        reason = self.answers.evolve_reply(reply)
-        if reason:
-            self.lifecycle.violation(s.Violation(reply.member, reason))
-
-    def on_emitted(self, emitted: m.Emitted) -> None:
-        """Accept events of a free-running generator."""
-        reason = self.answers.emitted(emitted)
-        if reason:
-            self.lifecycle.violation(s.Violation(emitted.member, reason))
+    def on_metrics(self, metrics: m.MemberMetrics) -> None:
+        """Keep a member's metrics for displays."""
+        self.members.get(metrics.member).figures = metrics.figures
 
     def on_seek(self, seek: s.Seek) -> None:
         """Continue with another frame, if the world is a replay."""
@@ -572,35 +594,6 @@ class FrameAlgorithm:
             self.members.expect(name)
 
 
-_HANDLERS: Final[Mapping[type, Callable[[FrameAlgorithm, Any], None]]] = {
-    s.Begin: FrameAlgorithm.on_begin,
-    m.TickReply: FrameAlgorithm.on_tick_reply,
-    m.EvolveReply: FrameAlgorithm.on_evolve_reply,
-    m.Emitted: FrameAlgorithm.on_emitted,
-    s.Publish: lambda algorithm, order: algorithm.answers.order(order),
-    s.Seek: lambda algorithm, seek: algorithm.on_seek(seek),
-    s.Appeared: lambda algorithm, appeared: algorithm.lifecycle.appeared(appeared),
-    m.Hello: lambda algorithm, hello: algorithm.lifecycle.hello(hello),
-    s.Vanished: lambda algorithm, vanished: algorithm.lifecycle.vanished(vanished),
-    s.Abandoned: lambda algorithm, gave_up: algorithm.lifecycle.gave_up(gave_up),
-    m.Leaving: lambda algorithm, leaving: algorithm.lifecycle.leaving(leaving),
-    s.Violation: lambda algorithm, violation: algorithm.lifecycle.violation(violation),
-    s.Skip: lambda algorithm, skip: algorithm.lifecycle.skip(skip),
-    s.Drain: FrameAlgorithm.on_drain,
-    s.Silent: FrameAlgorithm.on_silent,
-    m.Failed: FrameAlgorithm.on_failed,
-    m.Resync: FrameAlgorithm.on_resync,
-    m.MemberMetrics: lambda algorithm, metrics: _note_figures(algorithm, metrics),
-    m.Report: lambda algorithm, report: algorithm.shutdown.report(report.member, report.figures),
-    s.End: FrameAlgorithm.on_end,
-}
-"""Handlers by type of stimulus."""
-
-
-def _note_figures(algorithm: FrameAlgorithm, metrics: m.MemberMetrics) -> None:
-    algorithm.members.get(metrics.member).figures = metrics.figures
-
-
 GIVEN_UP: Final = "~given up"
 """Key in `Checkpoint.saved` for the agents that have given up; no member can have this name."""
 
@@ -711,11 +704,11 @@ class Shutdown:
         """Wait for the reports of these members."""
         self.pending = set(members)
 
-    def report(self, member: str, figures: Figures) -> None:
+    def report(self, report: m.Report) -> None:
         """Note a member's report; empty figures mean that it can no longer report."""
-        if member in self.pending:  # A member that was dropped does not count.
-            self.pending.discard(member)
-            self._figures[member] = figures
+        if report.member in self.pending:  # A member that was dropped does not count.
+            self.pending.discard(report.member)
+            self._figures[report.member] = report.figures
 
     def depart(self, member: str) -> None:
         """Note that a member is gone; its report may still arrive."""
@@ -729,7 +722,7 @@ class Shutdown:
         for member, missed in sorted(self._departed.items()):
             self._departed[member] = True
             if missed:
-                self.report(member, {})
+                self.report(m.Report(member, {}))
 
     def add_figures(self, source: str, figures: Figures) -> None:
         """Add figures that no member reported."""
@@ -944,7 +937,7 @@ class MemberLifecycle:
             self._members.change(member, MemberChange.WENT)
             self._out.log(member.name, "has left")
             self._continue_without(member)
-            self.shutdown.report(member.name, {})  # It sends no report.
+            self.shutdown.report(m.Report(member.name, {}))  # It sends no report.
         self._course.start_if_complete()
 
     def gave_up(self, gave_up: s.Abandoned) -> None:

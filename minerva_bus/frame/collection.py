@@ -45,7 +45,6 @@ from minerva_bus.frame.stimuli import (
     person_of,
     source_of,
 )
-from minerva_bus.frame.view_streams import due_views
 from minerva_bus.frame.world_state import Phase, Progress, WorldSpec
 from minerva_bus.grammar.columns import values_of
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
@@ -256,7 +255,7 @@ class FrameInbox:
     def take_sanctions(self) -> list[AnyEvent]:
         """Remove and return the sanctions, sorted by receivers; those of one keep their order."""
         taken, self.sanctions = self.sanctions, []
-        return sorted(taken, key=_receivers) if taken else taken
+        return sorted(taken, key=_receivers)
 
     def replace(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
         """Replace all waiting events by these."""
@@ -652,7 +651,7 @@ class CollectionStep:
         resting = self._resting() if index.on_orders or index.at_intervals else _NOBODY
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
-            self._out.send(s.TICKED, m.TickRequest(self._now.frame))
+            self._out.add(s.Send(s.TICKED, m.TickRequest(self._now.frame)))
         for entry in (*index.on_orders, *[entry for entry, _ in index.at_intervals]):
             if entry.active and entry.name in in_flight.pending:
                 self._out.send(entry.name, m.TickRequest(self._now.frame))
@@ -786,7 +785,7 @@ class CollectionStep:
     def collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
         in_flight = self._now.in_flight
-        due = due_views(self._members.index, self._now.frame, in_flight.clock_views)
+        due = self._members.index.due_views(self._now.frame, in_flight.clock_views)
         later: Mapping[str, Sequence[AnyEvent]]
         if in_flight.logged is None:
             later = self._inbox.hold_back() if self._inbox.events else {}
@@ -860,7 +859,7 @@ class CollectionStep:
         """The events that norms permit, and the sanctions that follow from the last frame."""
         # Taken out first, because the sanctions that `publish` adds below belong to the next frame.
         # They are not judged themselves: no norm can prevent the sanction of another.
-        sanctions = self._inbox.take_sanctions()
+        sanctions = self._inbox.take_sanctions() if self._inbox.sanctions else ()
         if self._world.norms:
             people = self._now.in_flight.events.people
             sources = dict(self._norms.events(self._now.frame, sources, people))

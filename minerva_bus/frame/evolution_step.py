@@ -206,13 +206,16 @@ class EvolutionStep:
             requests.layout = in_flight.logged.layout
             requests.left_out.update(in_flight.logged.left_out)
             return
-        self._arrange_if_needed()
+        placement = self._placement
+        due = self._now.frame % BALANCE_INTERVAL == 0
+        if placement.outdated or (due and placement.imbalanced):
+            self._arrange()
         requests.layout = self._composition.layout
         hosts, events = self._hosts_to_ask(), in_flight.events
         if not hosts:
             return
         for host in hosts:
-            requests.outstanding[host, 0] = self._placement.fragments_of(host)
+            requests.outstanding[host, 0] = placement.fragments_of(host)
             # Fragments are sent before the request that needs them;
             # messages keep their order on the bus.
             self._give(host)
@@ -222,7 +225,7 @@ class EvolutionStep:
         others = tuple([host for host in hosts if host not in plain]) if plain else hosts
         if others:
             request = m.EvolveRequest(self._now.frame, others, events.evolving, events.visual)
-            self._out.send(s.HOSTS, request)
+            self._out.add(s.Send(s.HOSTS, request))
         for host in plain:
             only = requests.outstanding[host, 0]
             request = m.EvolveRequest(
@@ -230,11 +233,9 @@ class EvolutionStep:
             )
             self._out.send(host, request)
 
-    def _arrange_if_needed(self) -> None:
+    def _arrange(self) -> None:
+        """Assign all fragments to hosts, and log what has none."""
         placement = self._placement
-        due = self._now.frame % BALANCE_INTERVAL == 0
-        if not (placement.outdated or (due and placement.imbalanced)):
-            return
         placement.outdated = False
         placement.arrange(self._offers())
         rules = bool(self._world.placement.rules)
@@ -420,10 +421,13 @@ class EvolutionStep:
         while True:
             if in_flight.logged is not None:
                 self._merge_logged(in_flight.logged)
-            self._judge()
+            in_flight.result.count_answers()
+            if self._world.norms:
+                self._judge()
             stage = next(self._stages, None) if self._trial is not None else None
             if stage is None or self._trial is None:
-                self._enforce()
+                if self._trial is not None or in_flight.events.visual:
+                    self._enforce()
                 return True
             # No visual events: the views are of the string before the frame, which no norm changes.
             in_flight.requests.reduced = stage, ()
@@ -438,8 +442,7 @@ class EvolutionStep:
         """Apply norms to results, those of the first request or those by fewer events."""
         in_flight = self._now.in_flight
         result = in_flight.result
-        result.count_answers()
-        if in_flight.requests.reduced is None and self._world.norms:
+        if in_flight.requests.reduced is None:
             self._trial = self._norms.agents(self._now.frame, result.changed, result.sent)
             self._inbox.sanctions += self._norms.publish(self._out, self._members.saved)
             if self._trial is not None:
@@ -455,8 +458,6 @@ class EvolutionStep:
     def _enforce(self) -> None:
         """Replace the results by the permitted ones; rejected agents are halted."""
         in_flight = self._now.in_flight
-        if self._trial is None and not in_flight.events.visual:
-            return
         result = in_flight.result
         # The view shows an action of these agents that λ has not counted, because they did not
         # evolve. A device that executes it would move a body that does not move in the string.
@@ -487,7 +488,7 @@ class EvolutionStep:
         in_flight = self._now.in_flight
         result, inbox = in_flight.result, self._inbox
         # Before the replacement, because an agent that died in this frame has no place after it.
-        sent = self.sent_in_order()
+        sent = self._sent_in_order() if result.sent else []
         if result.changed or result.rejected:
             self._placement.outdated |= self._composition.replace(result.changed)
             self._note_holders()
@@ -513,11 +514,9 @@ class EvolutionStep:
         for fragment in result.rejected:
             placement.resend(fragment)
 
-    def sent_in_order(self) -> list[AnyEvent]:
+    def _sent_in_order(self) -> list[AnyEvent]:
         """The events that agents sent, in the order of the agents in the string."""
         sent = self._now.in_flight.result.sent
-        if not sent:
-            return []
         places = self._composition.places(sent)
         return [event for name in sorted(sent, key=places) for event in sent[name]]
 

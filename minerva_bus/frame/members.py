@@ -155,6 +155,24 @@ class MemberIndex:
     rates: Mapping[str, float]
     every: int
 
+    def due_views(
+        self, frame: int, clock: Iterable[str], *, closing: bool = False
+    ) -> tuple[str, ...]:
+        """The visual event types that devices generate in a frame, sorted; `closing`: all of them.
+
+        `clock` are the event types of which a view is due by the clock.
+        """
+        if not (self.sources or self.rates):
+            return ()
+        due = {
+            event_type
+            for hello in self.sources
+            if closing or frame % hello.when.every == 0
+            for event_type in hello.draws
+        }
+        due.update(self.rates if closing else [name for name in clock if name in self.rates])
+        return tuple(sorted(due))
+
 
 class Members:
     """Members by name, and queries over them; iteration is sorted by name."""

@@ -20,7 +20,6 @@ from minerva_bus.frame.evolution_step import frame_record
 from minerva_bus.frame.member import Host
 from minerva_bus.frame.members import Members
 from minerva_bus.frame.stimuli import DEVICES, Instructions, RecordedFrame
-from minerva_bus.frame.view_streams import due_views
 from minerva_bus.frame.world_state import FrameInFlight, Phase, Progress, WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
@@ -107,7 +106,7 @@ class RecordedSource:
         events = self._cursor.ahead.events if self._cursor.ahead is not None else ()
         recorded = [event for event in events if types[event.type].visual]
         clock = self._now.in_flight.clock_views
-        due = due_views(self._members.index, self._now.frame, clock, closing=closing)
+        due = self._members.index.due_views(self._now.frame, clock, closing=closing)
         sources = {RECORD: recorded, DEVICES: visual_events(types, due)}
         return collect(self._world.order, sources)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 from minerva_bus.frame.composition import Layout
@@ -345,8 +344,8 @@ class Ready:
     frame: int
 
 
-# Without slots, which `cached_property` does not support.
-@dataclass(frozen=True)
+# Not frozen, because it keeps the record.
+@dataclass(slots=True)
 class FrameDone:
     """A frame is complete. `record` is computed on first access, before the next stimulus.
 
@@ -358,12 +357,15 @@ class FrameDone:
     make: Callable[[], FrameRecord]
     events: tuple[AnyEvent, ...] = ()
     inputs: FrameInputs | None = None
+    _record: FrameRecord | None = None
 
-    # Several sinks read the record, and the digest is computed once for all of them.
-    @cached_property
+    @property
     def record(self) -> FrameRecord:
         """The result of the frame; access it before the next stimulus."""
-        return self.make()
+        # Several sinks read the record, which shows the string of now.
+        if self._record is None:
+            self._record = self.make()
+        return self._record
 
 
 @fast_dataclass

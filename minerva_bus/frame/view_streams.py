@@ -9,7 +9,7 @@ from typing import Final
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.members import MemberIndex, Members
+from minerva_bus.frame.members import Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.stimuli import Instructions, plain_form
 from minerva_bus.frame.world_state import FrameInFlight, WorldSpec
@@ -117,8 +117,6 @@ class Views:
         last: bool = False,
     ) -> None:
         """Step 7 of Table 2: send v = π(w, e^v) to the devices, which interpret it."""
-        if not in_flight.events.visual:
-            return
         result = in_flight.result
         for event_type in sorted(set(map(_TYPE, in_flight.events.visual))):
             stream = self._streams.setdefault(event_type, ViewStream(event_type))
@@ -131,25 +129,6 @@ class Views:
                 result.halted,
             )
             _send(view, stream, members, out, last=last)
-
-
-def due_views(
-    index: MemberIndex, frame: int, clock: Iterable[str], *, closing: bool = False
-) -> tuple[str, ...]:
-    """The visual event types that devices generate in a frame, sorted; `closing`: all of them.
-
-    `clock` are the event types of which a view is due by the clock.
-    """
-    if not (index.sources or index.rates):
-        return ()
-    due = {
-        event_type
-        for hello in index.sources
-        if closing or frame % hello.when.every == 0
-        for event_type in hello.draws
-    }
-    due.update(index.rates if closing else [name for name in clock if name in index.rates])
-    return tuple(sorted(due))
 
 
 def _send(
