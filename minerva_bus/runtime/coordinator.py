@@ -332,10 +332,11 @@ class Coordinator(Sink):
         self.runner = Runner(algorithm, self.transport, [*own, *sinks])
         self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
-        self._receiver, self._postponed = receiver, receiver.postponed
+        self._receiver, self._postponed = receiver, receiver.postponed.queue
         self._answers = Answers(
             self._operated(), self.admission, limits, watchers.operated, system, commands
         )
+        self._waiting = self._answers.waiting
         self._handlers = self._handlers_with(receiver)
 
     def _operated(self) -> Operated:
@@ -447,7 +448,8 @@ class Coordinator(Sink):
     # --- one iteration of the loop ---
 
     def _turn(self) -> None:
-        if self._answers:
+        # Here and below without calls, because this runs twice for each message of a member.
+        if any(self._waiting):
             self._answers.answer_due()
         due = self.schedule.due
         if due is None:
@@ -468,7 +470,7 @@ class Coordinator(Sink):
         if self.transport.has_output:
             self._use_idle_time()
         # A blocking receive is the fastest, but with other work it could last too long.
-        waits = self._answers or self._postponed
+        waits = any(self._waiting) or self._postponed
         item = self._next_before_work() if waits else self.inbox.wait()
         # As in `handle`, without the call: this line runs for each message of a member.
         self._handlers.get(item.__class__, self.runner.handle)(item)
@@ -478,7 +480,7 @@ class Coordinator(Sink):
         while True:
             item = self.inbox.ready()
             if item is None and self._postponed:
-                self._postponed.process_next()
+                self._receiver.postponed.process_next()
                 return None
             wait = self._answers.wait
             if item is not None or wait <= 0:
@@ -496,7 +498,7 @@ class Coordinator(Sink):
             if item is not None:
                 self.handle(item)
             elif self._postponed:
-                self._postponed.process_next()
+                self._receiver.postponed.process_next()
                 if self.system.monotonic() >= until:
                     break
             else:
@@ -505,7 +507,7 @@ class Coordinator(Sink):
         if wait > 0:
             if self.transport.has_output:
                 self._use_idle_time()
-            poll = POLL_SECONDS_ASKED if self._answers else POLL_SECONDS
+            poll = POLL_SECONDS_ASKED if any(self._waiting) else POLL_SECONDS
             self.system.sleep(min(wait, poll))
 
     def _use_idle_time(self) -> None:

@@ -185,7 +185,7 @@ class Metrics(Sink):
         self._wanted_until = 0.0
         self._asked_at = self._ended_at = perf_counter()
         self._phase, self._began = algorithm.phase, 0.0
-        self._done = False
+        self._done: s.FrameDone | None = None
 
     # --- questions ---
 
@@ -245,23 +245,20 @@ class Metrics(Sink):
     def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
         """Measure a step of the frame that this stimulus completed."""
         ended = perf_counter()
-        self._done = any(isinstance(instruction, s.FrameDone) for instruction in instructions)
-        if not self._done and self._algorithm.phase is self._phase:
+        self._done = next((each for each in instructions if isinstance(each, s.FrameDone)), None)
+        if self._done is None and self._algorithm.phase is self._phase:
             return
         if self._phase in (Phase.TICK, Phase.EVOLVE):
             name = "tick" if self._phase is Phase.TICK else "evolve"
             self._figures.add(name, MICRO * (self._began - self._asked_at))
-        if self._done or self._phase is Phase.TICK:
-            name = "commit" if self._done else "collect"
+        if self._done is not None or self._phase is Phase.TICK:
+            name = "collect" if self._done is None else "commit"
             self._figures.add(name, MICRO * (ended - self._began))
 
     def executed(self, stimulus: s.Stimulus) -> None:
         """Begin to wait for replies, or end the frame."""
-        if self._done:
-            self._done, now = False, perf_counter()
-            self._figures.add("frame", MICRO * (now - self._ended_at))
-            self._ended_at = now
-            self._figures.close()
+        if self._done is not None:
+            self._end_frame(self._done)
         elif self._algorithm.phase is not self._phase:
             self._asked_at = perf_counter()
 
@@ -270,11 +267,13 @@ class Metrics(Sink):
         if self.on:
             self._figures.totals.count(notice.events)
 
-    def frame_done(self, notice: s.FrameDone) -> None:
+    def _end_frame(self, done: s.FrameDone) -> None:
         """Count the events of a frame; stop measuring some time after the last question."""
-        if not self.on:
-            return
-        self._figures.totals.count(notice.events)
+        self._done, now = None, perf_counter()
+        self._figures.add("frame", MICRO * (now - self._ended_at))
+        self._ended_at = now
+        self._figures.totals.count(done.events)
+        self._figures.close()
         if self.wanted and self._clock() >= self._wanted_until:
             self.wanted = False
             if not self._keep:
@@ -326,10 +325,9 @@ class StatusMeter(Sink):
         phase = algorithm.phase.value
         return Status(algorithm.frame, rate, active, phase, paused, tuple(waiting), self.waited)
 
-    def ready(self, notice: s.Ready) -> None:
-        """Count the members at the beginning of the world."""
-        if notice.frame == 0:
-            self.most_members = len(self._algorithm.members.active())
+    def stopping(self, notice: s.Stopping) -> None:
+        """Count the members of a world that ends before its first status."""
+        self.most_members = max(self.most_members, len(self._algorithm.members.active()))
 
 
 # --- the log: lines that members print, warnings about them, recent events ---

@@ -586,6 +586,7 @@ class Answers:
     At most `limits.questions` of one sender wait at the same time, and as many of those who may not
     operate the world, which come last. Answering takes at most a third of the coordinator's time,
     so that questions cannot stop the frames. `operated` is called before an answer is sent.
+    `waiting` has the questions without an answer.
     """
 
     def __init__(
@@ -598,6 +599,7 @@ class Answers:
         commands: Mapping[str, Command],
     ) -> None:
         self._readers, self._operators = Turns(limits.questions), Turns(limits.questions)
+        self.waiting = self._readers.queues, self._operators.queues
         self._world = world
         self._admission = admission
         self._limits = limits
@@ -627,11 +629,6 @@ class Answers:
         waiting, sender, _ = self._turns(asked)
         waiting.add(sender, asked)
 
-    def __bool__(self) -> bool:
-        """Whether a question waits for its answer."""
-        # Without calls: asked twice for each message of a member.
-        return bool(self._operators.queues or self._readers.queues)
-
     @property
     def wait(self) -> float:
         """Seconds until the next question may be answered; 0: now."""
@@ -640,7 +637,7 @@ class Answers:
 
     def answer_due(self) -> None:
         """Answer the next question once the pause after the previous answer is over."""
-        if not self or self.wait > 0:
+        if not any(self.waiting) or self.wait > 0:
             return
         began = self._clock()
         waiting = self._operators if self._operators.queues else self._readers

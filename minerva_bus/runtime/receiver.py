@@ -267,7 +267,7 @@ class Postponed:
 
     A reply waits behind all messages that arrived before it. So these are decoded only for AT_ONCE
     seconds and for SHARE of the time after that; the rest waits until nothing else has arrived.
-    `process` decodes a message.
+    `process` decodes a message. `queue` has the messages that wait.
     """
 
     def __init__(
@@ -275,28 +275,25 @@ class Postponed:
     ) -> None:
         self._process = process
         self._clock = clock
-        self._queue: deque[WaitingMessage] = deque()
+        self.queue: deque[WaitingMessage] = deque()
         self._bytes = 0
         self._left = AT_ONCE
         self._at = clock()
 
-    def __bool__(self) -> bool:
-        return bool(self._queue)
-
     def add(self, message: WaitingMessage) -> bool:
         """Process a message after all earlier ones, now if time is left; False if it is dropped."""
-        if len(self._queue) >= MOST or self._bytes >= MOST_BYTES:
+        if len(self.queue) >= MOST or self._bytes >= MOST_BYTES:
             return False
-        self._queue.append(message)
+        self.queue.append(message)
         self._bytes += len(message.data)
         self._refill()
-        while self._queue and self._left > 0:
+        while self.queue and self._left > 0:
             self.process_next()
         return True
 
     def process_next(self) -> None:
         """Process the first message, whether time is left or not."""
-        message = self._queue.popleft()
+        message = self.queue.popleft()
         self._bytes -= len(message.data)
         began = self._clock()
         self._process(message)

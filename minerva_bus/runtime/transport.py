@@ -18,8 +18,6 @@ from minerva_bus.wire.keys import Keys, is_name
 from minerva_bus.wire.plain import DEFAULT, pack
 
 _GROUPS: Final = frozenset({s.EVERYONE, s.TICKED, s.HOSTS})
-_DROP = zenoh.CongestionControl.DROP
-_BLOCK = zenoh.CongestionControl.BLOCK
 
 MAX_PUBLISHERS: Final = 4 * DEFAULT.members
 """Publishers that are kept; another one takes the place of the oldest."""
@@ -66,7 +64,7 @@ class ZenohTransport:
     def open(self, session: zenoh.Session) -> list[Any]:
         """Begin to send over a session; returns the declarations to undeclare at the end."""
         self._session = session
-        record = self._publisher(self._keys.record, _DROP)
+        record = self._publisher(self._keys.record, drops=True)
         return [record.declare_matching_listener(Callback(self._on_observers, indirect=False))]
 
     def send(self, to: str, message: m.ToMember) -> tuple[()]:
@@ -80,12 +78,12 @@ class ZenohTransport:
                 self.evolving_since = self._clock()
         elif isinstance(message, m.ViewShown):
             # A coupled device must receive every view, unlike observers.
-            self._metrics.timed("view", self._put, key, message, _BLOCK)
+            self._metrics.timed("view", self._put, key, message)
             return ()
         # Refusals and greetings have one recipient; messages to groups need no check.
         elif to not in _GROUPS:
             self._notify(to, message)
-        self._put(key, message, _BLOCK)
+        self._put(key, message)
         # After it is sent: members compute already.
         if to == s.TICKED and isinstance(message, m.TickRequest):
             frame = self.ticked = message.frame
@@ -95,17 +93,18 @@ class ZenohTransport:
     def show(self, event_type: str, message: m.ToMember, to: str) -> tuple[()]:
         """Publish a view for all observers of its event type, or for one of them."""
         key = self._keys.to(to) if to else self._keys.view(event_type)
-        self._metrics.timed("view", self._put, key, message, _DROP)
+        self._metrics.timed("view", self._put, key, message, drops=True)
         return ()
 
     def publish(self, record: m.FrameRecord) -> None:
         """Publish a frame for observers."""
         data = self._encode(record) if self._metrics.on else encode(record)
-        self._publisher(self._keys.record, _DROP).put(data)
+        self._publisher(self._keys.record, drops=True).put(data)
 
-    def _put(self, key: str, message: m.ToMember, control: zenoh.CongestionControl) -> None:
+    def _put(self, key: str, message: m.ToMember, *, drops: bool = False) -> None:
         data = self._encode(message) if self._metrics.on else encode(message)
-        self._publisher(key, control).put(self.stamp + data)
+        publisher = self._publishers.get((key, drops)) or self._publisher(key, drops=drops)
+        publisher.put(self.stamp + data)
         self.has_output = True
 
     def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
@@ -114,14 +113,14 @@ class ZenohTransport:
         self._metrics.add("bytes out", len(data))
         return data
 
-    def _publisher(self, key: str, control: zenoh.CongestionControl) -> zenoh.Publisher:
+    def _publisher(self, key: str, *, drops: bool) -> zenoh.Publisher:
         # A key may have two publishers, because congestion control is a property of the publisher:
         # an observer gets views that may be dropped and messages that must not be on one key.
-        drops = control is _DROP
         publisher = self._publishers.get((key, drops))
         if publisher is None:
             if len(self._publishers) >= MAX_PUBLISHERS:
                 self._forget_publishers()
+            control = zenoh.CongestionControl.DROP if drops else zenoh.CongestionControl.BLOCK
             publisher = self._session.declare_publisher(key, congestion_control=control)
             self._publishers[key, drops] = publisher
         return publisher

@@ -19,8 +19,6 @@ from functools import cache
 from operator import attrgetter
 from typing import Annotated, Any, Final, get_args, get_origin, get_type_hints
 
-import msgpack
-
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import Mark, Wire
@@ -152,7 +150,7 @@ def _encoder(
 ) -> Encode:
     """An encoder that reads all attributes in one call and converts those that are not plain."""
     names = [of.name for of in declared if of.travels and not of.host]
-    pack, name = msgpack.packb, wire.name
+    name = wire.name
     # A message without items is always the same bytes.
     if not names:
         data = pack([name])

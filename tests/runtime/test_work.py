@@ -223,7 +223,7 @@ def test_a_burst_is_processed_for_some_time_and_the_rest_in_order_later():
     # Time passes in which replies arrive.
     system.now += 0.1
     assert postponed.add(WaitingMessage("b", 1, b"last"))
-    while postponed:
+    while postponed.queue:
         postponed.process_next()
     assert done == [*[b"%d" % number for number in range(10)], b"last"]
 
@@ -235,7 +235,7 @@ def test_postponed_messages_are_limited_in_number_and_bytes(monkeypatch):
     postponed = slow_work(system, done, seconds=1.0)
     taken = [postponed.add(WaitingMessage("a", 1, b"1234")) for _ in range(9)]
     assert taken == [True] * 6 + [False] * 3
-    while postponed:
+    while postponed.queue:
         postponed.process_next()
     # One message is never too large here, so that the decoder can name what is wrong with it.
     assert postponed.add(WaitingMessage("a", 1, b"x" * 100))
