@@ -260,10 +260,6 @@ class FrameAlgorithm:
             self.goal.note(self.now.in_flight.result.sent, self.out)
         self.outcome.commit()
 
-    def has_next(self) -> bool:
-        """Whether a frame can begin."""
-        return True
-
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""
         if self.composition.empty:
@@ -359,7 +355,7 @@ class FrameAlgorithm:
         if self.now.phase is Phase.WAITING:
             self.start_if_complete()
             return
-        if self.now.phase is not Phase.READY or not self.has_next():
+        if self.now.phase is not Phase.READY:
             return
         # Before the new frame is made, so that newcomers answer its tick and host its agents.
         if self.members.index.joining:
@@ -381,6 +377,7 @@ class FrameAlgorithm:
         self.now.in_flight = FrameInFlight(logged=inputs)
         try:
             self.inputs.begin()
+            self.now.in_flight.pending = set()
             self.inputs.collect()
             self.outcome.evolve()
             self.outcome.settle()
@@ -956,7 +953,7 @@ class MemberLifecycle:
         member = self._members.get(skip.member)
         outstanding = requests.of(member.name)
         unassigned = bool(requests.unassigned) and member.awaited
-        if not (self._now.awaits_tick(member.name) or outstanding or unassigned):
+        if not (member.name in in_flight.pending or outstanding or unassigned):
             return
         self._out.log(member.name, f"timed out in frame {self._now.frame}; skipped for this frame")
         if self._now.phase is Phase.TICK:

@@ -648,11 +648,11 @@ class CollectionStep:
         elif self._inbox.events:
             self._hand_over(self._inbox.take_orders(self._has_taker))
         # `tickers` includes members that are away and awaited: the frame waits for their return.
-        resting = self._resting() if index.on_orders or index.at_intervals else _NOBODY
+        resting = self._resting() if index.alone else _NOBODY
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
             self._out.add(s.Send(s.TICKED, m.TickRequest(self._now.frame)))
-        for entry in (*index.on_orders, *[entry for entry, _ in index.at_intervals]):
+        for entry in index.alone:
             if entry.active and entry.name in in_flight.pending:
                 self._out.send(entry.name, m.TickRequest(self._now.frame))
 
@@ -716,7 +716,8 @@ class CollectionStep:
     def tick_reply(self, reply: m.TickReply) -> str:
         """Accept C^d(t) of a member in step; returns the reason if it violates the protocol."""
         member = self._members.get(reply.member)
-        in_time = self._now.awaits_tick(reply.member) and reply.frame == self._now.frame
+        in_flight = self._now.in_flight
+        in_time = reply.member in in_flight.pending and reply.frame == self._now.frame
         # A reply of a skipped or replaced process, or a second one, must not count. It is no
         # violation: the reply may have been sent before the member was skipped.
         if not (member.active and in_time):
@@ -730,8 +731,8 @@ class CollectionStep:
         # One that had answered this frame to a previous coordinator takes further orders for it in
         # the next one.
         member.rests = member.rests or not self._orders_for(member)
-        self._now.in_flight.pending.discard(reply.member)
-        self._now.in_flight.ticked[reply.member] = reply
+        in_flight.pending.discard(reply.member)
+        in_flight.ticked[reply.member] = reply
         return ""
 
     def emitted(self, emitted: m.Emitted) -> str:
@@ -785,7 +786,9 @@ class CollectionStep:
     def collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
         in_flight = self._now.in_flight
-        due = self._members.index.due_views(self._now.frame, in_flight.clock_views)
+        index, due = self._members.index, ()
+        if index.sources or index.rates:
+            due = index.due_views(self._now.frame, in_flight.clock_views)
         later: Mapping[str, Sequence[AnyEvent]]
         if in_flight.logged is None:
             later = self._inbox.hold_back() if self._inbox.events else {}

@@ -121,7 +121,8 @@ class GeneratorSide:
 
     A tick is answered once the readings of all publishers in step for its frame have arrived.
     The latest answer is kept, because a successor of the coordinator requests it again.
-    `asked` is the frame whose tick is not answered yet, or None.
+    `asked` is the frame whose tick is not answered yet, or None; `publishers` are those in step, by
+    topic.
     """
 
     def __init__(self, name: str, service: Service | None, when: When) -> None:
@@ -132,7 +133,7 @@ class GeneratorSide:
         self._initial: Mapping[str, Any] | None = None
         self._answered = -1
         self._answer: tuple[Outgoing, ...] = ()
-        self._sources: dict[str, tuple[str, ...]] = {}
+        self.publishers: dict[str, tuple[str, ...]] = {}
         self._published: dict[str, m.Readings] = {}
         self._orders: dict[int, tuple[AnyEvent, ...]] = {}
         self._obeyed: dict[int, int] = {}
@@ -175,7 +176,7 @@ class GeneratorSide:
         if not isinstance(self._service, Generator):
             return  # Only generators answer for the readings of a frame.
         published = sources.publishers
-        self._sources = {topic: published[topic] for topic in topics if topic in published}
+        self.publishers = {topic: published[topic] for topic in topics if topic in published}
 
     def repeated(self, frame: int) -> tuple[Outgoing, ...] | None:
         """The answer to a tick that was answered before; None for a new one.
@@ -189,14 +190,9 @@ class GeneratorSide:
             self.asked = frame
         return None
 
-    @property
-    def complete(self) -> bool:
-        """Whether a tick is unanswered and all readings of its frame have arrived."""
-        return self.asked is not None and not (self._sources and next(self.missing(), None))
-
     def missing(self) -> Iterator[str]:
         """The publishers whose readings of the unanswered tick's frame have not arrived."""
-        return self.buffer.missing(-1 if self.asked is None else self.asked, self._sources)
+        return self.buffer.missing(-1 if self.asked is None else self.asked, self.publishers)
 
     def answer(self, frame: Frame, vocabulary: Vocabulary) -> tuple[Outgoing, ...]:
         """C^d(t): the events of a frame, and the readings that are published."""

@@ -498,12 +498,15 @@ class Member:
 
     def _tick_if_complete(self) -> None:
         """Answer a tick once all readings of its frame have arrived."""
-        frame = self._generating.asked
-        if frame is None or not self._generating.complete:
+        generating, world = self._generating, self.world
+        frame = generating.asked
+        if frame is None or world is None:
             return
-        self.frame, world = frame, self._welcome
+        if generating.publishers and next(generating.missing(), None):
+            return
+        self.frame = frame
         moment = Frame(frame, world.dt, world.seed)
-        self._out.extend(self._generating.answer(moment, world.vocabulary))
+        self._out.extend(generating.answer(moment, world.vocabulary))
 
     def missing(self) -> Iterator[str]:
         """The publishers whose readings of the unanswered tick's frame have not arrived."""

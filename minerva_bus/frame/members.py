@@ -138,10 +138,10 @@ class MemberIndex:
 
     `tickers` answer ticks; `sources` are the devices that generate their own visual events.
     Both include members that are away and awaited. `on_orders` receive a tick in frames with orders
-    only, `at_intervals` in the frames that a number divides; `joining` are to be admitted.
-    `anyone_ticks`: the tick for all has a recipient. `rates` maps the visual event types of devices
-    that request views by the clock to views per second. Any other device gets a view within `every`
-    frames.
+    only, `at_intervals` in the frames that a number divides, `alone` are both; `joining` are to be
+    admitted. `anyone_ticks`: the tick for all has a recipient. `rates` maps the visual event types
+    of devices that request views by the clock to views per second. Any other device gets a view
+    within `every` frames.
     """
 
     active: tuple[MemberEntry, ...]
@@ -151,6 +151,7 @@ class MemberIndex:
     anyone_ticks: bool
     on_orders: tuple[MemberEntry, ...]
     at_intervals: tuple[tuple[MemberEntry, int], ...]
+    alone: tuple[MemberEntry, ...]
     sources: tuple[Hello, ...]
     rates: Mapping[str, float]
     every: int
@@ -162,8 +163,6 @@ class MemberIndex:
 
         `clock` are the event types of which a view is due by the clock.
         """
-        if not (self.sources or self.rates):
-            return ()
         due = {
             event_type
             for hello in self.sources
@@ -279,16 +278,17 @@ class Members:
         members = list(self)
         tickers = [m for m in members if m.ticks and (m.active or m.awaited)]
         hellos = [m.hello for m in members if m.hello is not None and (m.active or m.awaited)]
+        on_orders = tuple(m for m in tickers if m.hello and m.hello.is_on_orders)
+        at_intervals = tuple((m, m.hello.interval) for m in tickers if m.hello and m.hello.interval)
         return MemberIndex(
             active=tuple(m for m in members if m.active),
             awaited=tuple(m for m in members if m.awaited),
             joining=tuple(m for m in members if m.state is MemberState.JOINING and m.greeted),
             tickers=frozenset(m.name for m in tickers),
             anyone_ticks=any(m.active and m.hello.ticks_with_all for m in tickers if m.hello),
-            on_orders=tuple(m for m in tickers if m.hello and m.hello.is_on_orders),
-            at_intervals=tuple(
-                (m, m.hello.interval) for m in tickers if m.hello and m.hello.interval
-            ),
+            on_orders=on_orders,
+            at_intervals=at_intervals,
+            alone=(*on_orders, *[m for m, _ in at_intervals]),
             sources=tuple(hello for hello in hellos if hello.draws and hello.when.every > 0),
             rates=_rates(hellos),
             every=max([1, *(hello.when.every for hello in hellos if hello.draws)]),

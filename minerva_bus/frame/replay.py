@@ -185,6 +185,11 @@ class ReplayAlgorithm(FrameAlgorithm):
         """Whether a frame follows."""
         return self._source.has_next()
 
+    def on_begin(self, begin: s.Begin) -> None:
+        """Begin a frame, if one follows."""
+        if self.phase is Phase.WAITING or self.has_next():
+            super().on_begin(begin)
+
     def why_over(self) -> str:
         """Step 9: reason for the end if the recorded run is over and no member is present."""
         stays = self._stay and self.members.active()

@@ -250,7 +250,8 @@ class FrameInFlight:
     """One frame, from `Begin` to its result.
 
     `clock_views`: visual event types whose devices request a view by the clock in this frame.
-    `pending`: members whose tick reply the frame waits for; `ticked`: replies by member.
+    `pending`: members whose tick reply the frame waits for in its phase TICK; `ticked`: replies by
+    member.
     `logged`: inputs from a log, which replace those of absent members.
     """
 
@@ -313,10 +314,6 @@ class Progress:
     def enter(self, awaited: Awaited) -> None:
         """Continue with the phase that follows this condition."""
         self.phase = TRANSITIONS[self.phase, awaited]
-
-    def awaits_tick(self, member: str) -> bool:
-        """Whether steps 1 to 4 of this frame wait for the one answer of a member."""
-        return self.phase is Phase.TICK and member in self.in_flight.pending
 
 
 class WorldProgress(Protocol):

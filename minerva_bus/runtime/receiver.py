@@ -343,7 +343,7 @@ class Receiver:
             self._metrics.add("bytes in", len(data))
         # Most replies to a tick are empty: equal bytes need neither limits nor decoding, which
         # would cost a world of a thousand members several milliseconds a frame.
-        if data == self._transport.empty_reply and self._algorithm.now.awaits_tick(member):
+        if data == self._transport.empty_reply and member in self._algorithm.now.in_flight.pending:
             self._handle(m.TickReply(member, self._transport.ticked))
             return
         if not self._members.knows(member):

@@ -12,6 +12,7 @@ coordinator detects its successor.
 
 from __future__ import annotations
 
+import gc
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, replace
@@ -155,33 +156,23 @@ def _encoder(
     if not names:
         data = pack([name])
         return lambda _: data
+    get = attrgetter(*names)
     # For a single name `attrgetter` returns the value itself instead of a tuple.
     if len(names) == 1:
-        get, write_one = attrgetter(*names), codecs[names[0]].write
+        write_one = codecs[names[0]].write
         if write_one is None:
             return lambda message: pack((name, get(message)))
         return lambda message: pack((name, write_one(get(message))))
-    values = _values(names, declared, codecs)
-    if wire.keyed:
-        return lambda message: pack([name, dict(zip(names, values(message), strict=True))])
-    return lambda message: pack([name, *values(message)])
-
-
-def _values(
-    names: Sequence[str], declared: Iterable[DeclaredField], codecs: Mapping[str, FieldCodec]
-) -> Callable[[Any], list[Any]]:
-    """A function that converts several items of a message to plain data."""
-    get = attrgetter(*names)
     alone: list[tuple[int, Write]] = []
     hosts: list[tuple[int, Write, attrgetter[Any]]] = []
-    for place, name in enumerate(names):
-        write, guests = codecs[name].write, [of.name for of in declared if of.host == name]
+    for place, item in enumerate(names):
+        write, guests = codecs[item].write, [of.name for of in declared if of.host == item]
         if write is not None and guests:
-            hosts.append((place, write, attrgetter(name, *guests)))
+            hosts.append((place, write, attrgetter(item, *guests)))
         elif write is not None:
             alone.append((place, write))
 
-    def values(message: Any) -> list[Any]:
+    def encode_items(message: Any) -> bytes:
         # One call of `attrgetter` for all attributes: only fields
         # that are not plain cost a call each.
         plain = list(get(message))
@@ -189,9 +180,9 @@ def _values(
             plain[place] = write(plain[place])
         for place, write, both in hosts:
             plain[place] = write(*both(message))
-        return plain
+        return pack([name, dict(zip(names, plain, strict=True))] if wire.keyed else [name, *plain])
 
-    return values
+    return encode_items
 
 
 # --- from plain data ---
@@ -335,36 +326,33 @@ class Decoder:
             # A message with fewer bytes than every limit cannot exceed one, and most are so small.
             if limited and len(data) > self._light:
                 check_weight(data, declaration(data), self._limits)
-            if len(data) <= COLLECTED:
-                return self._message(codecs, key, data, limited)
-            with uncollected():
-                return self._message(codecs, key, data, limited)
+            if len(data) > COLLECTED and gc.isenabled():
+                with uncollected():
+                    return self.decode(codecs, key, data, limited=limited)
+            plain = unpack(data, self._limits)
+            # The usual case without a call for each check.
+            name = plain[0] if plain.__class__ is list and plain else None
+            codec = codecs.get(name) if isinstance(name, str) else None
+            # A name has one number of items in a version; messages are not distinguished by
+            # length (PROTOCOL.md, section 16).
+            if codec is None or len(plain) != 1 + codec.size:
+                raise _misfit(plain, codecs)
+            # All agents of a host may send an event at once.
+            few = limited and codec.wire is not m.EvolveReply.WIRE
+            reader = self._reader if few else self._reader_of_all
+            reader.begin()
+            return codec.decode(reader, key, plain)
         except (ProtocolError, SceneError):
             raise
         except Exception as error:  # Invalid data must raise nothing else.
             kind = type(error).__name__
             raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
 
-    def _message(
-        self,
-        codecs: Mapping[str, MessageCodec],
-        key: tuple[str, ...],
-        data: bytes,
-        limited: bool,
-    ) -> Any:
-        plain = as_list(unpack(data, self._limits), "a message")
-        name = as_text(plain[0] if plain else None, "a message's name")
-        codec = codecs.get(name)
-        if codec is None:
-            raise ProtocolError(
-                f"no message {name[:40]!r} is sent here; expected {', '.join(codecs)}"
-            )
-        # A name has one number of items in a version; messages are not distinguished by
-        # length (PROTOCOL.md, section 16).
-        if len(plain) - 1 != codec.size:
-            raise ProtocolError(f"{name} has {codec.size} items, not {len(plain) - 1}")
-        # All agents of a host may send an event at once.
-        few = limited and codec.wire is not m.EvolveReply.WIRE
-        reader = self._reader if few else self._reader_of_all
-        reader.begin()
-        return codec.decode(reader, key, plain)
+
+def _misfit(plain: Any, codecs: Mapping[str, MessageCodec]) -> ProtocolError:
+    """Why plain data are none of these messages. Raises ProtocolError if they are no message."""
+    items = as_list(plain, "a message")
+    name = as_text(items[0] if items else None, "a message's name")
+    if name not in codecs:
+        return ProtocolError(f"no message {name[:40]!r} is sent here; expected {', '.join(codecs)}")
+    return ProtocolError(f"{name} has {codecs[name].size} items, not {len(items) - 1}")

@@ -343,35 +343,32 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
     # A value has at least one byte, so shorter data need no count.
     if size > limits.items and values_in(data, limits.items) > limits.items:
         raise ProtocolError("this is not msgpack: too many items")
-    try:
-        # Without a context: it would take longer than decoding a small message.
-        if size <= COLLECTED:
-            return _unpacked(data)
+    # Without a context for a small message: it would take longer than decoding it.
+    if size > COLLECTED and gc.isenabled():
         with uncollected():
-            return _unpacked(data)
+            return unpack(data, limits)
+    try:
+        if size > SLICE:
+            return _in_slices(data)
+        return msgpack.unpackb(data, ext_hook=extension, strict_map_key=True)
     except Exception as error:
         raise ProtocolError(f"this is not msgpack: {type(error).__name__} {error}"[:200]) from None
 
 
 @contextmanager
 def uncollected() -> Generator[None]:
-    """Decode without garbage collection, for a message of more than COLLECTED bytes."""
-    paused = gc.isenabled()
+    """Decode without garbage collection, if it is on, a message of more than COLLECTED bytes."""
     # Inside `try`, because an interrupt between the two statements would leave the collector off.
     # Of two threads, the first one to end enables it: the other only becomes slower.
     try:
-        if paused:
-            gc.disable()
+        gc.disable()
         yield
     finally:
-        if paused:
-            gc.enable()
+        gc.enable()
 
 
-def _unpacked(data: bytes) -> Any:
+def _in_slices(data: bytes) -> Any:
     """Decode large data in slices, so that other threads get the GIL in between."""
-    if len(data) <= SLICE:
-        return msgpack.unpackb(data, ext_hook=extension, strict_map_key=True)
     unpacker = msgpack.Unpacker(ext_hook=extension, strict_map_key=True, max_buffer_size=len(data))
     view = memoryview(data)
     for begin in range(0, len(data), SLICE):
