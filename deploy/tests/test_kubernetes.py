@@ -9,9 +9,9 @@ import yaml
 
 from deploy.tests.commands import DEPLOY, in_markdown
 from deploy.tests.deployed import CONTAINERS, MANIFESTS, PODS, README, SETS, manifests
-from minerva_bus.security.certificates import KeyFolder
 from minerva_bus.security.credentials import covers
 from minerva_bus.wire.keys import is_name
+from minerva_certificates.key_folder import KeyFolder
 from tests.runtime.running import here
 
 

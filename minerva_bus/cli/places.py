@@ -35,7 +35,7 @@ def identity(name: str = "") -> Credentials | None:
     """
     if not _identity.keys:
         return None
-    from minerva_bus.security.certificates import KeyFolder
+    from minerva_certificates.key_folder import KeyFolder
 
     path = Path(_identity.keys)
     named = path.suffix == ".pem"

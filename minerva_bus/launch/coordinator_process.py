@@ -326,7 +326,7 @@ def security(access: Access, world: str, started: Iterable[str] = ()) -> Securit
     """
     if access.keys is None:
         return None
-    from minerva_bus.security.certificates import KeyFolder
+    from minerva_certificates.key_folder import KeyFolder
 
     keys = KeyFolder(access.keys)
     own = keys.credentials(COORDINATOR)

@@ -37,7 +37,7 @@ from minerva_bus.errors import BusError, KeysError
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_client
-from minerva_bus.security.certificates import now
+from minerva_certificates.key_folder import now
 from tests.patience import patience
 
 STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefgh"))

@@ -14,9 +14,9 @@ from secured import stolen
 from minerva_bus.errors import BusError
 from minerva_bus.runtime.session import Secured, listening_at, open_client, open_hub
 from minerva_bus.security.access import access_control
-from minerva_bus.security.certificates import now
 from minerva_bus.wire.keys import Keys as WorldKeys
 from minerva_certificates import AuthorityFolder, Wanted
+from minerva_certificates.key_folder import now
 
 GENERATOR = Wanted(("generator",))
 ANYWHERE = "tls/127.0.0.1:0"

@@ -28,7 +28,7 @@ from minerva_bus.launch.installed import declared_options, file_text
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log import chunks
 from minerva_bus.log.chunks import Chunks
-from minerva_bus.security.certificates import read_certificate
+from minerva_certificates.key_folder import read_certificate
 from minerva_services.options import read_password
 
 SPARSE = 64 << 30

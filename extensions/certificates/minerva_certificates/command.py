@@ -14,8 +14,8 @@ from minerva_bus.cli.options import Json
 from minerva_bus.cli.output import print_json, print_result, print_table
 
 if TYPE_CHECKING:
-    from minerva_bus.security.certificates import Issued
     from minerva_certificates.issuing import AuthorityFolder
+    from minerva_certificates.key_folder import Issued
 
 TOPIC: Final = "Set up"
 

@@ -25,7 +25,9 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from minerva_bus.errors import KeysError, MisuseError, nearest
-from minerva_bus.security.certificates import (
+from minerva_bus.security.credentials import FAMILY, HUB, ROLES, SERVERS, family_start
+from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name
+from minerva_certificates.key_folder import (
     AUTHORITY,
     REVOKED,
     SCHEME,
@@ -37,8 +39,6 @@ from minerva_bus.security.certificates import (
     read_key,
     read_revoked,
 )
-from minerva_bus.security.credentials import FAMILY, HUB, ROLES, SERVERS, family_start
-from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name
 
 AUTHORITY_DAYS: Final = 3650
 DAYS: Final = 365

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.errors import KeysError
-from minerva_bus.security.certificates import now
 from minerva_bus.security.credentials import ROLES
 from minerva_certificates import AuthorityFolder, Wanted
+from minerva_certificates.key_folder import now
 from tests.runtime.running import here, minerva
 
 
