@@ -9,7 +9,7 @@ from minerva_bus.cli.options import WorldTarget
 from minerva_bus.errors import BusError
 from minerva_bus.launch.registry import find
 from minerva_bus.runtime.operator_client import Client
-from minerva_bus.security.credentials import Credentials
+from minerva_bus.security.credentials import Credentials, key_folder
 from minerva_bus.wording import counted
 
 
@@ -35,11 +35,9 @@ def identity(name: str = "") -> Credentials | None:
     """
     if not _identity.keys:
         return None
-    from minerva_certificates.key_folder import KeyFolder
-
     path = Path(_identity.keys)
     named = path.suffix == ".pem"
-    return KeyFolder(path.parent if named else path).credentials(name, path.stem if named else "")
+    return key_folder(path.parent if named else path).credentials(name, path.stem if named else "")
 
 
 def client(target: WorldTarget) -> Client:

@@ -39,7 +39,7 @@ from minerva_bus.runtime.coordinator import Coordinator, Printed, Started, Watch
 from minerva_bus.runtime.metrics import Status
 from minerva_bus.runtime.session import REAL, System, run_through
 from minerva_bus.runtime.transport import overhear
-from minerva_bus.security.credentials import Rights, family_start, rights_of
+from minerva_bus.security.credentials import Rights, family_start, key_folder, rights_of
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.plain import DEFAULT
@@ -326,9 +326,7 @@ def security(access: Access, world: str, started: Iterable[str] = ()) -> Securit
     """
     if access.keys is None:
         return None
-    from minerva_certificates.key_folder import KeyFolder
-
-    keys = KeyFolder(access.keys)
+    keys = key_folder(access.keys)
     own = keys.credentials(COORDINATOR)
     _check_families(keys.rights(), started)
     # `rights` and `stamp` are functions, because certificates are issued and revoked while the

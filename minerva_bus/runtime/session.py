@@ -340,7 +340,7 @@ def _connecting(endpoints: list[str], within: float) -> dict[str, Any]:
     }
 
 
-def _tls(own: Credentials) -> dict[str, Any]:
+def tls_settings(own: Credentials) -> dict[str, Any]:
     """TLS settings with one certificate for both directions; its purposes limit their use."""
     sides = {
         f"{side}_{what}": str(path.absolute())
@@ -355,18 +355,6 @@ def _tls(own: Credentials) -> dict[str, Any]:
     }
 
 
-def router_config(own: Credentials, listen: str, access: Mapping[str, Any]) -> dict[str, Any]:
-    """The configuration of a Zenoh router that carries a world between networks, for zenohd."""
-    return {
-        "mode": "router",
-        "listen": {"endpoints": [listen]},
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "timestamping": {"enabled": False},
-        "transport": {"link": {"tls": _tls(own)}},
-        "access_control": dict(access),
-    }
-
-
 def session_config(
     mode: str, name: str, options: dict[str, Any], shared: bool, own: Credentials | None
 ) -> zenoh.Config:
@@ -376,7 +364,7 @@ def session_config(
     settings = {"mode": mode, "metadata": {"name": name}, **_COMMON, **memory, **options}
     settings["transport/link/tx/lease"] = round(1000 * lease())
     if own is not None:
-        settings["transport/link/tls"] = _tls(own)
+        settings["transport/link/tls"] = tls_settings(own)
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
+
+from minerva_bus.entry_points import entries
+from minerva_bus.errors import KeysError
 
 AGENT, GENERATOR, VIEW, OPERATOR = "agent", "generator", "view", "operator"
 HUB, ROUTER = "coordinator", "router"
@@ -98,3 +101,32 @@ class Credentials:
     def operates(self) -> bool:
         """Whether it may send commands."""
         return OPERATOR in self.roles
+
+
+# --- folders of keys, which an extension reads ---
+
+KEYS: Final = "minerva.keys"
+"""The entry points of classes of `KeyFolder`; the first one by name reads all folders."""
+
+
+class KeyFolder(Protocol):
+    """The keys in a folder. All methods raise KeysError if it cannot be used."""
+
+    def rights(self) -> Mapping[str, Rights]:
+        """The rights by common name, including revoked ones."""
+        ...
+
+    def credentials(self, name: str = "", bearer: str = "") -> Credentials:
+        """Credentials of the member `name`, by the certificate `bearer` or the one that fits."""
+        ...
+
+    def stamp(self) -> object:
+        """A value that changes when a certificate is issued or revoked. Raises OSError."""
+        ...
+
+
+def key_folder(path: Path) -> KeyFolder:
+    """The keys in a folder. Raises KeysError, also without an extension that reads it."""
+    for _, entry in sorted(entries(KEYS).items()):
+        return entry.load()(path)
+    raise KeysError(f"--keys {path}: keys need an extension that reads them ({KEYS}); install it")

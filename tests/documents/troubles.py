@@ -37,9 +37,9 @@ from minerva_bus.runtime.joining import Arrival
 from minerva_bus.runtime.pace import Overruns
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_hub
+from minerva_bus.security.credentials import key_folder
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import COORDINATOR, Keys
-from minerva_certificates.key_folder import KeyFolder
 from minerva_services.bridges.rosbag import open_bag
 from minerva_services.sensors.carmen.log import CarmenLog
 from minerva_services.views.opengl.canvas import without_window
@@ -309,7 +309,7 @@ def attach(endpoint: str) -> Callable[[Path], object]:
 
 
 def no_authority(folder: Path) -> object:
-    return KeyFolder(folder / "keys").credentials("fox")
+    return key_folder(folder / "keys").credentials("fox")
 
 
 @contextmanager

@@ -28,7 +28,6 @@ from minerva_bus.launch.installed import declared_options, file_text
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.log import chunks
 from minerva_bus.log.chunks import Chunks
-from minerva_certificates.key_folder import read_certificate
 from minerva_services.options import read_password
 
 SPARSE = 64 << 30
@@ -48,7 +47,6 @@ READERS = {
     "the options of a world": lambda path: declared_options(str(path)),
     "a string": file_text,
     "a map": load_map,
-    "a certificate": read_certificate,
     "a password": lambda path: read_password("mqtt", "", str(path)),
 }
 

@@ -136,7 +136,7 @@ def router(
     """Print a zenohd configuration for a router that admits the members of a world."""
     from minerva_bus.errors import KeysError
     from minerva_bus.runtime.endpoints import check_listening
-    from minerva_bus.runtime.session import router_config
+    from minerva_bus.runtime.session import tls_settings
     from minerva_bus.security.access import access_control
     from minerva_bus.security.credentials import ROUTER
     from minerva_bus.wire.keys import Keys
@@ -149,7 +149,15 @@ def router(
             f"the certificate of {name} is not for a router; issue one with --role router"
         )
     access = access_control(Keys(world), folder.rights().values(), [], carrier=True)
-    print_result(dumps(router_config(own, listen, access), indent=2))
+    config = {
+        "mode": "router",
+        "listen": {"endpoints": [listen]},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "timestamping": {"enabled": False},
+        "transport": {"link": {"tls": tls_settings(own)}},
+        "access_control": dict(access),
+    }
+    print_result(dumps(config, indent=2))
 
 
 _TITLES = ("name", "roles", "state", "until", "for")

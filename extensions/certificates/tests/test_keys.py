@@ -12,7 +12,7 @@ import pytest
 from minerva_bus.errors import KeysError
 from minerva_bus.security.credentials import ROLES
 from minerva_certificates import AuthorityFolder, Wanted
-from minerva_certificates.key_folder import now
+from minerva_certificates.key_folder import now, read_certificate
 from tests.runtime.running import here, minerva
 
 
@@ -335,3 +335,12 @@ def test_a_folder_that_cannot_be_read_is_reported(tmp_path):
     assert f"{folder} cannot be read" in done.stderr
     assert "Traceback" not in done.stderr
     assert "OSError" not in done.stderr
+
+
+def test_a_huge_certificate_is_refused_by_its_size(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "read_bytes", lambda path: pytest.fail("read"))
+    path = tmp_path / "fox.pem"
+    with path.open("wb") as file:
+        file.truncate(64 << 30)
+    with pytest.raises(KeysError, match=r"68.?719.?476.?736 bytes"):
+        read_certificate(path)
