@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.api.world import ContinuedRecord
+from minerva_bus.collect.plans import read_expression
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.world_state import WorldSpec
@@ -22,7 +23,6 @@ from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import Collecting, WorldFile, read_world_file
 from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.settings.world_settings import Overrides
-from minerva_bus.world.expressions import read_expression
 
 KILL_SECONDS: Final = 5.0
 """Time for a launcher without a parent to end its world, before it is killed."""

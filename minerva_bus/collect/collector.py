@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.collect.data_tables import Data, Writer
-from minerva_bus.collect.plans import TablePlan, fields_of, series_of
+from minerva_bus.collect.plans import TablePlan, condition_of, fields_of, series_of
 from minerva_bus.grammar.columns import NUMPY_TYPES, Columns
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Fields
@@ -169,7 +169,7 @@ class Collector:
         self._dt = dt
         self._tables = [(plan, open_writer(plan)) for plan in plans]
         self._conditions = {
-            entry.condition: entry.checked(vocabulary)
+            entry.condition: condition_of(entry, vocabulary)
             for plan, _ in self._tables
             for entry in plan.expressions
         }

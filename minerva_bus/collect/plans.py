@@ -1,16 +1,20 @@
-"""Tables for expressions: which rows and columns each has."""
+"""Expressions of data to collect, checked and as text, and their tables: rows and columns of each.
+
+The text of an expression is that of world files and of the command line (world/expressions.py).
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeAlias, cast
+from typing import Any, Final, NoReturn, TypeAlias, cast
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, VocabularyError, nearest
+from minerva_bus.grammar.condition import Condition, Scope, parse_condition, sort_of_kind
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.expressions import Expression, read_expression
+from minerva_bus.world.expressions import FUNCTIONS, Expression
 
 FRAMES: Final = "frames"
 _OWN: Final = {"A": ("frame", "id"), "e": ("frame", "sender", "receiver")}
@@ -117,7 +121,7 @@ def plans_of(entries: Entries, vocabulary: Vocabulary, option: str = "collect:")
     plans: dict[tuple[Any, ...], TablePlan] = {}
     taken: set[str] = set()
     for name, entry in entries.items():
-        entry.checked(vocabulary, f"{option} {name}")
+        condition_of(entry, vocabulary, f"{option} {name}")
         about = FRAMES if entry.function else entry.symbol
         # Aggregates select rows column by column, so they share a table whatever their conditions
         # are.
@@ -204,3 +208,117 @@ def _data_columns(entry: Expression, types: Mapping[str, str]) -> list[tuple[str
             raise MisuseError(f"collect: {entry.symbol}.{name} is not a number, bool or text; name"
                               f" the data to collect: data({entry.symbol}, NAME)")  # fmt: skip
     return [(name, COLUMN_TYPES[kind]) for name, kind in types.items()]
+
+
+def condition_of(
+    expression: Expression, vocabulary: Vocabulary, source: str = "collect"
+) -> Condition:
+    """Its parsed condition. Raises VocabularyError if the vocabulary lacks what it names."""
+    owner, text = expression.symbol, str(expression)
+    known: Mapping[str, Any] = vocabulary.events if expression.of_events else vocabulary.kinds
+    if owner not in known:
+        what = "event type" if expression.of_events else "agent kind"
+        raise VocabularyError(
+            f"the world has no {what} {owner}{nearest(owner, list(known))}",
+            text=text,
+            # After the parenthesis of a function.
+            offset=text.find("(") + 1 if expression.function else 0,
+            expected=f"one of {', '.join(known) or 'none'}",
+            source=source,
+        )
+    fields = fields_of(vocabulary, owner)
+    types = {field.name: field.type for field in fields.all}
+    # The caret points to the name, which follows the first dot.
+    where: dict[str, Any] = {"text": text, "offset": text.find(".") + 1, "source": source}
+    # The attribute must exist, fit into a column, and be a number if there is a function.
+    for name in (expression.name,) if expression.name else ():
+        if name not in types:
+            near = nearest(name, list(types))
+            raise VocabularyError(f"{owner} has no {name}{near}", **where)
+        sort = sort_of_kind(types[name].kind)
+        if not sort:
+            raise VocabularyError(
+                f"{owner}.{name} is a {types[name]}; numbers, bools and texts can be collected",
+                **where,
+            )
+        if expression.function and types[name].kind == "text":
+            raise VocabularyError(
+                f"{owner}.{name} is a text, which has no {expression.function}; count texts with"
+                f' count({owner}, {name} == "...")',
+                **where,
+            )
+    condition = parse_condition(in_double_quotes(expression.condition), source)
+    sorts = {name: sort_of_kind(kind.kind) for name, kind in types.items()}
+    condition.check([Scope(owner, list(types), lambda name: sorts.get(name, ""))], source)
+    return condition
+
+
+# --- expressions as text ---
+
+_EVERY: Final = re.compile(r"\s+every\s+([0-9]+)\s*\Z")
+_CALL: Final = re.compile(r"\s*(?P<function>[A-Za-z]+)\s*\((?P<inner>.*)\)\s*\Z", re.DOTALL)
+_TERM: Final = re.compile(
+    r"\s*(?P<symbol>[Ae]\w*)(?:\.(?P<name>[A-Za-z_]\w*))?(?P<rest>.*)\Z", re.DOTALL | re.ASCII
+)
+# The look-ahead takes whole arguments only: in `count(AFox, 3 < x)` the 3 begins a condition.
+_NUMBER: Final = re.compile(
+    r"\s*,\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?)\s*(?=,|\Z)"
+)
+_WHERE: Final = re.compile(r"\s+where\s+(.*)\Z", re.DOTALL)
+# Double quotes match first, so single quotes within a text in double quotes stay.
+_QUOTED: Final = re.compile(r"""("(?:[^"\\]++|\\.)*+")|'((?:[^'\\]++|\\.)*+)'""")
+_ESCAPED: Final = re.compile(r"""\\(')|\\.|(")""")
+_EXPECTED: Final = "KIND.ATTRIBUTE, EVENT.DATUM, or a function of one, such as count(AFox, x > 3)"
+
+
+def read_expression(text: str, source: str = "collect") -> Expression:
+    """The expression that a text represents. Raises VocabularyError with a caret."""
+    # From the end of the text, because conditions and names may contain "every" as well.
+    every = _EVERY.search(text)
+    body = text[: every.start()] if every else text
+    interval = int(every.group(1)) if every else 1
+    call = _CALL.match(body)
+    inner, offset = (call["inner"], call.start("inner")) if call else (body, 0)
+    function = call["function"] if call else ""
+    if call and function not in FUNCTIONS:
+        _wrong(
+            f"there is no function {function}{nearest(function, list(FUNCTIONS))}", text, 0, source
+        )
+    term = _TERM.match(inner)
+    if term is None:
+        _wrong("the expression cannot be read", text, offset, source)
+    condition, numbers, rest = "", list[float](), term["rest"]
+    if call:
+        while number := _NUMBER.match(rest):
+            numbers.append(float(number.group(1)))
+            rest = rest[number.end() :]
+        condition = rest.strip().removeprefix(",").strip()
+        clear = not rest.strip() or rest.lstrip().startswith(",")
+    else:
+        where = _WHERE.match(rest)
+        condition = where.group(1).strip() if where else ""
+        clear = bool(where) or not rest.strip()
+    if not clear:
+        _wrong("the expression cannot be read", text, offset + term.start("rest"), source)
+    name = term["name"] or ""
+    if not name and (term["symbol"][0] == "A" or function) and function != "count":
+        _wrong(f"which attribute of {term['symbol']}", text, offset + term.end("symbol"), source)
+    try:
+        return Expression(term["symbol"], name, function, condition, tuple(numbers), interval)
+    except MisuseError as error:
+        _wrong(str(error), text, 0, source)
+
+
+def in_double_quotes(condition: str) -> str:
+    """A condition with texts in single quotes rewritten to double quotes."""
+    return _QUOTED.sub(lambda match: match[1] or _double_quoted(match[2]), condition)
+
+
+def _double_quoted(inside: str) -> str:
+    # Escapes stay, except for that of a single quote, which JSON does not have.
+    escaped = _ESCAPED.sub(lambda match: match[1] or ('\\"' if match[2] else match[0]), inside)
+    return f'"{escaped}"'
+
+
+def _wrong(problem: str, text: str, at: int, source: str) -> NoReturn:
+    raise VocabularyError(problem, text=text, offset=at, expected=_EXPECTED, source=source)

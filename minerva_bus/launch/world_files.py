@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, cast
 
+from minerva_bus.collect.plans import condition_of, parse_entries, plans_of, read_expression
 from minerva_bus.errors import (
     BusError,
     MisuseError,
@@ -83,7 +84,7 @@ from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.event_order import Priority
 from minerva_bus.world.evolution import Policy
-from minerva_bus.world.expressions import Expression, read_expression
+from minerva_bus.world.expressions import Expression
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_conditions, sanction_of
 
 ENDINGS: Final = (".parquet", ".csv")
@@ -681,14 +682,12 @@ def _written(table: Table, vocabulary: Vocabulary) -> dict[str, Expression]:
     for name in [key for key in table.data if key != "into"]:
         source = table.place(name)
         entries[name] = read_expression(table.get(name, TEXT, ""), source)
-        entries[name].checked(vocabulary, source)
+        condition_of(entries[name], vocabulary, source)
     return entries
 
 
 def _given(words: tuple[str, ...], into: str, vocabulary: Vocabulary) -> Mapping[str, Expression]:
     """The expressions of a command line. Raises MisuseError and VocabularyError."""
-    from minerva_bus.collect.plans import parse_entries, plans_of
-
     for word in words:
         if "=" not in word and word.endswith(ENDINGS):
             raise MisuseError(f"--collect takes NAME=EXPRESSION; name the file by --into {word}")

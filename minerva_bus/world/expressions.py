@@ -9,23 +9,20 @@
     data(eBite); data(eBite, "depth").sum()     eBite; sum(eBite.depth)
 
 An attribute of an agent class is an expression. `str` of an expression is its text, and
-`read_expression` reads it. Conditions have the language of grammar/condition.py; texts in them may
+collect/plans.py reads it. Conditions have the language of grammar/condition.py; texts in them may
 be in single quotes, too.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import isfinite, nan
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
 from minerva_bus.arguments import text, whole_number
-from minerva_bus.errors import MisuseError, VocabularyError, nearest
-from minerva_bus.grammar.condition import Condition, Scope, parse_condition, sort_of_kind
-from minerva_bus.grammar.fields import Fields
-from minerva_bus.grammar.vocabulary import EventType, Vocabulary
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.vocabulary import EventType
 
 FUNCTIONS: Final = ("count", "sum", "mean", "min", "max", "quantiles", "histogram")
 MAX_BINS: Final = 10_000
@@ -121,49 +118,6 @@ class Expression:
             raise MisuseError(f"{function} needs a datum: data({self.symbol}, NAME).{function}()")
         condition = where or self.condition
         return replace(self, function=function, condition=condition, arguments=arguments)
-
-    def checked(self, vocabulary: Vocabulary, source: str = "collect") -> Condition:
-        """Its parsed condition. Raises VocabularyError if the vocabulary lacks what it names."""
-        fields, owner, text = self._fields(vocabulary, source), self.symbol, str(self)
-        types = {field.name: field.type for field in fields.all}
-        # The caret points to the name, which follows the first dot.
-        where: dict[str, Any] = {"text": text, "offset": text.find(".") + 1, "source": source}
-        # The attribute must exist, fit into a column, and be a number if there is a function.
-        for name in (self.name,) if self.name else ():
-            if name not in types:
-                near = nearest(name, list(types))
-                raise VocabularyError(f"{owner} has no {name}{near}", **where)
-            sort = sort_of_kind(types[name].kind)
-            if not sort:
-                raise VocabularyError(
-                    f"{owner}.{name} is a {types[name]}; numbers, bools and texts can be collected",
-                    **where,
-                )
-            if self.function and types[name].kind == "text":
-                raise VocabularyError(
-                    f"{owner}.{name} is a text, which has no {self.function}; count texts with"
-                    f' count({owner}, {name} == "...")',
-                    **where,
-                )
-        condition = parse_condition(in_double_quotes(self.condition), source)
-        sorts = {name: sort_of_kind(kind.kind) for name, kind in types.items()}
-        condition.check([Scope(owner, list(types), lambda name: sorts.get(name, ""))], source)
-        return condition
-
-    def _fields(self, vocabulary: Vocabulary, source: str) -> Fields:
-        known: Mapping[str, Any] = vocabulary.events if self.of_events else vocabulary.kinds
-        if self.symbol not in known:
-            what = "event type" if self.of_events else "agent kind"
-            near, text = nearest(self.symbol, list(known)), str(self)
-            raise VocabularyError(
-                f"the world has no {what} {self.symbol}{near}",
-                text=text,
-                # After the parenthesis of a function.
-                offset=text.find("(") + 1 if self.function else 0,
-                expected=f"one of {', '.join(known) or 'none'}",
-                source=source,
-            )
-        return known[self.symbol].fields
 
 
 def count(symbol: Any, where: str = "") -> Expression:
@@ -266,74 +220,3 @@ def default_of(cls: type[Any], name: str) -> Any:
     """The default that a class itself gives an attribute; NO_DEFAULT if it gives none."""
     value = vars(cls).get(name, NO_DEFAULT)
     return value.default if isinstance(value, ClassAttribute) else value
-
-
-# --- text ---
-
-_EVERY: Final = re.compile(r"\s+every\s+([0-9]+)\s*\Z")
-_CALL: Final = re.compile(r"\s*(?P<function>[A-Za-z]+)\s*\((?P<inner>.*)\)\s*\Z", re.DOTALL)
-_TERM: Final = re.compile(
-    r"\s*(?P<symbol>[Ae]\w*)(?:\.(?P<name>[A-Za-z_]\w*))?(?P<rest>.*)\Z", re.DOTALL | re.ASCII
-)
-# The look-ahead takes whole arguments only: in `count(AFox, 3 < x)` the 3 begins a condition.
-_NUMBER: Final = re.compile(
-    r"\s*,\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?)\s*(?=,|\Z)"
-)
-_WHERE: Final = re.compile(r"\s+where\s+(.*)\Z", re.DOTALL)
-# Double quotes match first, so single quotes within a text in double quotes stay.
-_QUOTED: Final = re.compile(r"""("(?:[^"\\]++|\\.)*+")|'((?:[^'\\]++|\\.)*+)'""")
-_ESCAPED: Final = re.compile(r"""\\(')|\\.|(")""")
-_EXPECTED: Final = "KIND.ATTRIBUTE, EVENT.DATUM, or a function of one, such as count(AFox, x > 3)"
-
-
-def read_expression(text: str, source: str = "collect") -> Expression:
-    """The expression that a text represents. Raises VocabularyError with a caret."""
-    # From the end of the text, because conditions and names may contain "every" as well.
-    every = _EVERY.search(text)
-    body = text[: every.start()] if every else text
-    interval = int(every.group(1)) if every else 1
-    call = _CALL.match(body)
-    inner, offset = (call["inner"], call.start("inner")) if call else (body, 0)
-    function = call["function"] if call else ""
-    if call and function not in FUNCTIONS:
-        _wrong(
-            f"there is no function {function}{nearest(function, list(FUNCTIONS))}", text, 0, source
-        )
-    term = _TERM.match(inner)
-    if term is None:
-        _wrong("the expression cannot be read", text, offset, source)
-    condition, numbers, rest = "", list[float](), term["rest"]
-    if call:
-        while number := _NUMBER.match(rest):
-            numbers.append(float(number.group(1)))
-            rest = rest[number.end() :]
-        condition = rest.strip().removeprefix(",").strip()
-        clear = not rest.strip() or rest.lstrip().startswith(",")
-    else:
-        where = _WHERE.match(rest)
-        condition = where.group(1).strip() if where else ""
-        clear = bool(where) or not rest.strip()
-    if not clear:
-        _wrong("the expression cannot be read", text, offset + term.start("rest"), source)
-    name = term["name"] or ""
-    if not name and (term["symbol"][0] == "A" or function) and function != "count":
-        _wrong(f"which attribute of {term['symbol']}", text, offset + term.end("symbol"), source)
-    try:
-        return Expression(term["symbol"], name, function, condition, tuple(numbers), interval)
-    except MisuseError as error:
-        _wrong(str(error), text, 0, source)
-
-
-def in_double_quotes(condition: str) -> str:
-    """A condition with texts in single quotes rewritten to double quotes."""
-    return _QUOTED.sub(lambda match: match[1] or _double_quoted(match[2]), condition)
-
-
-def _double_quoted(inside: str) -> str:
-    # Escapes stay, except for that of a single quote, which JSON does not have.
-    escaped = _ESCAPED.sub(lambda match: match[1] or ('\\"' if match[2] else match[0]), inside)
-    return f'"{escaped}"'
-
-
-def _wrong(problem: str, text: str, at: int, source: str) -> NoReturn:
-    raise VocabularyError(problem, text=text, offset=at, expected=_EXPECTED, source=source)

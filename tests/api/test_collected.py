@@ -11,11 +11,11 @@ from frogs import Frog, eCroak, eCross, pond, race
 from minerva_bus import MinervaError, World, count, data, each, on, run
 from minerva_bus.api.running import pick_table
 from minerva_bus.collect.data_tables import DataTable, create_writer, read_columns
-from minerva_bus.collect.plans import read_entries
+from minerva_bus.collect.plans import condition_of, read_entries, read_expression
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_summary import info_of, moment_of
-from minerva_bus.world.expressions import Expression, read_expression
+from minerva_bus.world.expressions import Expression
 
 TYPES = {"frame": "int64", "x": "float64", "on": "bool", "name": "text"}
 
@@ -93,7 +93,7 @@ def test_texts_of_expressions_are_read_as_the_same_expression(expression):
 def test_texts_in_conditions_may_have_quotes_and_backslashes(text, value):
     condition = f"mood == {text} and x > 1"
     for expression in (count(Frog, condition), read_expression(f"count(AFrog, {condition})")):
-        assert expression.checked(pond().vocabulary).comparisons[0].right == value
+        assert condition_of(expression, pond().vocabulary).comparisons[0].right == value
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_the_example_prints_its_curve():
 def test_the_table_of_a_world_file_is_what_it_says():
     import tomllib
 
-    from minerva_bus.world.expressions import read_expression
+    from minerva_bus.collect.plans import read_expression
 
     (text,) = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
     table = tomllib.loads(text)["collect"]

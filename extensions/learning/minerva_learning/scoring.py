@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
+from minerva_bus.collect.plans import in_double_quotes
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.condition import Scope, parse_condition
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.vocabulary import AgentKind
-from minerva_bus.world.expressions import in_double_quotes
 from minerva_learning.states import KindStates
 
 Reward: TypeAlias = "str | Callable[[AgentNode, AgentNode | None], float] | None"
