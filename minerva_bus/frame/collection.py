@@ -664,7 +664,7 @@ class CollectionStep:
             entries = map(members.get, resting)
             resting = frozenset(entry.name for entry in entries if not self._orders_for(entry))
         frame, at_intervals = self._now.frame, members.index.at_intervals
-        return resting.union(m.name for m, every in at_intervals if m.active and frame % every)
+        return resting.union(m.name for m, every in at_intervals if frame % every)
 
     def ask(self, member: MemberEntry) -> None:
         """Repeat the request to a generator that has returned while the frame waits for it."""

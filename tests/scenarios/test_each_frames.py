@@ -77,6 +77,20 @@ def test_any_death_gives_the_same_strings(kills):
     assert count > 2 * FRAMES
 
 
+def test_frames_without_it_go_on_while_it_is_away():
+    expected = undisturbed()
+    for dies_before in range(FRAMES):
+        bus, ticks = bus_of(service("steps", Third))
+        bus.run(dies_before)
+        bus.vanish("steps")
+        bus.run()
+        assert bus.algorithm.frame == dies_before + -dies_before % 3
+        bus.appear("steps")
+        bus.run()
+        assert bus.digests == expected, f"away before frame {dies_before}"
+        assert [frame for to, frame in ticks.asked if to == "steps"] == [0, 3, 6]
+
+
 def test_a_world_with_it_is_not_at_rest():
     members = {"host": host("host", Counter), "steps": service("steps", Third)}
     bus = MemoryBus(world("ACounter#a", members), members)
