@@ -12,33 +12,80 @@ from __future__ import annotations
 
 import argparse
 import ast
+import importlib
+import importlib.util
 import os
+import pkgutil
 import shutil
+import site
 import subprocess
 import sys
 import tempfile
+import traceback
 import venv
-from collections.abc import Iterable, Iterator
+import warnings
+from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-IMPORTS = """
-import importlib, pkgutil, sys, warnings
-warnings.simplefilter("ignore")
-for name in sys.argv[1:]:
-    package = importlib.import_module(name)
-    for module in pkgutil.walk_packages(package.__path__, f"{name}."):
-        if not module.name.endswith("__main__"):
-            try:
-                importlib.import_module(module.name)
-            except ImportError as error:
-                if (error.name or "").startswith("minerva"):
-                    raise
-            except Exception as error:
-                # An extra that is not installed raises an error of the project with its remedy.
-                if not type(error).__module__.startswith("minerva_bus"):
-                    raise
-"""
+
+
+def import_all(names: Iterable[str]) -> None:
+    """Import all modules of packages."""
+    warnings.simplefilter("ignore")
+    for name in names:
+        package = importlib.import_module(name)
+        for module in pkgutil.walk_packages(package.__path__, f"{name}."):
+            if not module.name.endswith("__main__"):
+                import_one(module.name)
+
+
+def import_one(name: str) -> None:
+    """Import a module; what lacks an extra that is not installed is left out."""
+    try:
+        importlib.import_module(name)
+    except ImportError as error:
+        if (error.name or "").startswith("minerva"):
+            raise
+    except Exception as error:
+        # An extra that is not installed raises an error of the project with its remedy.
+        if not type(error).__module__.startswith("minerva_bus"):
+            raise
+
+
+def packages_with(names: Iterable[str]) -> list[str]:
+    """The packages of the project with these extensions."""
+    own = ("bus", "services", "agents", "worlds", *names)
+    return [f"minerva_{name}" for name in own]
+
+
+def imports(project: Path, packages: list[str]) -> bool:
+    """Whether all modules of a copy can be imported, in a fork that keeps imported libraries."""
+    sys.stdout.flush()
+    child = os.fork()
+    if child:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    code = 1
+    try:
+        for name in [name for name in sys.modules if name.startswith("minerva_")]:
+            del sys.modules[name]
+        sys.path[:] = [path for path in sys.path if not path.endswith("site-packages")]
+        sys.path[:] = [path for path in sys.path if ROOT not in (Path(path), *Path(path).parents)]
+        site.addsitedir(str(site_packages(project)))
+        os.chdir(project)
+        import_all(packages)
+        elsewhere = [
+            name
+            for name, module in sys.modules.items()
+            if name.startswith("minerva_") and str(project) not in str(module.__spec__)
+        ]
+        assert not elsewhere, elsewhere
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(code)
 
 
 def extensions() -> list[str]:
@@ -46,13 +93,16 @@ def extensions() -> list[str]:
     return sorted(path.name for path in (ROOT / "extensions").iterdir() if path.is_dir())
 
 
-def imported(path: Path) -> Iterator[str]:
+@cache  # Every extension asks for all files.
+def imported(path: Path) -> frozenset[str]:
     """The top-level packages that a file imports."""
+    names = set[str]()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (each.name.partition(".")[0] for each in node.names)
+            names |= {each.name for each in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module.partition(".")[0]
+            names.add(node.module)
+    return frozenset(name.partition(".")[0] for name in names)
 
 
 def unit(path: Path) -> Path:
@@ -79,7 +129,7 @@ def copy(names: Iterable[str], to: Path) -> list[Path]:
     folders = tuple(f"extensions/{name}/" for name in names)
     files = [Path(name) for name in listed if not name.startswith(folders)]
     files = [path for path in files if (ROOT / path).is_file()]
-    needs = {path: {*imported(ROOT / path)} for path in files if path.suffix == ".py"}
+    needs = {path: imported(ROOT / path) for path in files if path.suffix == ".py"}
     absent, left_out = {f"minerva_{name}" for name in names}, list[Path]()
     # What imports an extension that is left out with another one is left out, too.
     while more := {unit(path) for path, needed in needs.items() if absent & needed} - {*left_out}:
@@ -89,6 +139,10 @@ def copy(names: Iterable[str], to: Path) -> list[Path]:
         if not any(path.is_relative_to(each) for each in left_out):
             (to / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / path, to / path)
+            compiled = Path(importlib.util.cache_from_source(str(path)))
+            if path.suffix == ".py" and (ROOT / compiled).is_file():
+                (to / compiled).parent.mkdir(exist_ok=True)
+                shutil.copy2(ROOT / compiled, to / compiled)
     settings = to / "pyproject.toml"
     gone = tuple(f'"{".".join(each.parts[1:])}:' for each in left_out)
     lines = settings.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -97,14 +151,18 @@ def copy(names: Iterable[str], to: Path) -> list[Path]:
     return left_out
 
 
+def site_packages(project: Path) -> Path:
+    """The folder of installed packages of a copy."""
+    return next(project.glob(".venv/lib/*/site-packages"))
+
+
 def install(project: Path) -> Path:
     """Install a copy in a new environment with the libraries of this one; returns its Python."""
     folder = project / ".venv"
     venv.create(folder, symlinks=True)
-    packages = next(folder.glob("lib/*/site-packages"))
     # Path files within these folders are not read, so this project is not among the libraries.
     libraries = [path for path in sys.path if path.endswith("site-packages")]
-    (packages / "libraries.pth").write_text("\n".join(libraries), encoding="utf-8")
+    (site_packages(project) / "libraries.pth").write_text("\n".join(libraries), encoding="utf-8")
     python = folder / "bin" / "python"
     pip = [python, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
     subprocess.run([*pip, "--disable-pip-version-check", "--editable", project], check=True)
@@ -126,18 +184,12 @@ def run(names: list[str], *, tests: bool) -> int:
             done = subprocess.run([python, *words], cwd=project, env=environment, check=False)
             return done.returncode == 0
 
-        kept = [
-            f"minerva_{name}" for name in extensions() if (project / "extensions" / name).is_dir()
-        ]
-        packages = ["minerva_bus", "minerva_services", "minerva_agents", "minerva_worlds", *kept]
-        checks = [
-            ("-c", IMPORTS, *packages),
-            ("-m", "minerva_bus", "--help"),
-            ("-m", "minerva_bus", "worlds"),
-        ]
+        kept = [name for name in extensions() if (project / "extensions" / name).is_dir()]
+        checks = [("-m", "minerva_bus", "--help"), ("-m", "minerva_bus", "worlds")]
         if tests:
             checks.append(("-m", "pytest", "-q", "-m", "quick", "-p", "no:cacheprovider"))
-        return 0 if all(passes(*words) for words in checks) else 1
+        passed = imports(project, packages_with(kept)) and all(passes(*words) for words in checks)
+        return 0 if passed else 1
 
 
 def main(words: list[str] | None = None) -> int:
@@ -146,7 +198,10 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("names", nargs="+", choices=[*extensions(), "all"], metavar="NAME")
     parser.add_argument("--imports", action="store_true", help="run no tests")
     given = parser.parse_args(words)
-    every = [[name] for name in extensions()] if "all" in given.names else [given.names]
+    every = [given.names]
+    if "all" in given.names:
+        every = [[name] for name in extensions()]
+        import_all(packages_with(extensions()))  # Each fork keeps the libraries.
     return max(run(names, tests=not given.imports) for names in every)
 
 
