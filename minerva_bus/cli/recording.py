@@ -7,6 +7,7 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
+from minerva_analysis.record_summary import frames_after, info_of, moment_of, written
 from minerva_bus.api.records import replay
 from minerva_bus.cli.output import (
     FAILED,
@@ -24,7 +25,6 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.replays import read_replay
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.log.record import Record
-from minerva_bus.log.record_summary import frames_after, info_of, moment_of, written
 from minerva_bus.log.record_writer import recover, recovered_name
 from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wording import counted

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from frogs import Frog, eCroak, eCross, pond, race
 
+from minerva_analysis.record_summary import info_of, moment_of
 from minerva_bus import MinervaError, World, count, data, each, on, run
 from minerva_bus.api.running import pick_table
 from minerva_bus.collect.data_tables import DataTable, create_writer, read_columns
 from minerva_bus.collect.plans import condition_of, read_entries, read_expression
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.log.record import Record
-from minerva_bus.log.record_summary import info_of, moment_of
 from minerva_bus.world.expressions import Expression
 
 TYPES = {"frame": "int64", "x": "float64", "on": "bool", "name": "text"}
