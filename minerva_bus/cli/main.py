@@ -47,7 +47,7 @@ COMMANDS: Final = {
     "worlds": ("run", "worlds", "check", "attach", "bridge"),
     "observing": ("list", "logs", "echo"),
     "operating": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
-    "records": ("info", "replay", "seek", "recover"),
+    "records": ("replay", "seek"),
     "setting_up": ("version",),
 }
 """The kernel's commands by module of cli/commands, in the order of the help."""

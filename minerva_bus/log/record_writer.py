@@ -9,21 +9,20 @@ import errno
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
 
 from minerva_bus import __version__
 from minerva_bus.entry_points import entries
-from minerva_bus.errors import MisuseError, RecordError
-from minerva_bus.files import check_new, check_output, check_replaceable, replacing
+from minerva_bus.errors import RecordError
+from minerva_bus.files import check_output, check_replaceable
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
 from minerva_bus.log.channels import check_installed, encode_log
-from minerva_bus.log.chunks import Losses
 from minerva_bus.log.entries import (
     Kept,
     RecordHeader,
@@ -38,7 +37,6 @@ from minerva_bus.log.entries import (
     encode_readings,
 )
 from minerva_bus.log.record import Record
-from minerva_bus.wording import counted
 from minerva_bus.world.operator import PersonOperation
 
 if TYPE_CHECKING:
@@ -374,56 +372,3 @@ def _timing(frame: int, seconds: float, timings: Mapping[str, float]) -> bytes:
     if timings:
         return json.dumps({"frame": frame, "seconds": seconds, **timings}).encode()
     return b'{"frame": %d, "seconds": %.9f}' % (frame, seconds)
-
-
-# --- the intact parts of a damaged record: `minerva recover` ---
-
-
-@dataclass(frozen=True, slots=True)
-class Recovered:
-    """Result of a recovery: the new record, its number of frames, and the losses."""
-
-    path: Path
-    frames: int
-    losses: Losses
-
-    def plain(self) -> dict[str, Any]:
-        """The result as a JSON object."""
-        return {"record": str(self.path), "frames": self.frames} | self.losses.plain()
-
-    def lines(self) -> list[str]:
-        """The result as lines of text."""
-        losses = self.losses
-        shown = [f"{self.path}: {counted(self.frames, 'frame')}"]
-        # The reader warns of damage.
-        if losses.cut and not losses.damage:
-            shown.append(f"cut off: its last {losses.cut:,} bytes belong to no complete chunk")
-        elif not losses.damage:
-            shown.append("nothing was damaged")
-        return shown
-
-
-def recovered_name(path: Path) -> Path:
-    """Default path of a recovered record."""
-    return path.with_name(f"{path.stem}.recovered{path.suffix}")
-
-
-def recover(path: Path, into: Path) -> Recovered:
-    """Copy the intact parts of a record to a new, complete record.
-
-    Raises RecordError if no frame is intact, and MisuseError if the file exists or cannot be
-    written.
-    """
-    with Record(path) as record:
-        check_new(into, "record")
-        losses = record.losses()
-        if losses.damage and next(record.frames(), None) is None:
-            raise RecordError(f"{path}: no frame in it is intact")
-        try:
-            # A recovery that fails leaves no half-written record.
-            with replacing(into) as stream:
-                writer = RecordWriter(stream, record.description, record)
-                writer.finish()
-        except OSError as error:
-            raise MisuseError(f"{into}: cannot be written: {error.strerror}") from None
-    return Recovered(into, writer.frames, losses)

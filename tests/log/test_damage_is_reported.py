@@ -9,10 +9,10 @@ import pytest
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
 from minerva_analysis import diff, export
+from minerva_analysis.record_summary import recover
 from minerva_bus.api.records import replay
 from minerva_bus.cli.main import main
 from minerva_bus.errors import DamagedRecordWarning, RecordError
-from minerva_bus.log.record_writer import recover
 from tests.log.recorded_runs import bytes_of
 from tests.log.test_damaged import CHUNK, flipped, parts
 

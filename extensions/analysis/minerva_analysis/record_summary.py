@@ -1,22 +1,23 @@
-"""A record for people: its summary (`minerva info`), and frames as text.
-
-Strings are written in the language of the world.
-"""
+"""A record for people: its summary and its frames (`minerva info`), and its intact parts."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from minerva_bus.errors import RecordError
+from minerva_bus.errors import MisuseError, RecordError
+from minerva_bus.files import check_new, replacing
 from minerva_bus.frame.stimuli import RecordedFrame
-from minerva_bus.grammar.events import AnyEvent, single
-from minerva_bus.grammar.scene import Scene, kind_counts
+from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.chunks import Losses
 from minerva_bus.log.entries import Dropped
+from minerva_bus.log.frame_texts import FrameText, kinds_in
 from minerva_bus.log.record import Cursor, Record
+from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.wording import counted, frames_up_to
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.operator import PersonOperation
@@ -172,11 +173,6 @@ def _sensed(record: Record) -> tuple[dict[str, int], int]:
     return dict(sorted(counts.items())), dropped
 
 
-def kinds_in(scene: Scene) -> dict[str, int]:
-    """Number of agents of each kind in a string."""
-    return dict(sorted(kind_counts(*scene.pieces).items()))
-
-
 def _means(timings: Iterable[Mapping[str, float]]) -> dict[str, float]:
     sums: dict[str, float] = {}
     count = 0
@@ -198,56 +194,7 @@ def _plain(value: Any) -> Any:
     return dict(value) if isinstance(value, Mapping) else value  # pyright: ignore
 
 
-# --- frames as text ---
-
-
-@dataclass(frozen=True, slots=True)
-class FrameText:
-    """A frame of a record as text, with the string before or after it.
-
-    `title` begins the text. `seconds` is the world time at the string, `digest` that of the string.
-    `is_end`: the record ends here, and the `events` are what agents and norms sent in its last
-    frame.
-    """
-
-    title: str
-    number: int
-    seconds: float
-    string: Scene
-    digest: bytes
-    events: tuple[AnyEvent, ...]
-    is_end: bool = False
-
-    def plain(self) -> dict[str, Any]:
-        """The frame as a JSON object."""
-        return {
-            "frame": self.number,
-            "seconds": self.seconds,
-            "digest": self.digest.hex(),
-            "string": str(self.string),
-            "events": list(map(str, single(self.events))),
-        }
-
-    def lines(self) -> list[str]:
-        """The frame as lines of text."""
-        agents = [f"{count:,} {kind}" for kind, count in kinds_in(self.string).items()]
-        about = f"frame {self.number}, {self.title}: {', '.join(agents) or 'no agents'}"
-        heading = "  the record ends here" if self.is_end else "  events"
-        events = [f"    {event}" for event in single(self.events)]
-        return [about, f"  digest  {self.digest.hex()}", heading, *events]
-
-
-def frames_after(record: Record, begin: int) -> Iterator[FrameText]:
-    """The frames of a record from number `begin` on."""
-    dt = record.description.world.dt
-    cursor = Cursor(record)
-    cursor.skip_to(begin)
-    while (frame := cursor.ahead) is not None:
-        string = cursor.advance()
-        if frame.number >= begin:
-            seconds = (frame.number + 1) * dt
-            title = f"until {seconds:.2f} s"
-            yield FrameText(title, frame.number, seconds, string, frame.digest, frame.events)
+# --- one frame ---
 
 
 def moment_of(record: Record, number: int | None) -> FrameText:
@@ -273,3 +220,56 @@ def moment_of(record: Record, number: int | None) -> FrameText:
 def written(string: Scene) -> str:
     """A string in the world's language, one outermost node per line; it can be parsed again."""
     return "\n· ".join([str(Scene((node,))) for node in string.nodes])
+
+
+# --- the intact parts of a damaged record: `minerva recover` ---
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """Result of a recovery: the new record, its number of frames, and the losses."""
+
+    path: Path
+    frames: int
+    losses: Losses
+
+    def plain(self) -> dict[str, Any]:
+        """The result as a JSON object."""
+        return {"record": str(self.path), "frames": self.frames} | self.losses.plain()
+
+    def lines(self) -> list[str]:
+        """The result as lines of text."""
+        losses = self.losses
+        shown = [f"{self.path}: {counted(self.frames, 'frame')}"]
+        # The reader warns of damage.
+        if losses.cut and not losses.damage:
+            shown.append(f"cut off: its last {losses.cut:,} bytes belong to no complete chunk")
+        elif not losses.damage:
+            shown.append("nothing was damaged")
+        return shown
+
+
+def recovered_name(path: Path) -> Path:
+    """Default path of a recovered record."""
+    return path.with_name(f"{path.stem}.recovered{path.suffix}")
+
+
+def recover(path: Path, into: Path) -> Recovered:
+    """Copy the intact parts of a record to a new, complete record.
+
+    Raises RecordError if no frame is intact, and MisuseError if the file exists or cannot be
+    written.
+    """
+    with Record(path) as record:
+        check_new(into, "record")
+        losses = record.losses()
+        if losses.damage and next(record.frames(), None) is None:
+            raise RecordError(f"{path}: no frame in it is intact")
+        try:
+            # A recovery that fails leaves no half-written record.
+            with replacing(into) as stream:
+                writer = RecordWriter(stream, record.description, record)
+                writer.finish()
+        except OSError as error:
+            raise MisuseError(f"{into}: cannot be written: {error.strerror}") from None
+    return Recovered(into, writer.frames, losses)

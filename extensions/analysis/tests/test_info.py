@@ -8,11 +8,15 @@ from typing import Any
 import pytest
 import typer
 
-from minerva_bus.cli.recording import show_info
+from minerva_analysis.info_command import show_info
+from minerva_analysis.record_summary import info_of, moment_of
+from minerva_bus.api.running import run
 from minerva_bus.grammar.events import single
 from minerva_bus.log.entries import encode_frame
+from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.world.operator import PersonOperation
+from tests.api.frogs import race
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
@@ -65,6 +69,14 @@ def test_info_for_people(tmp_path, capsys):
     assert "flock, seed 1" in said
     assert "cut off" in said
     assert "ABird 80 → 80, AHawk 1 → 1" in said
+
+
+def test_events_that_agents_send_in_the_last_frame_count(tmp_path):
+    path = tmp_path / "race.mcap"
+    done = run(race("anna"), record=path, frames=3)
+    with Record(path) as record:
+        assert info_of(record).events == done.events
+        assert [event.type for event in moment_of(record, None).events] == ["eCross"]
 
 
 def test_info_lists_what_people_did(tmp_path, capsys):

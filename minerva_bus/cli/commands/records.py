@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Final
 
 import typer
@@ -25,58 +24,6 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.settings.world_settings import Overrides
 
 TOPIC: Final = "Records"
-
-
-@examples(
-    "minerva info run.mcap --check",
-    "minerva info run.mcap --frame 40 --string",
-)
-def info(
-    file: Record,
-    check: Annotated[
-        bool, typer.Option("--check", help="Recompute and compare all digests.")
-    ] = False,
-    frame: Annotated[
-        int | None, typer.Option(help="Show this frame: its initial string and its events.")
-    ] = None,
-    string: Annotated[
-        bool, typer.Option("--string", help="Print the string of --frame, or the last one.")
-    ] = False,
-    json: Json = False,
-) -> None:
-    """Show the contents of a record, or one of its frames.
-
-    The exit code of --check is 1 if a digest is wrong, or not all frames could be checked.
-    """
-    from minerva_bus.cli.recording import show_info, show_moment
-
-    if string or frame is not None:
-        show_moment(file, frame, string, json)
-    else:
-        raise typer.Exit(show_info(file, check, json))
-
-
-@examples(
-    "minerva recover run.mcap",
-    "minerva recover run.mcap --output intact.mcap",
-)
-def recover(
-    file: Record,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="The new record; default: NAME.recovered.mcap."),
-    ] = None,
-    json: Json = False,
-    force: Force = False,
-) -> None:
-    """Copy the intact frames of a damaged record to a new one.
-
-    It reports what is lost. Of the folder FILE.parts, which a run leaves that was killed while it
-    collected data, it makes the tables.
-    """
-    from minerva_bus.cli.recording import recover_record
-
-    recover_record(file, output, json)
 
 
 @examples(

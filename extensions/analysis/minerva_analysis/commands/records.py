@@ -1,4 +1,4 @@
-"""`minerva diff`, `minerva plot` and `minerva swap`."""
+"""`minerva info`, `diff`, `plot`, `swap` and `recover`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,58 @@ from minerva_bus.cli import completing
 from minerva_bus.cli.options import Collect, Force, Json, MovedWorld, Record, examples, options_of
 
 TOPIC: Final = "Records"
+
+
+@examples(
+    "minerva info run.mcap --check",
+    "minerva info run.mcap --frame 40 --string",
+)
+def info(
+    file: Record,
+    check: Annotated[
+        bool, typer.Option("--check", help="Recompute and compare all digests.")
+    ] = False,
+    frame: Annotated[
+        int | None, typer.Option(help="Show this frame: its initial string and its events.")
+    ] = None,
+    string: Annotated[
+        bool, typer.Option("--string", help="Print the string of --frame, or the last one.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Show the contents of a record, or one of its frames.
+
+    The exit code of --check is 1 if a digest is wrong, or not all frames could be checked.
+    """
+    from minerva_analysis.info_command import show_info, show_moment
+
+    if string or frame is not None:
+        show_moment(file, frame, string, json)
+    else:
+        raise typer.Exit(show_info(file, check, json))
+
+
+@examples(
+    "minerva recover run.mcap",
+    "minerva recover run.mcap --output intact.mcap",
+)
+def recover(
+    file: Record,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The new record; default: NAME.recovered.mcap."),
+    ] = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Copy the intact frames of a damaged record to a new one.
+
+    It reports what is lost. Of the folder FILE.parts, which a run leaves that was killed while it
+    collected data, it makes the tables.
+    """
+    from minerva_analysis.info_command import recover_record
+
+    recover_record(file, output, json)
 
 
 @examples(
