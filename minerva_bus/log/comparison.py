@@ -1,9 +1,9 @@
-"""First difference between two records: `minerva diff`."""
+"""The first difference between two runs, and their strings and events there."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import chain, groupby, islice, zip_longest
 from typing import Any, Final
 
@@ -16,9 +16,7 @@ from minerva_bus.grammar.printer import same_values, shape_text, value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.channels import without_agents
-from minerva_bus.log.record import Record
 from minerva_bus.wire.strings_codec import plain_event_list
-from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.wording import counted, short
 
 MOST: Final = 10
@@ -123,53 +121,6 @@ def _agent_shown(agent: str, changes: Sequence[AttributeDifference], a: str, b: 
     return shown
 
 
-# --- comparing ---
-
-
-def compare(a: Record, b: Record) -> Difference:
-    """Compare two records frame by frame. Raises RecordError."""
-    before = tuple(_before(a, b))
-    count = 0
-    for in_a, in_b in zip_longest(a.frames(), b.frames()):
-        if in_a is None or in_b is None:
-            ended = _ended(in_a, count)
-            return Difference(None, count, before, ended, damage=_damage(a, b))
-        same = in_a.number == in_b.number and in_a.digest == in_b.digest
-        # Digests are first, because they are compared without decoding strings. Events are
-        # compared as well: different events may lead to the same string.
-        if not same or not same_events(in_a.events, in_b.events):
-            return _apart(a, b, in_a, in_b, count, before)
-        count += 1
-    return Difference(None, count, before, damage=_damage(a, b))
-
-
-def _damage(*records: Record) -> tuple[str, ...]:
-    return tuple([message for record in records if (message := record.damage())])
-
-
-def _before(a: Record, b: Record) -> Iterator[str]:
-    da, db = a.description, b.description
-    for what in ("name", "seed", "dt", "policy"):
-        x, y = getattr(da.world, what), getattr(db.world, what)
-        if x != y:
-            yield f"{what} {x} in A, {y} in B"
-    if plain_vocabulary(da.world.vocabulary) != plain_vocabulary(db.world.vocabulary):
-        yield "the vocabularies differ"
-    if da.world.order != db.world.order:
-        yield "the order relations differ"
-    if da.world.scene != db.world.scene:
-        yield "the initial strings differ"
-    for name in sorted({*da.versions, *db.versions}):
-        x, y = da.versions.get(name, "none"), db.versions.get(name, "none")
-        if x != y:
-            yield f"{name} {x} in A, {y} in B"
-
-
-def _ended(in_a: RecordedFrame | None, count: int) -> str:
-    ended, longer = ("A", "B") if in_a is None else ("B", "A")
-    return f"the same for {counted(count, 'frame')}, all frames of {ended}; {longer} continues"
-
-
 def same_events(a: Sequence[AnyEvent], b: Sequence[AnyEvent]) -> bool:
     """Whether two lists have the same events in the same order, single or in columns."""
     # Plain lists are compared fast, but equal events may be in columns in only one of the records.
@@ -177,26 +128,6 @@ def same_events(a: Sequence[AnyEvent], b: Sequence[AnyEvent]) -> bool:
         return True
     pairs = zip_longest(single(a), single(b))
     return all(event == counterpart for event, counterpart in pairs)
-
-
-def _apart(
-    a: Record,
-    b: Record,
-    in_a: RecordedFrame,
-    in_b: RecordedFrame,
-    count: int,
-    before: tuple[str, ...],
-) -> Difference:
-    if in_a.number != in_b.number:
-        first, missing = min((in_a.number, "B"), (in_b.number, "A"))
-        return Difference(first, count, (*before, f"frame {first} is missing in {missing}"))
-    strings = None
-    if in_a.digest != in_b.digest:
-        # Strings are decoded only here, for the one frame that differs.
-        strings = a.string(in_a.number + 1), b.string(in_a.number + 1)
-    vocabulary = a.description.world.vocabulary
-    difference = apart(vocabulary, in_a, strings, (in_a.events, in_b.events))
-    return replace(difference, frames=count, before=before)
 
 
 def apart(

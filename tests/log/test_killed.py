@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from minerva_analysis.comparing import compare
 from minerva_analysis.record_summary import info_of
 from minerva_bus.errors import RecordError
 from minerva_bus.launch.past import read_resumed
 from minerva_bus.launch.replays import recomputed
-from minerva_bus.log.comparison import compare
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import Overrides
 from tests.log.recorded_runs import ROOT

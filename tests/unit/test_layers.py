@@ -39,7 +39,12 @@ ONLY = {
     "mcap": "log",
 }
 
-REQUIRED = {"assistants": {"analysis"}, "exporters": {"analysis"}, "study": {"analysis"}}
+REQUIRED = {
+    "assistants": {"analysis"},
+    "authoring": {"analysis"},
+    "exporters": {"analysis"},
+    "study": {"analysis"},
+}
 """Extensions that others require, by the extension that requires them."""
 
 

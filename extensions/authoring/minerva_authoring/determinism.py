@@ -19,6 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from minerva_analysis.comparing import compare
 from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.output import (
     FAILED,
@@ -33,7 +34,7 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import Access, WorldFile, read_world_file
-from minerva_bus.log.comparison import Difference, compare
+from minerva_bus.log.comparison import Difference
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.wording import counted
