@@ -160,24 +160,3 @@ def _echo_view(
 def _short(scene: Scene) -> str:
     shown = str(scene)
     return shown if len(shown) < 2000 else shown[:2000] + "…"
-
-
-def show_version(as_json: bool) -> None:
-    """Print versions."""
-    import platform
-    from importlib.metadata import version
-
-    from minerva_bus.frame.messages import PROTOCOL_VERSION
-
-    versions: dict[str, Any] = {
-        "minerva-bus": version("minerva-bus"),
-        "protocol": PROTOCOL_VERSION,
-        "python": platform.python_version(),
-    }
-    for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "typer"):
-        versions[package] = version(package)
-    if as_json:
-        print_json(versions)
-    else:
-        rows = [(name, str(value)) for name, value in versions.items()]
-        print_table([("part", "version"), *rows])

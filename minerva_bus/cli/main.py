@@ -48,7 +48,6 @@ COMMANDS: Final = {
     "observing": ("list", "logs", "echo"),
     "operating": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "records": ("replay", "seek"),
-    "setting_up": ("version",),
 }
 """The kernel's commands by module of cli/commands, in the order of the help."""
 _MODULES: Final = {
