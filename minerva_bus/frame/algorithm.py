@@ -191,7 +191,7 @@ class FrameAlgorithm:
         sender: str = getattr(stimulus, "member", "")
         # Only a token makes a member known. `Members.get` creates entries, so a message under an
         # invented name must not reach a handler.
-        if sender and not self.members.knows(sender) and not isinstance(stimulus, s.Appeared):
+        if sender and sender not in self.members.entries and not isinstance(stimulus, s.Appeared):
             self._note_stranger(sender)
         else:
             reason = self._handlers[stimulus.__class__](stimulus)
@@ -232,7 +232,8 @@ class FrameAlgorithm:
             # Views are sent with the results and not before: a coupled device acts on a view, and a
             # frame that its coordinator never commits must not move anything. They are sent
             # before the commit, because they show the string with which the frame began.
-            self.show()  # 7: g = φ(v)
+            if in_flight.events.visual:
+                self.show()  # 7: g = φ(v)
             self._commit()  # 8: w = w_next; t = t + 1
             self.continue_or_close()  # 9: if w = ε, go to 11; 10: go to 2
         # Not the local variable: `close` has replaced the frame in flight by now.
@@ -294,12 +295,10 @@ class FrameAlgorithm:
 
     def show(self) -> None:
         """Step 7: send every device its view of w, the string that this frame began with."""
-        now = self.now
-        if now.in_flight.events.visual:
-            last = now.phase is Phase.CLOSING
-            self.views.show(
-                now.frame, now.in_flight, self.composition, self.members, self.out, last=last
-            )
+        last = self.now.phase is Phase.CLOSING
+        self.views.show(
+            self.now.frame, self.now.in_flight, self.composition, self.members, self.out, last=last
+        )
 
     def close(self, reason: str) -> None:
         """End a world after its last frame: devices show its last string before it stops."""

@@ -715,7 +715,7 @@ class CollectionStep:
 
     def tick_reply(self, reply: m.TickReply) -> str:
         """Accept C^d(t) of a member in step; returns the reason if it violates the protocol."""
-        member = self._members.get(reply.member)
+        member = self._members.entries[reply.member]
         in_flight = self._now.in_flight
         in_time = reply.member in in_flight.pending and reply.frame == self._now.frame
         # A reply of a skipped or replaced process, or a second one, must not count. It is no

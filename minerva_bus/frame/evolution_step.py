@@ -6,6 +6,7 @@ A host may only report on the fragments that were requested from it.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping
+from functools import partial
 from operator import attrgetter, itemgetter
 from typing import Final
 
@@ -27,7 +28,13 @@ from minerva_bus.frame.stimuli import (
     person_of,
 )
 from minerva_bus.frame.view_streams import Views, patch_all
-from minerva_bus.frame.world_state import FrameResult, Phase, Progress, WorldSpec
+from minerva_bus.frame.world_state import (
+    FrameInFlight,
+    FrameResult,
+    Phase,
+    Progress,
+    WorldSpec,
+)
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids
@@ -348,7 +355,7 @@ class EvolutionStep:
     def reply(self, reply: m.EvolveReply) -> str:
         """Accept a host's results for its fragments; returns the reason for a violation."""
         requests = self._now.in_flight.requests
-        member = self._members.get(reply.member)
+        member = self._members.entries[reply.member]
         key = (reply.member, reply.part)
         if reply.frame != self._now.frame or key not in requests.outstanding or not member.active:
             member.late += 1
@@ -421,7 +428,9 @@ class EvolutionStep:
         while True:
             if in_flight.logged is not None:
                 self._merge_logged(in_flight.logged)
-            in_flight.result.count_answers()
+            # Succession feeds the replies stage by stage, so their number in each must be logged.
+            result = in_flight.result
+            result.answers.append(len(result.replies) - sum(result.answers))
             if self._world.norms:
                 self._judge()
             stage = next(self._stages, None) if self._trial is not None else None
@@ -492,9 +501,21 @@ class EvolutionStep:
         if result.changed or result.rejected:
             self._placement.outdated |= self._composition.replace(result.changed)
             self._note_holders()
-        inputs = in_flight.inputs(self._now.frame, inbox.events)
-        record = frame_record(self._now, self._composition)
-        self._out.add(s.FrameDone(self._now.frame, record, in_flight.events.ordered, inputs))
+        frame, events, requests = self._now.frame, in_flight.events, in_flight.requests
+        inputs = FrameInputs(
+            frame,
+            events.due,
+            in_flight.ticked,
+            events.taken,
+            requests.layout,
+            result.replies,
+            inbox.events,
+            events.people,
+            tuple(result.answers),
+            tuple(sorted(requests.left_out)),
+        )
+        record = partial(frame_record, frame, in_flight, self._composition)
+        self._out.add(s.FrameDone(frame, record, events.ordered, inputs))
         self._now.frame += 1
         inbox.end_frame(sent)
         if result.changed:
@@ -526,9 +547,7 @@ def _who(source: str) -> str:
     return person_of(source) if is_people(source) else "agents" if source == AGENTS else source
 
 
-def frame_record(now: Progress, composition: Composition) -> Callable[[], m.FrameRecord]:
-    """A function that makes the record of the frame in flight; it computes the digest."""
-    # Read now, because `commit` increments the frame, and the next frame replaces `in_flight`.
-    frame, events = now.frame, now.in_flight.events.ordered
-    changed = now.in_flight.result.changed
-    return lambda: m.FrameRecord(frame, events, changed, composition.scene.digest)
+def frame_record(frame: int, in_flight: FrameInFlight, composition: Composition) -> m.FrameRecord:
+    """The record of a frame that has just been committed; it has the digest of the string."""
+    changed = in_flight.result.changed
+    return m.FrameRecord(frame, in_flight.events.ordered, changed, composition.scene.digest)

@@ -174,16 +174,16 @@ class MemberIndex:
 
 
 class Members:
-    """Members by name, and queries over them; iteration is sorted by name."""
+    """Members by name in `entries`, and queries over them; iteration is sorted by name."""
 
     def __init__(self, expected: Iterable[str]) -> None:
-        self._entries = {
+        self.entries = {
             name: MemberEntry(name, expected=True, state=MemberState.LOST)
             for name in sorted(expected)
         }
         # The processes of the world file, kept apart because
         # `expected` changes while the world runs.
-        self._named = frozenset(self._entries)
+        self._named = frozenset(self.entries)
         self._departed: dict[str, None] = {}
         self._index: MemberIndex | None = None
         self.publishers: dict[str, tuple[str, ...]] = {}
@@ -194,22 +194,22 @@ class Members:
         """Number of messages from senders that never appeared."""
 
     def __iter__(self) -> Iterator[MemberEntry]:
-        return iter([self._entries[name] for name in sorted(self._entries)])
+        return iter([self.entries[name] for name in sorted(self.entries)])
 
     @property
     def count(self) -> int:
         """Number of members that have appeared or are expected, without those that have left."""
-        return len(self._entries) - len(self._departed)
+        return len(self.entries) - len(self._departed)
 
     def knows(self, name: str) -> bool:
         """Whether a member of this name is expected or has ever appeared."""
-        return name in self._entries
+        return name in self.entries
 
     def get(self, name: str) -> MemberEntry:
         """The member of a name; creates its entry if necessary."""
-        member = self._entries.get(name)
+        member = self.entries.get(name)
         if member is None:
-            member = self._entries[name] = MemberEntry(name)
+            member = self.entries[name] = MemberEntry(name)
             self._index = None
             self._note_departed(member)
         return member
@@ -240,7 +240,7 @@ class Members:
         if len(self._departed) > MAX_DEPARTED:
             first = next(iter(self._departed))
             del self._departed[first]
-            self._entries.pop(first, None)
+            self.entries.pop(first, None)
             self.saved.pop(first, None)
 
     def expect(self, name: str) -> None:
@@ -310,7 +310,7 @@ class Members:
 
     def takes_part(self, name: str) -> bool:
         """Whether a member of this name is expected or takes part in frames; from any thread."""
-        member = self._entries.get(name)
+        member = self.entries.get(name)
         return member is not None and (member.expected or member.active)
 
     def is_process(self, name: str) -> bool:
@@ -328,18 +328,18 @@ class Members:
     def declines_columns(self, name: str) -> bool:
         """Whether a member receives agents and events one by one instead of in columns."""
         # Not by `get`, which creates entries: addresses of groups, such as ~all, occur here, too.
-        member = self._entries.get(name)
+        member = self.entries.get(name)
         return member is not None and member.hello is not None and member.hello.plain
 
     def offers(self) -> dict[str, frozenset[str]]:
         """The kinds offered by each active host; by a drained host, those that no other offers."""
         hosts = {m.name: _kinds(m.hello) for m in self.active() if m.hello is not None}
-        kept = [kinds for name, kinds in hosts.items() if not self._entries[name].drained]
+        kept = [kinds for name, kinds in hosts.items() if not self.entries[name].drained]
         # A drained host keeps the kinds that no other host offers,
         # or their agents would not evolve.
         elsewhere = frozenset[str]().union(*kept)
         offers = {
-            name: kinds - elsewhere if self._entries[name].drained else kinds
+            name: kinds - elsewhere if self.entries[name].drained else kinds
             for name, kinds in hosts.items()
         }
         return {name: kinds for name, kinds in offers.items() if kinds}
@@ -390,7 +390,7 @@ class Members:
         if source.startswith(("~", AGENTS)):
             return False
         # Only processes of the world file are trusted to be sensors or clocks.
-        hello = self._entries[source].hello if source in self._named else None
+        hello = self.entries[source].hello if source in self._named else None
         return source not in self._named or (hello is not None and hello.people)
 
     def makers(self, event_type: str) -> list[str]:

@@ -8,6 +8,7 @@ requests.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from operator import is_
 from typing import Protocol
 
@@ -133,10 +134,9 @@ class RecordedSource:
     def commit(self) -> None:
         """Step 8: continue with the recorded string."""
         self._now.in_flight.result.changed = self._slots.become(self._cursor.advance())
-        events = self._now.in_flight.events.ordered
-        self._out.add(
-            s.FrameDone(self._now.frame, frame_record(self._now, self._composition), events)
-        )
+        frame, in_flight = self._now.frame, self._now.in_flight
+        record = partial(frame_record, frame, in_flight, self._composition)
+        self._out.add(s.FrameDone(frame, record, in_flight.events.ordered))
         self._now.frame += 1
         if not self.has_next():
             self._inbox.sent = {RECORD: self._cursor.closing_events()}

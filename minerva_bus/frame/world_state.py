@@ -240,11 +240,6 @@ class FrameResult:
         for event_type, patches in reply.view_patches.items():
             self.view_patches.setdefault(event_type, {}).update(patches)
 
-    def count_answers(self) -> None:
-        """Note the number of replies to the latest request."""
-        # Succession feeds the replies stage by stage, so their number in each stage must be logged.
-        self.answers.append(len(self.replies) - sum(self.answers))
-
 
 class FrameInFlight:
     """One frame, from `Begin` to its result.
@@ -281,21 +276,6 @@ class FrameInFlight:
         left = {name: sent for name, sent in events.allowed.items() if name not in sources}
         events.allowed = left
         events.split(collect(order, left), types)
-
-    def inputs(self, number: int, waiting: Mapping[str, Sequence[AnyEvent]]) -> FrameInputs:
-        """The inputs that determine the frame, for the log; `waiting` are for the next frame."""
-        return FrameInputs(
-            number,
-            self.events.due,
-            self.ticked,
-            self.events.taken,
-            self.requests.layout,
-            self.result.replies,
-            waiting,
-            self.events.people,
-            tuple(self.result.answers),
-            tuple(sorted(self.requests.left_out)),
-        )
 
 
 class Progress:

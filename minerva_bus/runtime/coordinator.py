@@ -451,9 +451,10 @@ class Coordinator(Sink):
         # Here and below without calls, because this runs twice for each message of a member.
         if any(self._waiting):
             self._answers.answer_due()
-        due = self.schedule.due
-        if due is None:
+        if self.schedule.due is None:
             self._wait()
+        due = self.schedule.due  # The message may have ended a frame.
+        if due is None:
             return
         until = self.schedule.rest_until() if self.schedule.rests else 0.0
         if self.system.monotonic() < until:
