@@ -21,6 +21,7 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.frame.stimuli import HALTED, Checkpoint
 from minerva_bus.frame.world_state import WorldSpec
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.toml_tables import Table, TomlError, of_nodes, option_text, read_toml
@@ -303,8 +304,14 @@ class Past:
                 continue
             # Only a view of the last frame has halted agents.
             still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
-            view = visualize(string, drawn, kinds, frame)
-            views.append(ViewShown(event_type, frame, past.frame, {}, view, halted=still))
+            # In parts, because devices know by them whose each figure is.
+            composition = Composition(string, columns=not self.file.world.policy.rules.makes_copies)
+            parts = {
+                name: visualize(Scene((fragment,)), drawn, kinds, frame)
+                for name, fragment in composition.fragments.items()
+            }
+            shown = composition.skeleton
+            views.append(ViewShown(event_type, frame, past.frame, parts, shown, halted=still))
         return views
 
 
