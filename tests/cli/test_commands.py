@@ -2,6 +2,7 @@
 
 import json
 import signal
+import socket
 import sys
 from inspect import signature
 
@@ -12,8 +13,10 @@ from typer.main import get_command
 
 from minerva_bus.cli.main import app, main
 from minerva_bus.entry_points import entries
+from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.launch.installed import SERVICES
 from minerva_bus.launch.specs import find_service
+from tests.runtime import running
 
 ALPHABET = """
 import math
@@ -319,6 +322,7 @@ REPLACED = [
     ("size = 2", "size = "), ("size = 2", "size = 2\nsize = 3"), ("[world]", "[world"), ("dt", "\0"),
     ("dt", "\x1b[31mdt"),
 ]  # fmt: skip
+COUNTED = 'service = "alphabet:Counted"'
 
 
 def test_a_scene_that_misuses_the_library_is_shown_with_its_line(minerva, home):
@@ -347,6 +351,58 @@ def test_a_wrong_world_has_one_message(minerva, home, old, new):
     code, out, _ = minerva("check", path, "--json")
     assert code == 1
     assert json.loads(out)["ok"] is False
+
+
+EACH_STEP = 'service = "each"\nevent = "eStep"'
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("frames = 3", "frams = 3", "world.frams is unknown; did you mean 'frames'?"),
+    ("frames = 3", 'frames = "many"', "world.frames must be a whole number"),
+    ("frames = 3", "frames = -1", "world.frames must be at least 0"),
+    ("frames = 3", f"frames = {10**40}", "world.frames must be at most 9223372036854775807"),
+    ("frames = 3", "frames = ", ":5:10: not TOML: Invalid value; expected "),
+    ("AWalker#w", "AWolker#w", "did you mean 'AWalker'?"), ("AWalker#w", "AWalker#w<y=1>", "AWalker#w has no y"),
+    ("AWalker#w", "AWalker#w<x=1s>", "x must be a number in m"),
+    ("AWalker#w", "TMove<dist=1>(AWalker#w", "the scope of TMove is not closed"),
+    ("alphabet:vocabulary", "alphabat:vocabulary", "world.vocabulary: 'alphabat:vocabulary': there is no mod"),
+    ("alphabet:vocabulary", "alphabet:vocabular", "world.vocabulary: alphabet has no vocabular"),
+    (COUNTED, 'service = "eech"', ".service: no service 'eech' is installed; did"),
+    ('"alphabet:Walker"', '"alphabet:Wolker"', "process.walkers.agents: alphabet has no Wolker; did"),
+    ("[world]", "[wrold]", ":2: wrold is unknown; did you mean 'world'?"),
+    (COUNTED, EACH_STEP.replace("event", "evnt"), "did you mean 'event'?"), (COUNTED, EACH_STEP.replace("eStep", "eStop"), "eStop"),
+    ('agents = "alphabet:Walker"', "", "needs exactly one of service, agents and command"),
+    ('agents = "alphabet:Walker"', 'command = ["no-such-program"]', "which is not an executable file"),
+    ("[process.walkers]", "[process.coordinator]", "the process name coordinator is reserved"),
+    ("[process.walkers]", "[process.people]", "the process name people is reserved: norms"),
+    ("[process.walkers]", '[bus]\nlisten = "here"\n[process.walkers]', "is not an endpoint"),
+])  # fmt: skip
+def test_what_is_wrong_with_a_world_is_said(minerva, home, old, new, message):
+    assert old in WORLD
+    path = written(home, WORLD.replace(old, new))
+    for words, code in (("check",), 1), (("run", "--in-process"), 2):
+        exit_code, out, err = minerva(*words, path)
+        assert (exit_code, out, message in err) == (code, "", True), err
+
+
+def test_a_command_is_searched_where_it_runs(minerva, home, monkeypatch):
+    """It works from another folder, too: it runs in the folder of the world file."""
+    written(home, "#!/bin/sh\nexit 0\n", "tool").chmod(0o755)
+    (home / "elsewhere").mkdir(exist_ok=True)
+    monkeypatch.chdir(home / "elsewhere")
+    for command, code in (("./tool", 0), ("tool", 1), ("./other", 1), ("sh", 0)):
+        text = WORLD.replace('agents = "alphabet:Walker"', f'command = ["{command}"]')
+        exit_code, _, err = minerva("check", written(home, text))
+        assert (exit_code, "not an executable" in err) == (code, bool(code)), command
+
+
+def test_a_port_in_use_is_one_line(home):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        done = running.minerva(home, "run", "world.toml", "--listen", endpoint)
+    assert done.returncode == 1
+    assert f"cannot listen at {endpoint}" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize("body", [
@@ -429,6 +485,44 @@ def test_a_wrong_option_of_run(minerva, home, words, message):
     assert message in err
 
 
+@pytest.mark.parametrize(("words", "message"), [
+    (("run", "nowhere.toml"), "there is no world file nowhere.toml"),
+    (("run", ".."), ".. is a folder; give the world file in it, ../NAME.toml"),
+    (("run", "./"), "./ is a folder; give the world file in it, ./NAME.toml"),
+    (("run", "robt"), "did you mean 'robot'?"),
+    (("run", "robot", "--objectiv", "x"), "did you mean '--objective'?"),
+    (("run", "robot", "--objective", "kichen"), "did you mean 'kitchen'?"),
+    (("run", "robot", "--robots", "many"), "--robots must be a whole number"),
+    (("run", "robot", "--planner", "dijkstra"), "astar"),
+    (("run", "robot", "--map", "nowhere.yaml"), "nowhere.yaml"),
+    (("run", "robot", "--set", "physics.beems=3"), "did you mean 'beams'?"),
+    (("list", "--world", "none"), "no world 'none' runs on this machine"),
+    (("pub", "eStep", "x"), "expected data as KEY=VALUE"),
+    (("attach", "alphabet:Walker"), "no world runs on this machine"),
+    (("attach", "terminal"), "no service 'terminal' is installed; there are the views foxglove,"),
+    (("attach", "meadow"), "no service 'meadow' is installed; meadow is a world: minerva run"),
+    (("run", "svg"), "no world 'svg'; svg takes part in a running world: minerva attach svg"),
+    (("run", "world.toml", "--view", "terminal"),
+     "no view 'terminal' is installed; there are foxglove, opengl, page, rerun, ros2_view, sound, sprites, svg, web"),
+    (("run", "world.toml", "--view", "sprite"), "no view 'sprite' is installed; did you mean 'sprites'?"),
+    (("attach", "alphabet:Walker", "--connect", "nonsense", "--world", "w"), "is not an endpoint"),
+    (("attach", "alphabet:Walker", "--connect", "tcp/127.0.0.1:9", "--world", "w"), "no answer"),
+])  # fmt: skip
+def test_a_wrong_command_line(minerva, words, message):
+    code, _, err = minerva(*words)
+    assert (code, message in err) == (2, True), err
+
+
+@pytest.mark.parametrize("words", [
+    ("run", "x" * 300), ("run", "world.toml", "--label", "x" * 300, "--in-process"), ("check", "x" * 300),
+    ("info", f"{'x' * 300}.mcap"), ("diff", "x" * 300, "y"), ("map", "x" * 300),
+])  # fmt: skip
+def test_a_name_that_is_too_long_for_a_file_is_no_failure(minerva, words):
+    code, _, err = minerva(*words)
+    assert code == (0 if "--label" in words else 2), err
+    assert len(err.splitlines()) <= 10
+
+
 @pytest.mark.parametrize("words", [
     ("rnu",), ("--foo",), ("run",), ("check",), ("check", "a", "b"), ("pub",), ("echo", "--count", "x"),
     ("list", "--foo"), ("attach",), ("stop", "a", "b"), ("version", "x"),
@@ -458,6 +552,7 @@ def test_version(minerva):
     assert "minerva-bus" in out
     answer = json.loads(minerva("version", "--json")[1])
     assert {"minerva-bus", "protocol", "python", "eclipse-zenoh"} <= answer.keys()
+    assert answer["protocol"] == PROTOCOL_VERSION
 
 
 @pytest.mark.parametrize("place", ["a file", "/proc/nowhere"])
