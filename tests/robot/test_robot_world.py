@@ -153,7 +153,7 @@ def test_without_a_kitchen_the_objective_is_the_farthest(hall):
         ({"parcels": 3}, "parcels: expected a string, not 3"),
         ({"robots": 0}, "robots: expected an integer >= 1, not 0"),
         ({"robots": 2.5}, "robots: expected an integer"),
-        ({"robots": 2000}, r"room for \d+ robots .* of 2000 requested"),
+        ({"robots": 2000, "radius": 0.4}, r"room for \d+ robots .* of 2000 requested"),
         ({"cell": 0}, "cell: expected a number above 0"),
         ({"cell": "wide"}, "cell: expected a number above 0, not 'wide'"),
         ({"radius": -1.0}, "radius: expected a number above 0"),

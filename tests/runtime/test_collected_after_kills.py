@@ -90,7 +90,7 @@ def test_tables_of_a_killed_coordinator_are_continued(tmp_path, monkeypatch, end
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
 def test_tables_of_a_run_that_is_killed_altogether_are_recovered(tmp_path, monkeypatch, ending):
-    whole = undisturbed(tmp_path / "whole", ending, 2000)
+    whole = undisturbed(tmp_path / "whole", ending, 300)  # more than the other one lives to see
     folder = tmp_path / "killed"
     path = world_with(folder, ending, 2000)
     parts = folder / f"out{ending}.parts"

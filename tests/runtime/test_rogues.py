@@ -56,11 +56,6 @@ def goes_on(world):
 
 GARBAGE = {
     "garbage": (b"\xc1garbage", "this is not msgpack"),
-    "text": (b'{"hello": 1}', "this is not msgpack"),
-    "a number": (b"\x07", "a message must be a list, not 7"),
-    "an unknown message": (msgpack.packb(["hallo"]), "no message 'hallo' is sent here"),
-    "a foreign event": (msgpack.packb(["emitted", [["eRain", []]]]), "no event type 'eRain'"),
-    "wrong data": (msgpack.packb(["emitted", [["eStep", ["x"]]]]), "count must be a whole number"),
     "a foreign fragment": (
         msgpack.packb(["evolved", 1, 0, {"a": [1, ["AFox", "a", [], 0]]}, {}, {}]),
         "the vocabulary has no AFox",

@@ -72,13 +72,6 @@ def test_a_rejected_event_has_no_receivers():
     assert heard[0] > heard[1]
 
 
-def test_it_uses_the_senders_state_at_delivery():
-    w = "ARunner#slow<speed=-9> · ARunner#fast<speed=9>"
-    frames, _, _ = live(w, (Norm("n", on=("eShout",), when="speed > 5"),), frames=3)
-    senders = {event.sender for events, _ in frames for event in events if event.type == "eShout"}
-    assert senders == {"slow"}
-
-
 def test_a_sanctioned_event_happens_and_its_sender_is_fined_in_the_next_frame():
     frames, _, _ = live("ARunner#a", (SHOUT,), frames=4)
     assert happened(frames, "eShout") == [0, 1, 1, 1]
@@ -132,22 +125,6 @@ def test_a_rejected_agent_stands_still_and_sends_nothing():
     assert figures == {"norm_limit": 5}
 
 
-def test_the_previous_state_counts_too():
-    norm = Norm("line", when="was.x < 10 and x >= 10")
-    frames, _, _ = live("ARunner#a<x=5, speed=4> · ARunner#b<x=11>", (norm,))
-    assert states(frames[-1][1])["a"]["x"] < 10 < states(frames[-1][1])["b"]["x"]
-
-
-def test_another_agents_state_counts_too():
-    """No agent moves if the light was red at the beginning of the frame."""
-    norm = Norm("red", ("ARunner",), when="#light.green == false")
-    frames, _, _ = live("ALight#light · ARunner#a<speed=2>", (norm,), frames=9)
-    xs = [0.0, *(states(scene)["a"]["x"] for _, scene in frames)]
-    lights = [True, *(states(scene)["light"]["green"] for _, scene in frames)]
-    assert lights[:6] == [True, True, True, False, False, True]
-    assert [xs[n] != xs[n + 1] for n in range(9)] == lights[:9]
-
-
 def test_a_deleted_agent_has_no_state_for_conditions():
     norm = Norm("red", ("ARunner",), when="#light.green == false")
     frames, _, _ = live("ARunner#a", (norm,), frames=2)
@@ -164,20 +141,6 @@ def test_a_newborn_that_may_not_be_is_not_born_and_its_parent_stands_still():
     assert {state["births"] for state in end} == {1}
     stood = sum(left["x"] == right["x"] for left, right in pairwise(end))
     assert 0 < stood == figures["norm_young"]
-
-
-def test_a_sanction_follows_also_where_it_is_refused():
-    norm = Norm("limit", when="speed > 20", sanction=eFine(7, "limit"))
-    frames, _, _ = live("ARunner#a<x=-300, speed=20>", (norm,), frames=12)
-    fined = [states(scene)["a"]["fined"] for _, scene in frames if "a" in states(scene)]
-    assert 0 in fined
-    assert 7 in fined
-
-
-def test_an_agent_that_does_not_change_is_not_judged():
-    assert live("APasser#p · ARunner#a", (Norm("n", ("APasser",), when="boos < 99"),))[2] == {
-        "norm_n": 4
-    }
 
 
 def test_an_agent_within_another_stands_still_with_it():

@@ -7,7 +7,6 @@ with a name and a reason, and counted.
 import socket
 import ssl
 import sys
-from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -35,7 +34,6 @@ from secured import (
 
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_client
 from minerva_certificates.key_folder import now
 from tests.patience import patience
@@ -280,51 +278,6 @@ def test_a_hello_beyond_the_certificate_is_rejected(
     world.says(f"{name} │", reason)
     assert refused(world, name) > before
     assert world.members()[name]["state"] == "left"
-
-
-class Liar(MemberProcess):
-    """A host that replies for all agents of the world."""
-
-    def __init__(self, *args, **options):
-        super().__init__(*args, **options)
-        self._truthfully, self.link.send = self.link.send, self._lie
-
-    def _lie(self, message):
-        if isinstance(message, m.EvolveReply) and message.changed:
-            (scene, *_) = message.changed.values()
-            message = replace(message, changed=dict.fromkeys("abcdefgh", scene))
-        self._truthfully(message)
-
-
-def test_a_reply_for_agents_of_another_host_is_rejected(world, door, keys):
-    with Joined(world, door, keys.credentials("host"), agents=(yard.Walker,), kind=Liar) as joined:
-        assert "it answered for #" in joined.ends()
-    world.says("host │ broke the protocol: it answered for #", "not its own")
-    assert refused(world, "host") > 0
-    goes_on(world)
-
-
-def test_messages_of_an_old_frame_are_ignored(world, door, keys):
-    with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
-        present(world, "sensor")
-        late = world.members()["sensor"]["late"]
-        for frame in (0, 1, 2):
-            joined.member.link.send(m.TickReply("sensor", frame))
-        eventually(lambda: world.members()["sensor"]["late"] >= late + 3, "they are counted")
-        goes_on(world)
-
-
-@pytest.mark.parametrize("kind", [m.MemberMetrics, m.Report])
-def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
-    before = refused(world, "sensor")
-    with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
-        present(world, "sensor")
-        joined.member.link.send(kind("sensor", {"mean": float("nan")}))
-        assert "figures: mean must be a finite number" in joined.ends()
-    problem = f"{kind.WIRE.name}: figures: mean must be a finite number or text"
-    world.says(f"sensor │ broke the protocol: {problem}")
-    assert refused(world, "sensor") > before
-    goes_on(world)
 
 
 def test_output_of_members_cannot_control_a_terminal(world, door, keys):
