@@ -33,6 +33,8 @@ def test_all_agents_within_an_agent_are_judged():
     assert live(w, (runners,), frames=1)[2] == {"norm_fast": 2}
     every = Norm("all", where="x > -99", then=Then.COUNT)
     assert live(w, (every,), frames=1)[2] == {"norm_all": 2}
+    calm = Norm("calm", ("APasser",), when="boos < 99", then=Then.COUNT)
+    assert live(w, (calm,), frames=1)[2] == {}, "the passer has not changed"
 
 
 def test_for_a_newborn_its_parent_is_sanctioned():
