@@ -61,11 +61,19 @@ class Ros:
         self.domain = domain
         self.publishers = {}
         self.subscribers = []
+        self.tokens = []
+        self.announce("NN")
 
-    def key(self, topic, message, type_hash=None):
+    def key(self, topic, message):
         package, kind, name = message.split("/")
-        type_hash = type_hash or store.hash_rihs01(message)
+        type_hash = store.hash_rihs01(message)
         return f"{self.domain}/{topic}/{package}::{kind}::dds_::{name}_/{type_hash}"
+
+    def announce(self, kind, key="", qos=""):
+        """Announce the node (NN), a publisher (MP) or a subscription (MS) in the ROS graph."""
+        about = f"@ros2_lv/{self.domain}/{self.session.zid()}/0/{len(self.tokens)}/{kind}/%/%/robot"
+        topic = f"/%{key.partition('/')[2]}/{qos}" if key else ""
+        self.tokens.append(self.session.liveliness().declare_token(about + topic))
 
     def advertise(self, topic, message, lasting=False):
         key = self.key(topic, message)
@@ -77,6 +85,7 @@ class Ros:
         else:
             publisher = self.session.declare_publisher(key)
         self.publishers[topic] = [message, publisher, 0]
+        self.announce("MP", key, ":1:,1:,:,:,," if lasting else "::,10:,:,:,,")
 
     def publish(self, topic, value):
         message, publisher, number = self.publishers[topic]
@@ -88,5 +97,6 @@ class Ros:
         def on_sample(sample):
             receive(store.deserialize_cdr(sample.payload.to_bytes(), message))
 
-        key = self.key(topic, message, "*")
+        key = self.key(topic, message)
         self.subscribers.append(self.session.declare_subscriber(key, on_sample))
+        self.announce("MS", key, "::,10:,:,:,,")
