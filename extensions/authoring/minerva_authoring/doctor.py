@@ -6,14 +6,19 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
+from types import MappingProxyType
 from typing import Final
 
 from minerva_bus.cli.output import print_json, print_result
-from minerva_bus.errors import MinervaError
+from minerva_bus.entry_points import entries
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.wording import install
+
+CHECKS: Final = "minerva.checks"
+"""Entry points: functions of a source, which yield what they find, whether it is good, a note."""
 
 LEAST: Final = (3, 11)
 
@@ -73,9 +78,14 @@ class Finding:
     needed: bool = False
 
 
-def examine(as_json: bool) -> int:
-    """Print the results; returns 1 if a required dependency is missing, otherwise 0."""
-    findings = list(_findings())
+def examine(as_json: bool, sources: Mapping[str, str] = MappingProxyType({})) -> int:
+    """Print the results; returns 1 if a required dependency is missing, otherwise 0.
+
+    `sources` are those of installed checks, by their names, which are made in place of those of the
+    environment. Raises MisuseError for an unknown name.
+    """
+    findings = [each for name in sources for each in _checked(name, sources[name])]
+    findings = findings or list(_findings())
     if as_json:
         print_json([asdict(finding) for finding in findings])
     else:
@@ -84,6 +94,15 @@ def examine(as_json: bool) -> int:
             mark = "✓" if finding.good else ("✗" if finding.needed else "–")
             print_result(f"{mark} {finding.what.ljust(width)}  {finding.note}")
     return 0 if all(finding.good for finding in findings if finding.needed) else 1
+
+
+def _checked(name: str, source: str) -> Iterator[Finding]:
+    checks = entries(CHECKS)
+    if name not in checks:
+        known = f"; installed checks are {', '.join(sorted(checks)) or 'none'}"
+        raise MisuseError(f"doctor has no option --{name}{known}")
+    check: Callable[[str], Iterable[tuple[str, bool, str]]] = checks[name].load()
+    return (Finding(*found, needed=True) for found in check(source))
 
 
 def _findings() -> Iterator[Finding]:

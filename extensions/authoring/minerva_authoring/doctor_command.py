@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import typer
 
-from minerva_bus.cli.options import Json, examples
+from minerva_bus.cli.options import Json, examples, options_of
 
 TOPIC: Final = "Set up"
 
@@ -14,15 +14,19 @@ TOPIC: Final = "Set up"
 @examples(
     "minerva doctor",
     "minerva doctor --json",
+    "minerva doctor --ros2 tcp/192.168.1.20:7447",
+    "minerva doctor --ros2 ros2",
 )
-def doctor(json: Json = False) -> None:
+def doctor(context: typer.Context, json: Json = False) -> None:
     """Check the environment and report missing dependencies.
 
-    The exit code is 1 if there are any.
+    Installed checks examine other things in place of it: `--ros2 ENDPOINT` lists the nodes and
+    topics of a ROS 2 robot, and `--ros2 WORLD` says what of the robot does not fit the world. The
+    exit code is 1 if anything is missing or does not fit.
     """
     from minerva_authoring.doctor import examine
 
-    raise typer.Exit(examine(json))
+    raise typer.Exit(examine(json, options_of(context.args)))
 
 
 @examples(

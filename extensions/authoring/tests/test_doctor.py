@@ -4,8 +4,10 @@ import json
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from minerva_authoring import doctor
-from minerva_bus.errors import BusError
+from minerva_bus.errors import BusError, MisuseError
 
 
 def findings(capsys):
@@ -49,3 +51,19 @@ def test_without_a_bus_there_are_no_worlds(capsys, monkeypatch):
     monkeypatch.setattr(doctor, "_exchange", broken)
     assert doctor.examine(False) == 1
     assert "✗ the bus" in capsys.readouterr().out
+
+
+class Check:
+    """An entry point."""
+
+    def load(self):
+        return lambda source: [(source, source == "good", "as it is called")]
+
+
+@pytest.mark.parametrize(("source", "code"), [("good", 0), ("bad", 1)])
+def test_an_installed_check_examines_something_else(capsys, monkeypatch, source, code):
+    monkeypatch.setattr(doctor, "entries", lambda group: {"robot": Check()})
+    assert doctor.examine(True, {"robot": source}) == code
+    assert [check["what"] for check in json.loads(capsys.readouterr().out)] == [source]
+    with pytest.raises(MisuseError, match="no option --robt; installed checks are robot"):
+        doctor.examine(True, {"robt": source})

@@ -16,6 +16,7 @@ from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits, c
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
 from minerva_services.bridges.ros2.network import Ros2Network
+from minerva_services.bridges.ros2.uses import TopicUse
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.event_factory import EventFactory
 from minerva_services.options import grouped, takes_options
@@ -92,6 +93,15 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         _check_topics(self._options)
         self._robot = robot
         self._begin()
+
+    @property
+    def network(self) -> Ros2Network:
+        """The robot's network."""
+        return self._options.network
+
+    def uses(self) -> tuple[TopicUse, ...]:
+        """The robot's topics that it uses."""
+        return self._options.uses()
 
     def _begin(self) -> None:
         self._base = MobileBase(self._options)
@@ -181,7 +191,6 @@ def _check_topics(options: BaseOptions) -> None:
     topics = options.topics
     if topics.clock and not topics.odometry:
         raise MisuseError("ros2_robot: a robot driven by a clock must publish odometry")
-    for topic in (topics.scan, topics.odometry, topics.detections, topics.clock):
-        if topic:
-            options.network.name(topic)
     options.network.name(topics.cmd_vel)
+    for use in options.uses():
+        options.network.name(use.topic)

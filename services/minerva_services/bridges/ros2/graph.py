@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+LAYOUTS: Final = ("rmw_zenoh", "dds")
 NODE, PUBLISHER, SUBSCRIPTION = "NN", "MP", "MS"
 
 NO_HASH: Final = "TypeHashNotSupported"

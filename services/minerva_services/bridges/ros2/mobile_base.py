@@ -42,6 +42,7 @@ from minerva_services.bridges.ros2.network import (
     Ros2Session,
     TopicPublisher,
 )
+from minerva_services.bridges.ros2.uses import TopicUse, transforms_use
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
 from minerva_services.bridging.bridge import log
@@ -103,6 +104,22 @@ class BaseOptions:
     tolerances: DriveTolerances
     rate: float
 
+    def uses(self) -> tuple[TopicUse, ...]:
+        """The topics that are configured."""
+        topics = self.topics
+        uses = (
+            TopicUse("scan", topics.scan, LASER_SCAN),
+            TopicUse("odometry", topics.odometry, ODOMETRY),
+            TopicUse("detections", topics.detections, DETECTIONS),
+            TopicUse(
+                "cmd_vel", topics.cmd_vel, types.TWIST_STAMPED if self.stamped else types.TWIST,
+                sends=True, instead="stop other programs that take its velocities",
+            ),
+            TopicUse("clock", topics.clock, types.CLOCK, sends=True),
+        )  # fmt: skip
+        mounts = transforms_use(self.network, needed=self.mount is None and bool(topics.scan))
+        return (mounts, *(use for use in uses if use.topic))
+
 
 class MobileBase:
     """Drives a robot by its odometry, and buffers its readings.
@@ -132,7 +149,9 @@ class MobileBase:
         """Start connecting to the robot, in a thread of the link."""
         period = 1.0 / self._options.rate
         network = self._options.network
-        self._link = NetworkLink(network, "minerva_motors", self._declare, self._beat, period)
+        self._link = NetworkLink(
+            network, "minerva_motors", self._declare, self._beat, period, self._options.uses()
+        )
         self._link.start()
 
     def close(self) -> None:

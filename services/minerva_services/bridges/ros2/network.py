@@ -14,7 +14,7 @@ import json
 import struct
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -25,11 +25,18 @@ import zenoh
 import zenoh.ext
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_services.bridges.ros2.graph import NO_HASH, TOKENS, Graph, dds_type, mangled
+from minerva_services.bridges.ros2.graph import (
+    LAYOUTS,
+    NO_HASH,
+    TOKENS,
+    Graph,
+    dds_type,
+    mangled,
+)
 from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.uses import TopicUse, mismatches
 from minerva_services.bridging.bridge import SourceError, log
 
-LAYOUTS: Final = ("rmw_zenoh", "dds")
 ENDPOINTS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURED: Final = ("tls", "quic")
 GID_BYTES: Final = 16
@@ -293,29 +300,49 @@ class TopicPublisher:
             self._publishers.clear()
 
 
+def _opened(network: Ros2Network) -> zenoh.Session:
+    config = zenoh.Config()
+    settings = _CONFIG | {"connect/endpoints": [network.router]}
+    if tls := network.tls_settings():
+        settings |= {"transport/link/tls": tls}
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError:
+        raise SourceError(f"no ROS 2 network answers at {network.router}") from None
+
+
+def look_at(network: Ros2Network, seconds: float) -> Graph:
+    """Everything that is announced on a network, without taking part in it.
+
+    `seconds` is the longest wait for an answer. Raises SourceError if the network does not answer.
+    """
+    graph = Graph()
+    with _opened(network) as session:
+        for pattern in TOKENS:
+            for reply in session.liveliness().get(pattern, timeout=seconds):
+                if reply.ok is not None:
+                    graph.update(str(reply.ok.key_expr), is_there=True)
+    return graph
+
+
 class Ros2Session:
     """A ROS 2 node on a network; call `close` to leave.
 
     Its name is `node` with a part of the session's id, because other nodes of a domain may be of
-    the same kind. Raises SourceError if the network does not answer.
+    the same kind. `uses` are the topics about which it advises. Raises SourceError if the network
+    does not answer.
     """
 
-    def __init__(self, network: Ros2Network, node: str) -> None:
-        config = zenoh.Config()
-        settings = _CONFIG | {"connect/endpoints": [network.router]}
-        if tls := network.tls_settings():
-            settings |= {"transport/link/tls": tls}
-        for key, value in settings.items():
-            config.insert_json5(key, json.dumps(value))
-        try:
-            self._session = zenoh.open(config)
-        except zenoh.ZError:
-            raise SourceError(f"no ROS 2 network answers at {network.router}") from None
+    def __init__(self, network: Ros2Network, node: str, uses: Sequence[TopicUse] = ()) -> None:
+        self._session = _opened(network)
         self.network = network
         self._id = str(self._session.zid())
         self.node = f"{node}_{self._id[:8]}"
         self._declared: list[Any] = []
         self._publishers: list[TopicPublisher] = []
+        self._uses, self._opened = uses, time.monotonic()
         self.graph = Graph(self._id)
         for pattern in TOKENS:
             watch = partial(self._session.liveliness().declare_subscriber, history=True)
@@ -327,6 +354,18 @@ class Ros2Session:
         for publisher in list(self._publishers):
             with suppress(SourceError):  # The session has been lost meanwhile.
                 publisher.serve()
+
+    def advise(self, heard: Collection[str] = ()) -> None:
+        """Log once, when its nodes had time to start, how the robot differs from what is expected.
+
+        `heard` are the types of messages that have arrived.
+        """
+        if not self._uses or time.monotonic() - self._opened < _ADVICE_SECONDS:
+            return
+        silent = [use for use in self._uses if use.message not in heard]
+        self._uses = ()
+        for _, problem in mismatches(self.graph, self.network, silent):
+            log(f"the ROS 2 network at {self.network.router}: {problem}")
 
     @property
     def connected(self) -> bool:
@@ -432,6 +471,7 @@ def _declared(what: str, declare: Callable[..., Any], *arguments: Any) -> Any:
         raise SourceError(f"{what} cannot be declared: {str(error).split(' at ', 1)[0]}") from None
 
 
+_ADVICE_SECONDS: Final = 3.0
 _RETRY_SECONDS: Final = 0.5
 _CHECK_SECONDS: Final = 0.25
 
@@ -439,7 +479,7 @@ _CHECK_SECONDS: Final = 0.25
 class NetworkLink:
     """Keeps a session open; calls `declare` for each new one and `beat` periodically.
 
-    Logs one line when the network is lost and one when it is back.
+    Logs one line when the network is lost and one when it is back, and what does not fit `uses`.
     """
 
     def __init__(
@@ -449,8 +489,9 @@ class NetworkLink:
         declare: Callable[[Ros2Session], None],
         beat: Callable[[], None],
         seconds: float,
+        uses: Sequence[TopicUse] = (),
     ) -> None:
-        self._network, self._node = network, node
+        self._network, self._node, self._uses = network, node, uses
         self._declare, self._beat, self._seconds = declare, beat, seconds
         self._stop = threading.Event()
         self._wake = threading.Event()
@@ -475,7 +516,7 @@ class NetworkLink:
     def _run(self) -> None:
         while not self._stop.is_set():
             try:
-                with closing(Ros2Session(self._network, self._node)) as session:
+                with closing(Ros2Session(self._network, self._node, self._uses)) as session:
                     self._declare(session)
                     self._set_state(
                         "open", f"connected to the ROS 2 network at {self._network.router}"
@@ -500,6 +541,7 @@ class NetworkLink:
             if time.monotonic() - looked < _CHECK_SECONDS:
                 continue
             looked = time.monotonic()
+            session.advise()
             if not session.connected:
                 where = f"the ROS 2 network at {self._network.router}"
                 self._set_state("lost", f"{where} is lost; retrying")

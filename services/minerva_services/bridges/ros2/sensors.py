@@ -26,6 +26,7 @@ from minerva_services.bridges.ros2.messages import (
     messages,
 )
 from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
+from minerva_services.bridges.ros2.uses import TopicUse, transforms_use
 from minerva_services.bridges.ros_messages import (
     Frames,
     GarbageError,
@@ -94,59 +95,65 @@ class Ros2(Bridge):
         **network: Any,
     ) -> None:
         super().__init__()
-        self._network = Ros2Network(router, **network)
+        self.network = Ros2Network(router, **network)
         self.source = f"the ROS 2 network at {router}"
         self._robot = robot
         self._base = base
         self._mount = mount_of(mount)
         self._time_offset = checked_offset(time_offset)
         self._frames = Frames()
-        self._wanted = self._makers(scan, odometry, image, compressed, battery, detections)
-        # Invalid names must fail here, not in the thread that connects.
-        for name, _, _ in self._wanted.values():
-            self._network.name(name)
-        self._map, self._map_event = map, map_event
+        topics = {
+            "scan": scan, "odometry": odometry, "image": image, "compressed": compressed,
+            "battery": battery, "detections": detections, "map": map,
+        }  # fmt: skip
+        self._read = self._conversions()
+        self._uses = [
+            TopicUse(option, topics[option], message)
+            for message, (option, _, _) in self._read.items()
+            if topics[option]
+        ]
+        self.publishes = tuple(sorted({self._read[use.message][1] for use in self._uses}))
+        self._map_event = map_event if map else ""
         if map:
-            self._network.name(map)
-        topics = sorted({topic for _, topic, _ in self._wanted.values()})
-        self.publishes = tuple(topics)
+            self._uses.append(TopicUse("map", map, GRID, lasting=True))
+        # Invalid names must fail here, not in the thread that connects.
+        for use in self._uses:
+            self.network.name(use.topic)
 
-    def _makers(
-        self, scan: str, odometry: str, image: str, compressed: str, battery: str, detections: str
-    ) -> dict[str, tuple[str, str, Make]]:
-        """By message type: the ROS topic, our topic, and the conversion to a reading."""
+    def uses(self) -> tuple[TopicUse, ...]:
+        """The topics that it subscribes to."""
+        return (transforms_use(self.network, needed=self._mount is None), *self._uses)
+
+    def _conversions(self) -> dict[str, tuple[str, str, Make]]:
+        """By message type: the option with the ROS topic, our topic, and the reading of one."""
         robot = self._robot
-        table: dict[str, tuple[str, str, Make]] = {
-            LASER_SCAN: (scan, "scan", self._scan),
-            ODOMETRY: (odometry, "odometry", partial(readings.odometry_of, robot=robot)),
-            IMAGE: (image, "image", partial(self._image, images.image_of)),
-            COMPRESSED: (compressed, "image", partial(self._image, images.file_of)),
-            BATTERY: (battery, "battery", partial(readings.battery_of, robot=robot)),
-            DETECTIONS: (detections, "sightings", self._sightings),
+        return {
+            LASER_SCAN: ("scan", "scan", self._scan),
+            ODOMETRY: ("odometry", "odometry", partial(readings.odometry_of, robot=robot)),
+            IMAGE: ("image", "image", partial(self._image, images.image_of)),
+            COMPRESSED: ("compressed", "image", partial(self._image, images.file_of)),
+            BATTERY: ("battery", "battery", partial(readings.battery_of, robot=robot)),
+            DETECTIONS: ("detections", "sightings", self._sightings),
         }
-        return {message: row for message, row in table.items() if row[0]}
 
     def check(self, world: WorldInfo) -> None:
         """Raises MisuseError if rosbags is missing, or the world has no event for maps."""
         messages()
-        if self._map:
+        if self._map_event:
             data = {"cells": Cells, "cell": Metres, "x": Metres, "y": Metres, "angle": Degrees}
             self._makes_map = EventFactory("ros2", world, self._map_event, **data)
 
     def generates(self) -> tuple[str, ...]:
         """The event type of maps."""
-        return (self._map_event,) if self._map else ()
+        return (self._map_event,) if self._map_event else ()
 
     def open(self) -> Source:
         """Raises SourceError if the network does not answer."""
-        session = Ros2Session(self._network, "minerva_sensors")
+        session = Ros2Session(self.network, "minerva_sensors", self.uses())
         source = _Listening(session, self)
-        tf = source.receiver(TRANSFORMS)
-        session.subscribe(self._network.static_tf, TRANSFORMS, tf, lasting=True)
-        for message, (topic, _, _) in self._wanted.items():
-            session.subscribe(topic, message, source.receiver(message))
-        if self._map:
-            session.subscribe(self._map, GRID, source.receiver(GRID), lasting=True)
+        for use in self.uses():
+            receive = source.receiver(use.message)
+            session.subscribe(use.topic, use.message, receive, lasting=use.lasting)
         return source
 
     def compensator(self) -> Compensator:
@@ -162,7 +169,7 @@ class Ros2(Bridge):
                 return None
             if message == GRID:
                 return self._map_event_of(value)
-            _, topic, make = self._wanted[message]
+            _, topic, make = self._read[message]
             return topic, make(value)
         except UnplacedError:
             self.count("without a transform")
@@ -204,6 +211,7 @@ class _Listening:
         self._bridge = bridge
         self._waiting = deque[tuple[str, bytes]]()
         self._news = threading.Condition()
+        self._heard = set[str]()
 
     def receiver(self, message: str) -> Callable[[bytes], None]:
         """A callback for the payloads of a topic."""
@@ -228,6 +236,8 @@ class _Listening:
                 # Decoding happens outside the lock, which Zenoh's threads need for new messages.
                 waiting = list(self._waiting)
                 self._waiting.clear()
+            self._heard.update(message for message, _ in waiting)
+            self._session.advise(self._heard)
             # A lost link is an error only once all messages received before it have been read.
             if not waiting and not self._session.connected:
                 raise SourceError(f"{self._bridge.source} is lost")

@@ -26,6 +26,7 @@ from minerva_services.bridges.ros2.network import (
     Ros2Session,
     TopicPublisher,
 )
+from minerva_services.bridges.ros2.uses import TopicUse
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import place_of
 from minerva_services.bridging.bridge import log
@@ -130,11 +131,11 @@ class Ros2View(Device, draws=("ePicture",)):
         every: int = 10,
         **network: Any,
     ) -> None:
-        self._network = Ros2Network(router, **network)
+        self.network = Ros2Network(router, **network)
         self._out = {types.GRID: map, types.PATH: plan, types.POSE_STAMPED: objective}
         for topic in (*self._out.values(), goal):
             if topic:
-                self._network.name(topic)
+                self.network.name(topic)
         # Each objective that is published would come back as an order.
         if goal and goal == objective:
             raise MisuseError("ros2_view: goal and objective must be different topics")
@@ -147,12 +148,23 @@ class Ros2View(Device, draws=("ePicture",)):
         self._counts = {"goals": 0, "garbage": 0}
         self._lock = threading.Lock()
 
+    def uses(self) -> tuple[TopicUse, ...]:
+        """The topics for RViz, which need not be there."""
+        options = {types.GRID: "map", types.PATH: "plan", types.POSE_STAMPED: "objective"}
+        shown = [
+            TopicUse(options[message], topic, message, sends=True, needed=False)
+            for message, topic in self._out.items()
+            if topic
+        ]
+        goal = TopicUse("goal", self._goal, types.POSE_STAMPED, needed=False)
+        return (*shown, goal) if self._goal else tuple(shown)
+
     def joined(self, world: WorldInfo) -> None:
         """Raises MisuseError if rosbags is missing."""
         messages()
         self._world = world
         self._link = NetworkLink(
-            self._network, "minerva_view", self._declare, lambda: None, _BEAT_SECONDS
+            self.network, "minerva_view", self._declare, lambda: None, _BEAT_SECONDS, self.uses()
         )
         self._link.start()
 

@@ -1,0 +1,123 @@
+"""`minerva doctor --ros2 SOURCE`: what is on a robot's network, and whether a world fits it."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from minerva_bus.errors import MinervaError
+from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.world_files import read_world_file
+from minerva_services.bridges.ros2.body import Ros2Robot
+from minerva_services.bridges.ros2.graph import (
+    LAYOUTS,
+    NO_HASH,
+    NODE,
+    PUBLISHER,
+    SUBSCRIPTION,
+    Announced,
+)
+from minerva_services.bridges.ros2.network import ENDPOINTS, Ros2Network, look_at
+from minerva_services.bridges.ros2.sensors import Ros2
+from minerva_services.bridges.ros2.uses import is_of, mismatches, nobody
+from minerva_services.bridges.ros2.view import Ros2View
+
+Found: TypeAlias = tuple[str, bool, str]
+"""What was examined, whether it is good, and a note."""
+
+_LOOK_SECONDS: Final = 0.5
+Service: TypeAlias = Ros2 | Ros2Robot | Ros2View
+
+
+def examine(source: str) -> Iterator[Found]:
+    """List a network by its endpoint, or compare the services of a world with their networks.
+
+    Raises MinervaError for a source that is neither, or a world file that is wrong.
+    """
+    if source.partition("/")[0] in ENDPOINTS:
+        yield from _listed(Ros2Network(source))
+    else:
+        yield from _compared(find_world(source))
+
+
+def _listed(network: Ros2Network) -> Iterator[Found]:
+    try:
+        everything = list(look_at(network, _LOOK_SECONDS))
+    except MinervaError as error:
+        yield network.router, False, f"{error}; start its Zenoh router, and check the address"
+        return
+    if not everything:
+        yield network.router, False, nobody(network)
+    for layout in LAYOUTS:
+        for domain in sorted({each.domain for each in everything if each.layout == layout}):
+            there = [each for each in everything if (each.layout, each.domain) == (layout, domain)]
+            where = f"layout {layout}" + (f", domain {domain}" if layout == "rmw_zenoh" else "")
+            yield where, True, distribution(there)
+            nodes = sorted({each.node for each in there if each.kind == NODE})
+            if nodes:
+                yield "nodes", True, ", ".join(nodes)
+            yield from _topics(there)
+
+
+def distribution(announced: list[Announced]) -> str:
+    """Which distributions of ROS 2 announce themselves so."""
+    if announced[0].layout == "dds":
+        return "a zenoh-bridge-ros2dds, which does not tell the distribution"
+    topics = [each for each in announced if each.kind != NODE]
+    humble = {each.session for each in topics if each.type_hash == NO_HASH}
+    lyrical = {each.session for each in topics if each.buffered} - humble
+    others = {each.session for each in topics} - humble - lyrical
+    known = {"Humble": humble, "Lyrical or later": lyrical, "Jazzy or later": others}
+    return " and ".join(name for name, sessions in known.items() if sessions) or "only nodes"
+
+
+def _topics(announced: list[Announced]) -> Iterator[Found]:
+    ends = defaultdict[tuple[str, str], list[Announced]](list)
+    for each in announced:
+        if each.topic:
+            ends[each.topic, each.message].append(each)
+    for (topic, message), there in sorted(ends.items()):
+        counts = [
+            f"{what}{_named(there, kind)}"
+            for what, kind in (("published by ", PUBLISHER), ("subscribed to by ", SUBSCRIPTION))
+            if any(each.kind == kind for each in there)
+        ]
+        yield topic, True, f"{message}, {', '.join(counts)}"
+
+
+def _named(there: list[Announced], kind: str) -> str:
+    names = sorted({each.node for each in there if each.kind == kind})
+    return ", ".join(names) if any(names) else "the robot"
+
+
+def _compared(path: Path) -> Iterator[Found]:
+    services = {
+        process.name: process.make_service()
+        for process in read_world_file(path).processes
+        if process.make_service is not None
+    }
+    found = False
+    for name, service in services.items():
+        if isinstance(service, Service):
+            found = True
+            yield from _fit(name, service)
+        service.close()
+    if not found:
+        yield str(path), False, "no process with the service ros2, ros2_robot or ros2_view"
+
+
+def _fit(name: str, service: Service) -> Iterator[Found]:
+    network = service.network
+    try:
+        everything = list(look_at(network, _LOOK_SECONDS))
+    except MinervaError as error:
+        yield name, False, f"{error}; start its Zenoh router, or set router"
+        return
+    problems = list(mismatches(everything, network, service.uses()))
+    for option, problem in problems:
+        yield f"{name}: {option}", False, problem
+    if not problems:
+        here = [each for each in everything if is_of(each, network)]
+        yield name, True, f"all its topics are at {network.router}; {distribution(here)}"

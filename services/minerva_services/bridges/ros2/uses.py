@@ -1,0 +1,169 @@
+"""What a service expects of a robot's topics, and how the robot differs from it, with remedies."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from minerva_services.bridges.ros2.graph import LAYOUTS, PUBLISHER, SUBSCRIPTION, Announced
+from minerva_services.bridges.ros2.messages import TRANSFORMS, TWIST, TWIST_STAMPED
+
+if TYPE_CHECKING:
+    from minerva_services.bridges.ros2.network import Ros2Network
+
+_MAX_NAMED: Final = 5
+_STARTS: Final = {
+    "rmw_zenoh": "start its nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp, and connect them to it",
+    "dds": "start a zenoh-bridge-ros2dds beside it that listens there",
+}
+_OWN_NODES: Final = "minerva_"
+
+
+@dataclass(frozen=True, slots=True)
+class TopicUse:
+    """A topic of a service; `option` is its name in a world file.
+
+    `sends`: the service publishes on it; `lasting`: it expects messages from before it came;
+    `needed`: somebody must be at the other end. `suffix` follows the option's value in the topic's
+    name, and `instead` is what to do without such a topic, by default to empty the option.
+    """
+
+    option: str
+    topic: str
+    message: str
+    sends: bool = False
+    lasting: bool = False
+    needed: bool = True
+    suffix: str = ""
+    instead: str = ""
+
+    def set_to(self, topic: str) -> str:
+        """What to write into a world file for a topic."""
+        return f'set {self.option} = "{topic.removesuffix(self.suffix)}"'
+
+
+def transforms_use(network: Ros2Network, *, needed: bool) -> TopicUse:
+    """The transforms that never change, which place sensors whose mount is not given."""
+    given = 'set mount = "x, y, degrees"'
+    return TopicUse(
+        "tf", network.static_tf, TRANSFORMS,
+        lasting=True, needed=needed, suffix="_static", instead=given,
+    )  # fmt: skip
+
+
+def mismatches(
+    graph: Iterable[Announced], network: Ros2Network, uses: Sequence[TopicUse]
+) -> Iterator[tuple[str, str]]:
+    """By option, what does not fit between a service and a network, and what to do."""
+    if not uses:
+        return
+    everything = list(graph)
+    here = [each for each in everything if is_of(each, network)]
+    if not any(_is_of_robot(each) for each in here):
+        yield _elsewhere(everything, network)
+        return
+    namespace = _namespace(here, network, uses)
+    for use in uses:
+        problem = _problem(here, network, use, namespace)
+        if problem:
+            yield use.option, problem
+
+
+def is_of(each: Announced, network: Ros2Network) -> bool:
+    """Whether something is announced in the layout and domain of a network."""
+    # A bridge for DDS does not announce its domain.
+    anywhere = network.layout == "dds"
+    return each.layout == network.layout and (anywhere or each.domain == network.domain)
+
+
+def _is_of_robot(each: Announced) -> bool:
+    return not each.node.rpartition("/")[2].startswith(_OWN_NODES)
+
+
+def _elsewhere(everything: list[Announced], network: Ros2Network) -> tuple[str, str]:
+    there = [each for each in everything if _is_of_robot(each)]
+    for layout in LAYOUTS:
+        domains = sorted({each.domain for each in there if each.layout == layout})
+        if domains and layout != network.layout:
+            return "layout", f'its layout is not {network.layout}; set layout = "{layout}"'
+        if domains:
+            one = f"set domain = {domains[0]}"
+            return (
+                "domain",
+                f"its nodes are in domain {_listed(domains)}, not {network.domain}; {one}",
+            )
+    return "router", nobody(network)
+
+
+def nobody(network: Ros2Network) -> str:
+    """What to do about a network without nodes."""
+    return f"no ROS 2 node announces itself there; {_STARTS[network.layout]}"
+
+
+def _namespace(here: list[Announced], network: Ros2Network, uses: Sequence[TopicUse]) -> str:
+    """The namespace in which several topics are that are expected outside of it; "" if none is."""
+    if network.namespace.strip("/"):
+        return ""
+    found = Counter[str]()
+    for use in uses:
+        wanted, topics = f"/{network.name(use.topic)}", _of_type(_ends(here, use), use)
+        if wanted not in topics:
+            found.update(each.removesuffix(wanted) for each in topics if each.endswith(wanted))
+    ((namespace, count),) = found.most_common(1) or [("", 0)]
+    return namespace if count > 1 else ""
+
+
+def _ends(here: list[Announced], use: TopicUse) -> list[Announced]:
+    other = SUBSCRIPTION if use.sends else PUBLISHER
+    return [each for each in here if each.kind == other]
+
+
+def _of_type(ends: list[Announced], use: TopicUse) -> list[str]:
+    return sorted({each.topic for each in ends if each.message == use.message})
+
+
+def _problem(here: list[Announced], network: Ros2Network, use: TopicUse, namespace: str) -> str:
+    wanted, ends = f"/{network.name(use.topic)}", _ends(here, use)
+    there = [each for each in ends if each.topic == wanted]
+    fitting = [each for each in there if each.message == use.message]
+    if fitting:
+        late = use.lasting and not use.sends and not any(each.lasting for each in fitting)
+        return _late(wanted) if late else ""
+    if there:
+        return _other_type(wanted, there, ends, use)
+    if not use.needed:
+        return ""
+    text = f"nobody {'subscribes to' if use.sends else 'publishes'} {wanted} of {use.message}"
+    within = f"{namespace}{wanted}"
+    if namespace and within in _of_type(ends, use):
+        return f'{text}; the robot has {within}: set namespace = "{namespace}"'
+    return f"{text}; {_remedy(ends, use)}"
+
+
+def _late(wanted: str) -> str:
+    return (
+        f"{wanted} is volatile, so messages from before are missing;"
+        " set the durability of its publisher to transient local"
+    )
+
+
+def _other_type(wanted: str, there: list[Announced], ends: list[Announced], use: TopicUse) -> str:
+    types = {each.message for each in there}
+    text = f"{wanted} is of {_listed(sorted(types))}, not of {use.message}"
+    if use.sends and types & {TWIST, TWIST_STAMPED}:
+        return f"{text}; set stamped = {'true' if TWIST_STAMPED in types else 'false'}"
+    return f"{text}; {_remedy(ends, use)}"
+
+
+def _remedy(ends: list[Announced], use: TopicUse) -> str:
+    known = [topic for topic in _of_type(ends, use) if topic.endswith(use.suffix)]
+    if known:
+        return f"the robot has {_listed(known)}: {use.set_to(known[0])}"
+    return f"the robot has none of this type; start its node, or {use.instead or use.set_to('')}"
+
+
+def _listed(names: Sequence[object]) -> str:
+    more = f" and {len(names) - _MAX_NAMED} more" if len(names) > _MAX_NAMED else ""
+    return ", ".join(map(str, names[:_MAX_NAMED])) + more

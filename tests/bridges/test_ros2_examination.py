@@ -1,0 +1,143 @@
+"""What is on a robot's network, and how it differs from what a service expects."""
+
+import pytest
+
+pytest.importorskip("rosbags")
+
+from minerva_bus.errors import MinervaError
+from minerva_services.bridges.ros2 import Ros2, Ros2Robot, Ros2View
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.examination import examine
+from minerva_services.bridges.ros2.graph import Graph
+from minerva_services.bridges.ros2.uses import mismatches
+from minerva_services.bridging.testing import RunningBridge
+from tests.bridges.ros2_peers import DEFAULT_QOS, LASTING_QOS, LyricalPublisher, Node, dds
+from tests.bridges.ros2_rig import network
+from tests.patience import eventually
+
+ROUTER = "tcp/h:7447"
+TF = ("MP", "/tf_static", types.TRANSFORMS, LASTING_QOS)
+SCAN = ("MP", "/scan", types.LASER_SCAN)
+ODOM = ("MP", "/odom", types.ODOMETRY)
+
+
+def rmw(kind, topic, message, qos=DEFAULT_QOS, domain=0, node="robot"):
+    about = f"{topic.replace('/', '%')}/{dds(message)}/RIHS01_0/{qos}"
+    return f"@ros2_lv/{domain}/abc/0/1/{kind}/%/%/{node}/{about}"
+
+
+def bridged(kind, topic, message, qos=":1:0:1,10"):
+    """[zenoh-plugin-ros2dds, liveliness_mgt.rs 26-57, 203-246]"""
+    escaped = [part.replace("/", "§") for part in (topic.strip("/"), message)]
+    return f"@/abc/@ros2_lv/{kind}/{'/'.join(escaped)}/{qos}"
+
+
+def problems(service, *tokens):
+    graph = Graph()
+    for token in tokens:
+        graph.update(token, is_there=True)
+    return dict(mismatches(graph, service.network, service.uses()))
+
+
+def test_a_robot_that_has_everything():
+    robot = Ros2(ROUTER, battery="")
+    assert problems(robot, *(rmw(*end) for end in (TF, SCAN, ODOM))) == {}
+    dds_robot = Ros2(ROUTER, layout="dds", namespace="bot1", battery="", odometry="")
+    tf = bridged("MP", "/bot1/tf_static", types.TRANSFORMS, ":1:1:1,10")
+    assert problems(dds_robot, tf, bridged("MP", "/bot1/scan", types.LASER_SCAN)) == {}
+
+
+CASES = {
+    "another name": ({}, [rmw("MP", "/front/scan", types.LASER_SCAN)], "scan", 'set scan = "/front/scan"'),
+    "a namespace": ({}, [rmw("MP", "/bot1/scan", types.LASER_SCAN), rmw("MP", "/bot1/odom", types.ODOMETRY)], "scan", 'set namespace = "/bot1"'),
+    "another type": ({}, [rmw("MP", "/scan", types.IMAGE)], "scan", f"/scan is of {types.IMAGE}, not of"),
+    "nothing of this type": ({}, [rmw(*ODOM)], "scan", 'start its node, or set scan = ""'),
+    "another domain": ({}, [rmw(*SCAN, domain=7)], "domain", "set domain = 7"),
+    "a bridge for dds": ({}, [bridged(*SCAN)], "layout", 'set layout = "dds"'),
+    "no bridge": ({"layout": "dds"}, [rmw(*SCAN)], "layout", 'set layout = "rmw_zenoh"'),
+    "only nodes of ours": ({}, [rmw(*SCAN, node="minerva_view_1")], "router", "start its nodes with RMW_"),
+    "nobody": ({"layout": "dds"}, [], "router", "start a zenoh-bridge-ros2dds"),
+    "no transforms": ({}, [rmw(*SCAN)], "tf", 'set mount = "x, y, degrees"'),
+    "transforms elsewhere": (
+        {"namespace": "bot1"}, [rmw("MP", "/bot1/tf_static", types.TRANSFORMS)], "tf", 'set tf = "/bot1/tf"',
+    ),
+    "a map of later": ({"map": "map"}, [rmw("MP", "/map", types.GRID)], "map", "transient local"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("options", "tokens", "option", "remedy"), CASES.values(), ids=CASES.keys()
+)
+def test_what_differs_has_a_remedy(options, tokens, option, remedy):
+    assert remedy in problems(Ros2(ROUTER, **options), *tokens)[option]
+
+
+def test_velocities_of_the_other_kind():
+    stamped = problems(Ros2Robot(ROUTER), rmw("MS", "/cmd_vel", types.TWIST_STAMPED))
+    assert "set stamped = true" in stamped["cmd_vel"]
+    plain = problems(Ros2Robot(ROUTER, stamped=True), rmw("MS", "/cmd_vel", types.TWIST))
+    assert "set stamped = false" in plain["cmd_vel"]
+    assert problems(Ros2View(ROUTER), rmw("MS", "/map", types.GRID)) == {}
+
+
+@pytest.mark.parametrize("token", ["", "@ros2_lv/0", "@/abc/@ros2_lv", "@ros2_lv/x/a/0/0/NN/%/%/n"])
+def test_unknown_tokens_are_left_out(token):
+    graph = Graph()
+    graph.update(token, is_there=True)
+    assert not list(graph)
+
+
+def test_a_bridge_says_what_differs(capsys):
+    with network() as (endpoint, _), Node(endpoint) as robot:
+        robot.publisher("/front/scan", types.LASER_SCAN)
+        said = []
+        with RunningBridge(Ros2(endpoint, mount="0, 0, 0", odometry="", battery="")):
+            eventually(
+                lambda: said.append(capsys.readouterr().out) or "set scan = " in "".join(said),
+                "it says so",
+            )
+    assert f"{endpoint}: nobody publishes /scan of {types.LASER_SCAN}" in "".join(said)
+
+
+def test_a_network_is_listed_with_its_distributions():
+    with (
+        network() as (endpoint, hub),
+        Node(endpoint, "old", humble=True) as old,
+        Node(endpoint, "new", namespace="/bot1") as new,
+    ):
+        old.publisher("/scan", types.LASER_SCAN)
+        LyricalPublisher(new, "camera", types.IMAGE)
+        eventually(lambda: len(list(hub.liveliness().get("@ros2_lv/**"))) == 4, "all tokens")
+        found = {what: note for what, good, note in examine(endpoint) if good}
+    assert found == {
+        "layout rmw_zenoh, domain 0": "Humble and Lyrical or later",
+        "nodes": "/bot1/new, /old",
+        "/bot1/camera": f"{types.IMAGE}, published by /bot1/new",
+        "/scan": f"{types.LASER_SCAN}, published by /old",
+    }
+
+
+def test_the_services_of_a_world_are_compared_with_their_networks(tmp_path):
+    world = tmp_path / "w.toml"
+    with network() as (endpoint, hub), Node(endpoint) as robot:
+        robot.publisher("/front/scan", types.LASER_SCAN)
+        eventually(lambda: len(list(hub.liveliness().get("@ros2_lv/**"))) == 2, "its tokens")
+        world.write_text(
+            '[world]\nscene = "minerva_agents.robot.world:scene"\n'
+            'vocabulary = "minerva_agents.robot.world:vocabulary"\n'
+            f'[process.eye]\nservice = "ros2"\nrouter = "{endpoint}"\n'
+            'mount = "0, 0, 0"\nodometry = ""\nbattery = ""\n'
+        )
+        assert [(what, good) for what, good, _ in examine(str(world))] == [("eye: scan", False)]
+        world.write_text(world.read_text() + 'scan = "front/scan"\n')
+        ((_, good, note),) = examine(str(world))
+    assert good
+    assert note.endswith("Jazzy or later")
+
+
+def test_sources_that_cannot_be_examined():
+    ((_, good, note),) = examine("tcp/127.0.0.1:1")
+    assert not good
+    assert "no ROS 2 network answers" in note
+    with pytest.raises(MinervaError, match="there is no world"):
+        list(examine("nowhere"))
