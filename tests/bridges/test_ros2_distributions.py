@@ -7,8 +7,9 @@ pytest.importorskip("rosbags")
 
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
+from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import LASTING_QOS, NO_HASH, DdsBridge, LyricalPublisher, Node
 from tests.bridges.ros2_rig import free_endpoint, network, scan, transforms

@@ -13,8 +13,9 @@ from minerva_bus import WorldInfo
 from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2, Ros2View
 from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Attachment, Ros2Network, Ros2Session, gid_of
+from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router, scan, transforms
 from tests.patience import patience

@@ -21,6 +21,7 @@ from minerva_services.bridges.ros2.driver import (
     State,
     driven,
 )
+from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import ODOMETRY, messages
 from minerva_services.bridges.ros2.mobile_base import (
     FramePacer,
@@ -28,7 +29,6 @@ from minerva_services.bridges.ros2.mobile_base import (
     scanned_from,
     seen_from,
 )
-from minerva_services.bridges.ros2.network import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.sensors import Ros2
 from minerva_services.bridges.ros_messages import Frames, SensorMount
 from minerva_services.bridges.ros_messages.frames import mount_of

@@ -13,9 +13,9 @@ from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits, check_positive
+from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
-from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.uses import TopicUse
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.event_factory import EventFactory

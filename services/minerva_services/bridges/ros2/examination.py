@@ -19,7 +19,8 @@ from minerva_services.bridges.ros2.graph import (
     SUBSCRIPTION,
     Announced,
 )
-from minerva_services.bridges.ros2.network import ENDPOINTS, Ros2Network, look_at
+from minerva_services.bridges.ros2.layout import ENDPOINTS, Ros2Network
+from minerva_services.bridges.ros2.network import look_at
 from minerva_services.bridges.ros2.sensors import Ros2
 from minerva_services.bridges.ros2.uses import is_of, mismatches, nobody
 from minerva_services.bridges.ros2.view import Ros2View

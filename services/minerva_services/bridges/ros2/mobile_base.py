@@ -29,6 +29,7 @@ from minerva_services.bridges.ros2.driver import (
     Velocity,
     driven,
 )
+from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import (
     DETECTIONS,
     LASER_SCAN,
@@ -36,12 +37,7 @@ from minerva_services.bridges.ros2.messages import (
     TRANSFORMS,
     messages,
 )
-from minerva_services.bridges.ros2.network import (
-    NetworkLink,
-    Ros2Network,
-    Ros2Session,
-    TopicPublisher,
-)
+from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
 from minerva_services.bridges.ros2.uses import TopicUse, transforms_use
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of

@@ -14,6 +14,7 @@ from minerva_bus.grammar.types import Cells, Degrees, Metres
 from minerva_bus.log.recordings import Compensator, Recorded
 from minerva_bus.world.readings import Mount, Reading
 from minerva_bus.world.services import WorldInfo
+from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import (
     BATTERY,
     COMPRESSED,
@@ -25,7 +26,7 @@ from minerva_services.bridges.ros2.messages import (
     TRANSFORMS,
     messages,
 )
-from minerva_services.bridges.ros2.network import Ros2Network, Ros2Session
+from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.uses import TopicUse, transforms_use
 from minerva_services.bridges.ros_messages import (
     Frames,

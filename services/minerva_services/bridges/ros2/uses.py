@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from minerva_services.bridges.ros2.graph import LAYOUTS, PUBLISHER, SUBSCRIPTION, Announced
+from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import TRANSFORMS, TWIST, TWIST_STAMPED
-
-if TYPE_CHECKING:
-    from minerva_services.bridges.ros2.network import Ros2Network
 
 _MAX_NAMED: Final = 5
 _STARTS: Final = {
