@@ -99,8 +99,8 @@ class BatchedActions:
 
 
 def _batched(events: list[Event]) -> Sequence[AnyEvent]:
-    """Events of one type as a batch; unchanged if they are one, or do not fit into columns."""
-    batch = Events.of(events) if len(events) > 1 else None
+    """Events of one type as a batch; unchanged if they do not fit into columns."""
+    batch = Events.of(events)
     return events if batch is None else [batch]
 
 
@@ -134,6 +134,9 @@ class DataActions(BatchedActions):
         types = [field.type for field in self._fields]
         self._choices = [choices_of(type_) for type_ in types]
         self.space: AnySpace = self._joined(types)
+        # Those of the last batch, which are mostly those of the next one.
+        self._agents: list[str] = []
+        self._receivers = Ids.of(self._agents)
 
     def _joined(self, types: Sequence[Type]) -> AnySpace:
         if all(type_.kind == "real" for type_ in types):
@@ -148,12 +151,14 @@ class DataActions(BatchedActions):
 
     def events(self, agents: Sequence[str], actions: Sequence[Any]) -> list[AnyEvent]:
         """The events of actions in a batch, made from columns if all data are reals."""
-        if isinstance(self.space, spaces.Box) and len(agents) > 1:
+        if isinstance(self.space, spaces.Box) and agents:
+            if agents != self._agents:
+                self._agents, self._receivers = list(agents), Ids.of(agents)
             # What does not fit is an error of one agent, which the single events below name.
             with suppress(ValueError, TypeError, MisuseError):
                 rows = np.array(actions, np.float64).reshape(len(agents), len(self._fields))
                 data: dict[str, Any] = dict(zip(self._names, rows.T, strict=True))
-                return [self._type(**data, receivers=Ids.of(agents))]
+                return [self._type(**data, receivers=self._receivers)]
         return super().events(agents, actions)
 
     def event(self, agent: str, action: Any) -> Event | None:

@@ -27,6 +27,7 @@ from minerva_bus.world.context import Context
 from minerva_bus.world.visualization import visualize
 from minerva_learning.acting import Acting, AnySpace, acting_of
 from minerva_learning.observing import Observe, Observing, observing_of
+from minerva_learning.shared import taken
 from minerva_learning.states import KindStates
 
 Policy: TypeAlias = Callable[[Any], Any]
@@ -90,7 +91,7 @@ def follow_policy(
                 states,
                 lambda string, name: visualize(string, [Event(name)], [cls], moment.number),
             )
-        observation = observers[cls].observations(states)[self.id]
+        observation = taken(observers[cls].rows(states), 0)
         action = own.acting.event(self.id, own.policy(observation))
         if action is not None:
             replaced = cls.activities[action.type](self, action, moment)

@@ -26,23 +26,26 @@ from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import AgentKind, EventType
 from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_learning.acting import AnySpace
+from minerva_learning.shared import Batch
 from minerva_learning.states import KindStates
 
 Observe: TypeAlias = "str | EventType | Sequence[Any] | Callable[[Scene, AgentNode], Any] | None"
-Observations: TypeAlias = dict[str, Any]
 
 MATRICES = {"cells": np.int16, "matrix": np.float64}
 NUMBERS = ("real", "int", "bool")
 
 
 class Observing(Protocol):
-    """Makes observations of agents; `space` has them."""
+    """Makes observations of agents; `space` has those of each."""
 
     @property
     def space(self) -> AnySpace: ...
 
-    def observations(self, states: KindStates) -> Observations:
-        """The observation of each agent, by id. Raises MisuseError."""
+    def rows(self, states: KindStates) -> Batch:
+        """The observations of all agents, a row for each, in the order of `states.ids`.
+
+        Raises MisuseError.
+        """
         ...
 
 
@@ -73,17 +76,12 @@ def observing_of(
         raise MisuseError(
             f"observe: {kind.name} has no numbers; name attributes, or give a function"
         )
-    if any(type_.kind in MATRICES for type_ in types.values()):
-        return MatrixObserving(types, states)
-    return VectorObserving(types, states)
-
-
-def rows_of(observing: Observing, states: KindStates) -> NDArray[Any]:
-    """The observations of all agents as one array, a row for each, in the order of `states.ids`."""
-    if isinstance(observing, VectorObserving):
-        return observing.rows(states)
-    seen = observing.observations(states)
-    return np.array([seen[agent] for agent in states.ids], observing.space.dtype)
+    if not any(type_.kind in MATRICES for type_ in types.values()):
+        return VectorObserving(types, states)
+    if len(types) > 1:
+        return DictObserving(types, states)
+    ((only, type_),) = types.items()
+    return MatrixObserving(only, type_, states)
 
 
 def _attribute(given: Any) -> str:
@@ -114,109 +112,85 @@ class VectorObserving:
     """Attributes as one vector of float64, made from columns."""
 
     def __init__(self, types: Mapping[str, Type], states: KindStates) -> None:
-        self._types = types
-        self._widths = {name: _width(name, types[name], states) for name in types}
-        limits = np.concatenate([_limits(types[name], self._widths[name]) for name in types], 1)
-        self.space: AnySpace = spaces.Box(limits[0], limits[1], dtype=np.float64)
-
-    def observations(self, states: KindStates) -> Observations:
-        """The vector of each agent."""
-        return dict(zip(states.ids, self.rows(states), strict=True))
+        self._columns: list[tuple[str, Type, slice]] = []
+        limits: list[tuple[float, float]] = []
+        for name, type_ in types.items():
+            begin, inner = len(limits), type_.item or type_
+            limit = (0.0, 1.0) if inner.words or inner.kind == "bool" else (-np.inf, np.inf)
+            limits += [limit] * _width(name, type_, states)
+            self._columns.append((name, type_, slice(begin, len(limits))))
+        low, high = np.array(limits).reshape(-1, 2).T
+        self.space: AnySpace = spaces.Box(low, high, dtype=np.float64)
 
     def rows(self, states: KindStates) -> NDArray[np.float64]:
         """The vectors of all agents, shape (n, width)."""
-        # Of no agents, the attributes that are read from nodes have no block.
-        if not states.ids:
-            return np.empty((0, *(self.space.shape or ())))
-        blocks = [self._block(name, type_, states) for name, type_ in self._types.items()]
-        return np.concatenate(blocks, axis=1)
-
-    def _block(self, name: str, type_: Type, states: KindStates) -> NDArray[np.float64]:
-        """An attribute of all agents, shape (n, width)."""
-        if type_.words:
-            return _one_hot(states.column(name), type_.words)
-        if type_.item is None:
-            return states.column(name).astype(np.float64)[:, None]
-        block = np.empty((len(states.ids), self._widths[name]))
-        for at, agent in enumerate(states.ids):
-            values = _flat(states.nodes[agent].state[name], type_.item)
-            if len(values) != block.shape[1]:
-                raise MisuseError(
-                    f"observe: {name} of {agent} has {len(values)} numbers, not {block.shape[1]}"
-                    " as in the initial string; observe a function that returns an array of one"
-                    " size"
-                )
-            block[at] = values
-        return block
+        rows = np.empty((len(states.ids), *(self.space.shape or ())))
+        for name, type_, at in self._columns:
+            if type_.item is None:
+                column = states.column(name)[:, None]
+                rows[:, at] = column == np.array(type_.words) if type_.words else column
+                continue
+            for row, values in enumerate(states.values(name)):
+                flat = _flat(values, type_.item)
+                if len(flat) != at.stop - at.start:
+                    raise MisuseError(
+                        f"observe: {name} of {states.ids[row]} has {len(flat)} numbers, not"
+                        f" {at.stop - at.start} as in the initial string; observe a function that"
+                        " returns an array of one size"
+                    )
+                rows[row, at] = flat
+        return rows
 
 
 def _width(name: str, type_: Type, states: KindStates) -> int:
     if type_.item is None:
         return len(type_.words) or 1
     states.check_some()
-    return len(_flat(states.nodes[states.ids[0]].state[name], type_.item))
+    return len(_flat(states.values(name)[0], type_.item))
 
 
 def _flat(values: Sequence[Any], item: Type) -> NDArray[np.float64]:
     if item.words:
-        return _one_hot(np.array(values, object), item.words).reshape(-1)
+        values = [value == word for value in values for word in item.words]
     return np.array(values, np.float64)
 
 
-def _one_hot(column: NDArray[Any], words: Sequence[str]) -> NDArray[np.float64]:
-    return np.stack([column == word for word in words], axis=1).astype(np.float64)
-
-
-def _limits(type_: Type, width: int) -> NDArray[np.float64]:
-    """The least and the greatest value of an attribute, shape (2, width)."""
-    inner = type_.item or type_
-    low, high = (0.0, 1.0) if inner.words or inner.kind == "bool" else (-np.inf, np.inf)
-    return np.repeat([[low], [high]], width, axis=1)
-
-
 class MatrixObserving:
-    """A matrix, or matrices and other attributes as a dictionary."""
+    """A matrix of each agent."""
+
+    def __init__(self, name: str, type_: Type, states: KindStates) -> None:
+        states.check_some()
+        self._name = name
+        dtype = MATRICES[type_.kind]
+        low, high = (
+            (-np.inf, np.inf)
+            if type_.kind == "matrix"
+            else (np.iinfo(np.int16).min, np.iinfo(np.int16).max)
+        )
+        self.space: AnySpace = spaces.Box(low, high, states.values(name)[0].shape, dtype)
+
+    def rows(self, states: KindStates) -> NDArray[Any]:
+        """The matrices of all agents."""
+        return _stacked(states.values(self._name), states, self.space)
+
+
+class DictObserving:
+    """Matrices and other attributes as a dictionary."""
 
     def __init__(self, types: Mapping[str, Type], states: KindStates) -> None:
-        states.check_some()
-        first = states.nodes[states.ids[0]].state
-        own = {name: type_ for name, type_ in types.items() if type_.kind in MATRICES}
-        self._vectors = {
-            name: VectorObserving({name: type_}, states)
+        self._parts: dict[str, Observing] = {
+            name: MatrixObserving(name, type_, states)
+            if type_.kind in MATRICES
+            else VectorObserving({name: type_}, states)
             for name, type_ in types.items()
-            if name not in own
         }
-        self._matrices = {name: _matrix_space(first[name], type_) for name, type_ in own.items()}
-        self._alone = "" if len(types) > 1 else next(iter(own))
-        parts = {name: self._space(name) for name in types}
-        # A space with the names in another order is another space.
-        self.space: AnySpace = parts[self._alone] if self._alone else spaces.Dict(parts)  # pyright: ignore[reportArgumentType]
+        self.space: AnySpace = spaces.Dict(
+            {name: part.space for name, part in self._parts.items()}  # pyright: ignore[reportArgumentType]
+        )
 
-    def _space(self, name: str) -> AnySpace:
-        return self._matrices[name] if name in self._matrices else self._vectors[name].space
-
-    def observations(self, states: KindStates) -> Observations:
-        """The matrices of each agent."""
-        vectors = {name: part.observations(states) for name, part in self._vectors.items()}
-        made: Observations = {}
-        for agent, node in states.nodes.items():
-            # Copies, because matrices of a string are read-only and shared.
-            parts = {name: np.array(node.state[name]) for name in self._matrices}
-            for name, matrix in parts.items():
-                _check_shape(agent, matrix, self._matrices[name])
-            if self._alone:
-                made[agent] = parts[self._alone]
-            else:
-                made[agent] = parts | {name: rows[agent] for name, rows in vectors.items()}
-        return made
-
-
-def _matrix_space(matrix: NDArray[Any], type_: Type) -> AnySpace:
-    dtype = MATRICES[type_.kind]
-    if type_.kind == "matrix":
-        return spaces.Box(-np.inf, np.inf, matrix.shape, dtype)
-    bounds = np.iinfo(np.int16)
-    return spaces.Box(bounds.min, bounds.max, matrix.shape, dtype)
+    def rows(self, states: KindStates) -> dict[str, Any]:
+        """The attributes of all agents, by name."""
+        return {name: part.rows(states) for name, part in self._parts.items()}
 
 
 class FunctionObserving:
@@ -225,15 +199,13 @@ class FunctionObserving:
     def __init__(self, function: Callable[[Scene, AgentNode], Any], states: KindStates) -> None:
         states.check_some()
         self._function = function
-        first = self._array(states, states.ids[0])
-        self.space: AnySpace = spaces.Box(-np.inf, np.inf, first.shape, np.float64)
+        shape = self._array(states, states.ids[0]).shape
+        self.space: AnySpace = spaces.Box(-np.inf, np.inf, shape, np.float64)
 
-    def observations(self, states: KindStates) -> Observations:
-        """The array of each agent."""
-        made = {agent: self._array(states, agent) for agent in states.ids}
-        for agent, array in made.items():
-            _check_shape(agent, array, self.space)
-        return made
+    def rows(self, states: KindStates) -> NDArray[np.float64]:
+        """The arrays of all agents."""
+        made = [self._array(states, agent) for agent in states.ids]
+        return _stacked(made, states, self.space)
 
     def _array(self, states: KindStates, agent: str) -> NDArray[np.float64]:
         value = self._function(states.scene, states.nodes[agent])
@@ -245,12 +217,17 @@ class FunctionObserving:
             ) from None
 
 
-def _check_shape(agent: str, array: NDArray[Any], space: AnySpace) -> None:
-    if array.shape != space.shape:
-        raise MisuseError(
-            f"observe: the observation of {agent} has the shape {array.shape}, not {space.shape} as"
-            " in the initial string"
-        )
+def _stacked(arrays: Sequence[NDArray[Any]], states: KindStates, space: AnySpace) -> NDArray[Any]:
+    """A copy of an array of each agent, as matrices of a string are read-only and shared."""
+    rows = np.empty((len(arrays), *(space.shape or ())), space.dtype)
+    for row, array in enumerate(arrays):
+        if array.shape != space.shape:
+            raise MisuseError(
+                f"observe: the observation of {states.ids[row]} has the shape {array.shape}, not"
+                f" {space.shape} as in the initial string"
+            )
+        rows[row] = array
+    return rows
 
 
 class _Parameters(Geometry):

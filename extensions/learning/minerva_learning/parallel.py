@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from operator import index
@@ -11,6 +11,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 from gymnasium.spaces import Space
+from numpy.typing import NDArray
 from pettingzoo import ParallelEnv  # pyright: ignore[reportMissingTypeStubs]
 
 from minerva_bus.api.live import Live
@@ -19,8 +20,9 @@ from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_learning.acting import Acting
-from minerva_learning.observing import Observations, Observing
+from minerva_learning.observing import Observing
 from minerva_learning.scoring import Ending, Rewarding
+from minerva_learning.shared import taken
 from minerva_learning.states import KindStates
 
 RENDER_MODES: Final = ("rgb_array", "svg", "ansi")
@@ -122,6 +124,62 @@ class AttachedEpisodes:
         """Leave the world to the caller."""
 
 
+class Episode:
+    """The episodes of a task, one after the other; `states` are those of its agents now."""
+
+    def __init__(self, episodes: Episodes, task: LearningTask, first: KindStates) -> None:
+        self.task = task
+        self.states = first
+        self._episodes = episodes
+        self._live: Live | None = None
+        self._began = 0
+
+    @property
+    def live(self) -> Live:
+        """The world. Raises MisuseError before the first episode."""
+        if self._live is None:
+            raise MisuseError("the episode has not begun: call reset() first")
+        return self._live
+
+    def begin(self, seed: int | None) -> None:
+        """Begin the next episode. Raises MinervaError if the world cannot start."""
+        live = self._live = self._episodes.begin(seed)
+        self._began = live.frame
+        self._observe(live)
+
+    def step(self, agents: Sequence[str], actions: Sequence[Any]) -> KindStates:
+        """Send an action of each of these agents, and run the frames of a step.
+
+        Returns the states before it. Raises MisuseError, BusError and WorldStopped.
+        """
+        live, before = self.live, self.states
+        for event in self.task.acting.events(agents, actions):
+            live.publish(event)
+        live.step(self.task.every)
+        self._observe(live)
+        return before
+
+    def _observe(self, live: Live) -> None:
+        task = self.task
+        self.states = KindStates(live.scene, task.kind, task.only, self.states)
+
+    def ends(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which episodes are terminated and truncated, of agents in rows of `states`; -1: dead."""
+        # The last element is that of the dead.
+        terminated = np.append(self.task.ending(self.states), True)[rows] | self.live.ended
+        late = bool(self.task.frames) and self.live.frame - self._began >= self.task.frames
+        return terminated, ~terminated & late
+
+    def info(self) -> dict[str, Any]:
+        """Frame and digest."""
+        return {"frame": self.live.frame, "digest": self.states.scene.digest.hex()}
+
+    def close(self) -> None:
+        """End the world, unless it belongs to the caller."""
+        self._episodes.close()
+        self._live = None
+
+
 class WorldEnv(ParallelEnv[str, Any, Any]):
     """A world whose agents of one kind are controlled by policies; see `parallel_env`.
 
@@ -146,36 +204,29 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
         self.agents: list[str] = []
         if not task.births:
             self.possible_agents = list(first.ids)
-        self._episodes = episodes
-        self._task = task
-        self._live: Live | None = None
-        self._began = 0
-        self._states = first
-        self._observations: Observations = {}
+        self._episode = Episode(episodes, task, first)
+        self._observations: dict[str, Any] = {}
         self._ended: set[str] = set()
         self._spaces: dict[str, tuple[Space[Any], Space[Any]]] = {}
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin an episode; returns observations and infos by agent.
 
         Without a seed, the first episode uses that of the world, each further one a new seed.
         Raises MinervaError if the world cannot start.
         """
-        live = self._live = self._episodes.begin(seed)
-        self._began = live.frame
+        self._episode.begin(seed)
         self._ended = set()
-        self._observe(live)
-        self.agents = list(self._states.ids)
-        return {agent: self._observations[agent] for agent in self.agents}, self._infos(
-            live, self.agents
-        )
+        states = self._episode.states
+        self.agents = list(states.ids)
+        return self._observe(self.agents, states.rows_of(self.agents)), self._infos(self.agents)
 
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[
-        Observations, dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+        dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:
         """Send the actions as events of the next frame, and run the frames of a step.
 
@@ -192,57 +243,49 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
             WorldStopped: code of the world failed.
 
         """
-        live = self._running
-        self._send(live, actions)
-        before, last, living = self._states, self._observations, self.agents
-        live.step(self._task.every)
-        self._observe(live)
-        newborn = [agent for agent in self._states.ids if self._joins(agent, before)]
-        present = self._states.row
-        ends = self._task.ending(self._states)
-        terminations = {
-            agent: agent not in present or agent in ends or live.ended
-            for agent in (*living, *newborn)
-        }
-        late = bool(self._task.frames) and live.frame - self._began >= self._task.frames
-        truncations = {agent: late and not ended for agent, ended in terminations.items()}
-        rewards = self._task.rewarding(before, self._states, living)
-        rewards |= dict.fromkeys(newborn, 0.0)
-        seen = {
-            agent: self._observations[agent] if agent in present else last[agent]
-            for agent in terminations
-        }
-        over = {agent for agent in terminations if terminations[agent] or truncations[agent]}
-        self._ended |= over
-        self.agents = [agent for agent in terminations if agent not in over]
-        return seen, rewards, terminations, truncations, self._infos(live, terminations)
-
-    @property
-    def _running(self) -> Live:
-        if self._live is None:
-            raise MisuseError("the episode has not begun: call reset() first")
-        return self._live
-
-    def _send(self, live: Live, actions: Mapping[str, Any]) -> None:
-        for agent in actions:
-            if agent not in self.agents:
-                known = ", ".join(self.agents[:5]) or "none; call reset()"
-                raise MisuseError(f"there is no agent {agent} to act; there are {known}")
+        living, episode = self.agents, self._episode
         # In one order, whatever the order of the actions is.
-        acting = [agent for agent in self.agents if agent in actions]
-        for event in self._task.acting.events(acting, [actions[agent] for agent in acting]):
-            live.publish(event)
+        acting = [agent for agent in living if agent in actions]
+        if len(acting) < len(actions):
+            unknown = next(agent for agent in actions if agent not in living)
+            known = ", ".join(living[:5]) or "none; call reset()"
+            raise MisuseError(f"there is no agent {unknown} to act; there are {known}")
+        before = episode.step(acting, [actions[agent] for agent in acting])
+        agents = living + self._newborn(before)
+        rows = episode.states.rows_of(agents)
+        terminated, truncated = (ends.tolist() for ends in episode.ends(rows))
+        rewards = episode.task.rewarding(before, episode.states, living).tolist()
+        rewards += [0.0] * (len(agents) - len(living))
+        over = [a or b for a, b in zip(terminated, truncated, strict=True)]
+        self.agents = [agent for agent, ends in zip(agents, over, strict=True) if not ends]
+        self._ended.update(agent for agent, ends in zip(agents, over, strict=True) if ends)
+        return (
+            self._observe(agents, rows),
+            dict(zip(agents, rewards, strict=True)),
+            dict(zip(agents, terminated, strict=True)),
+            dict(zip(agents, truncated, strict=True)),
+            self._infos(agents),
+        )
 
-    def _joins(self, agent: str, before: KindStates) -> bool:
-        return self._task.births and agent not in before.row and agent not in self._ended
+    def _newborn(self, before: KindStates) -> list[str]:
+        """The agents that join after a step."""
+        ids = self._episode.states.ids
+        if not self._episode.task.births or ids is before.ids:
+            return []
+        return [agent for agent in ids if agent not in before.row and agent not in self._ended]
 
-    def _observe(self, live: Live) -> None:
-        self._states = KindStates(live.scene, self._task.kind, self._task.only)
-        self._observations = self._task.observing.observations(self._states)
+    def _observe(self, agents: list[str], rows: NDArray[np.intp]) -> dict[str, Any]:
+        """The observation of each agent; of a dead one (-1) the last one."""
+        seen, last = self._episode.task.observing.rows(self._episode.states), self._observations
+        self._observations = {
+            agent: taken(seen, row) if row >= 0 else last[agent]
+            for agent, row in zip(agents, rows.tolist(), strict=True)
+        }
+        return dict(self._observations)
 
-    def _infos(self, live: Live, ids: Iterable[str]) -> dict[str, dict[str, Any]]:
-        frame, digest = live.frame, self._states.scene.digest.hex()
-        return {agent: {"frame": frame, "digest": digest} for agent in ids}
+    def _infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
+        info = self._episode.info()
+        return {agent: info.copy() for agent in agents}
 
     def observation_space(self, agent: str) -> Space[Any]:
         """The space of an agent's observations."""
@@ -255,7 +298,7 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
     def _own_spaces(self, agent: str) -> tuple[Space[Any], Space[Any]]:
         """Spaces of its own, because each has its own random numbers."""
         if agent not in self._spaces:
-            task = self._task
+            task = self._episode.task
             self._spaces[agent] = deepcopy(task.observing.space), deepcopy(task.acting.space)
         return self._spaces[agent]
 
@@ -268,14 +311,14 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
         if self.render_mode is None:
             return None
         if self.render_mode == "ansi":
-            return str(self._running.scene)
-        document = self._running.picture().svg
+            return str(self._episode.live.scene)
+        document = self._episode.live.picture().svg
         return document if self.render_mode == "svg" else _pixels(document)
 
     def close(self) -> None:
         """End the world, unless it belongs to the caller."""
-        self._episodes.close()
-        self._live, self.agents = None, []
+        self._episode.close()
+        self.agents = []
 
 
 def _pixels(document: str) -> Any:

@@ -10,11 +10,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from minerva_bus.api.live import Live
 from minerva_bus.errors import MisuseError
 from minerva_learning.acting import AnySpace
-from minerva_learning.observing import rows_of
-from minerva_learning.parallel import Episodes, LearningTask
+from minerva_learning.parallel import Episode, Episodes, LearningTask
 from minerva_learning.shared import checked_rows
 from minerva_learning.states import KindStates
 
@@ -45,11 +43,7 @@ class PopulationEnv(VectorEnv[Any, Any, Any]):
         self.single_action_space: AnySpace = task.acting.space
         self.observation_space = batch_space(single, self.num_envs)
         self.action_space = batch_space(task.acting.space, self.num_envs)
-        self._episodes = episodes
-        self._task = task
-        self._live: Live | None = None
-        self._began = 0
-        self._states = first
+        self._episode = Episode(episodes, task, first)
         shape = (self.num_envs, *(single.shape or ()))
         self._observed: NDArray[Any] = np.zeros(shape, single.dtype)
         self._ends: NDArray[np.bool_] = np.ones((2, self.num_envs), np.bool_)
@@ -63,11 +57,10 @@ class PopulationEnv(VectorEnv[Any, Any, Any]):
         """
         if options:
             raise MisuseError(f"reset: there is no option {min(options)}; there are none")
-        live = self._live = self._episodes.begin(seed)
-        self._began = live.frame
+        self._episode.begin(seed)
         self._ends[:] = False
-        self._observe(live)
-        return self._observed.copy(), self._infos(live, self._active)
+        self._observe(self._episode.states.rows_of(self.ids))
+        return self._observed.copy(), self._infos(self._active)
 
     def step(
         self, actions: Any
@@ -77,56 +70,42 @@ class PopulationEnv(VectorEnv[Any, Any, Any]):
         Returns observations, rewards, terminated, truncated and infos, with a row for each agent.
         Raises MisuseError, BusError and WorldStopped as `WorldEnv.step` does.
         """
-        live, active = self._live, self._active
-        if live is None or not active.any():
+        episode, active = self._episode, self._active
+        if not active.any():
             raise MisuseError("all episodes are over, or have not begun: call reset()")
         single = self.single_action_space
         given = checked_rows(actions, (self.num_envs, *(single.shape or ())), single.dtype)
-        rows = np.flatnonzero(active)
-        names = [self.ids[row] for row in rows]
-        for event in self._task.acting.events(names, list(given[rows])):
-            live.publish(event)
-        before = self._states
-        live.step(self._task.every)
-        present = self._observe(live)
-        gained = self._task.rewarding(before, self._states, names)
+        places = np.flatnonzero(active)
+        names = [self.ids[place] for place in places]
+        before = episode.step(names, given[places])
+        rows = episode.states.rows_of(self.ids)
         rewards = np.zeros(self.num_envs)
-        rewards[rows] = [gained[name] for name in names]
-        ends = self._task.ending(self._states)
-        done = np.array([name in ends for name in self.ids], np.bool_) | ~present | live.ended
-        late = bool(self._task.frames) and live.frame - self._began >= self._task.frames
+        rewards[places] = episode.task.rewarding(before, episode.states, names)
+        self._observe(rows)
         # Ends remain until `reset`.
-        self._ends[0] |= active & done
-        self._ends[1] |= active & ~done & late
+        self._ends |= active & np.array(episode.ends(rows))
         terminated, truncated = self._ends.copy()
-        return self._observed.copy(), rewards, terminated, truncated, self._infos(live, active)
+        return self._observed.copy(), rewards, terminated, truncated, self._infos(active)
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the world, unless it belongs to the caller."""
-        self._episodes.close()
-        self._live = None
+        self._episode.close()
 
-    def _observe(self, live: Live) -> NDArray[np.bool_]:
-        """Observe the agents whose episodes continue; returns which agents are in the string."""
-        states = self._states = KindStates(live.scene, self._task.kind, self._task.only)
-        at = np.arange(self.num_envs)
-        if states.ids != self.ids:
-            at = np.array([states.row.get(name, -1) for name in self.ids])
-        shown = self._active & (at >= 0)
-        self._observed[shown] = rows_of(self._task.observing, states)[at[shown]]
-        return at >= 0
+    def _observe(self, rows: NDArray[np.intp]) -> None:
+        """Observe the agents whose episodes continue; `rows` are those of all agents."""
+        shown = self._active & (rows >= 0)
+        self._observed[shown] = self._episode.task.observing.rows(self._episode.states)[rows[shown]]
 
     @property
     def _active(self) -> NDArray[np.bool_]:
         """The rows whose episodes continue."""
         return ~(self._ends[0] | self._ends[1])
 
-    def _infos(self, live: Live, active: NDArray[np.bool_]) -> dict[str, Any]:
-        digests = np.full(self.num_envs, live.digest, object)
-        frames = np.full(self.num_envs, live.frame)
+    def _infos(self, active: NDArray[np.bool_]) -> dict[str, Any]:
+        info = self._episode.info()
         return {
-            "frame": frames,
+            "frame": np.full(self.num_envs, info["frame"]),
             "_frame": active.copy(),
-            "digest": digests,
+            "digest": np.full(self.num_envs, info["digest"], object),
             "_digest": active.copy(),
         }

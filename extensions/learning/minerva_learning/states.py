@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.collect.collector import agent_rows
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import AgentKind
 
@@ -21,15 +23,31 @@ class KindStates:
         scene: the string.
         kind: of the agents.
         only: the id of the only agent that counts; "": all.
+        before: the states of an earlier frame; without births and deaths since then, `ids` is the
+            same list.
 
     """
 
-    def __init__(self, scene: Scene, kind: AgentKind, only: str = "") -> None:
+    def __init__(
+        self, scene: Scene, kind: AgentKind, only: str = "", before: KindStates | None = None
+    ) -> None:
         self.scene, self.kind = scene, kind
         self._rows = agent_rows(scene, kind.name, kind.fields)
-        ids = [str(agent) for agent in self._rows.ids()]
+        # Ids of columns are spelled only if they have changed.
+        given = self._rows.ids()
+        self._given = given if isinstance(given, Ids) else given.tolist()
+        if before is not None and self._given == before._given:
+            self._chosen, self.ids = before._chosen, before.ids
+            return
+        ids = list(self._given)
         self._chosen = [ids.index(only)] if only in ids else [] if only else None
         self.ids = ids if self._chosen is None else [ids[at] for at in self._chosen]
+
+    def rows_of(self, ids: Sequence[str]) -> NDArray[np.intp]:
+        """The row of each of these agents in `column`, -1 for those that are not here."""
+        if ids == self.ids:
+            return np.arange(len(self.ids))
+        return np.array([self.row.get(agent, -1) for agent in ids], np.intp)
 
     @cached_property
     def row(self) -> dict[str, int]:
@@ -39,17 +57,20 @@ class KindStates:
     def column(self, name: str) -> NDArray[Any]:
         """A number, bool or text attribute of all agents, shape (n,)."""
         values = self._rows.column(name)
-        return values if self._chosen is None else values[np.array(self._chosen, np.intp)]
+        return values if self._chosen is None else values[self._chosen]
 
     @cached_property
     def nodes(self) -> dict[str, AgentNode]:
         """The agents by id."""
-        known = set(self.ids)
         return {
             node.id: node
             for node in agents(self.scene)
-            if node.symbol == self.kind.name and node.id in known
+            if node.symbol == self.kind.name and node.id in self.row
         }
+
+    def values(self, name: str) -> list[Any]:
+        """An attribute of all agents, such as a list or a matrix."""
+        return [self.nodes[agent].state[name] for agent in self.ids]
 
     def check_some(self) -> None:
         """Raise MisuseError if there is no agent."""

@@ -170,7 +170,7 @@ def test_agents_are_born_and_die():
 def test_spaces_of_actions_follow_from_the_vocabulary(act, space, action, data):
     env = parallel_env(pond, Fish, act)
     assert env.action_space("a") == space
-    event = env._task.acting.event("a", action)
+    event = env._episode.task.acting.event("a", action)
     assert event is None if data is None else (event.values, event.receivers) == (data, ("a",))
 
 
