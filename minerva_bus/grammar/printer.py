@@ -307,8 +307,9 @@ def _filled(places: str, values: tuple[Value, ...]) -> str:
     if _FLOATS.issuperset(map(type, values)):
         # `repr` of a float is its canonical text, except for whole numbers.
         text = places % (*map(repr, values),)
-        if ".0," not in text and text[-2:] != ".0":  # Otherwise some print as whole numbers.
-            return text
+        # Whole numbers print without a point, but for the negative zero.
+        if "-0.0," not in f"{text},":
+            return text.replace(".0,", ",").removesuffix(".0")
     return places % (*map(_value, values),)
 
 
