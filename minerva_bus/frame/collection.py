@@ -510,10 +510,12 @@ class OrderRules:
         reserved, members = self._reservation(event_type), self._members
         if reserved:
             return f'{reserved}, or give it a process with service = "orders"'
+        # A generator that joins later may make events of this type by itself.
+        if self._now.phase is not Phase.WAITING:
+            return ""
         unknown = [member.name for member in members if member.expected and member.hello is None]
         allowed = event_type in self._world.people or members.takers(event_type)
-        # A generator that joins later may make events of this type by itself.
-        if unknown and not allowed and self._now.phase is Phase.WAITING:
+        if unknown and not allowed:
             return (
                 f"whether people may send {event_type} depends on members that have not joined yet:"
                 f" {', '.join(unknown[:5])}; send it when the world runs"
@@ -888,8 +890,8 @@ class CollectionStep:
             out.add(s.OrderJudged(event, name_of(source), frame, "rejected", norm))
         for source in sorted(filter(is_people, permitted)):
             for event in permitted[source]:
-                out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
                 if isinstance(event, Event):  # Programs send batches, and do not ask for fates.
+                    out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
                     out.add(s.OrderJudged(event, name_of(source), frame))
 
 

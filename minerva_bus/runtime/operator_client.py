@@ -53,6 +53,8 @@ def ask(
 
     Raises BusError if the world rejects the question.
     """
+    if "event" in details:
+        details = {**details, "event": plain_event(details["event"])}
     try:
         payload, sender = pack({"ask": question, **details}), str(session.zid())
         replies = session.get(key, payload=payload, attachment=sender, timeout=seconds)
@@ -100,7 +102,7 @@ class AskingOperator:
         """
         if not isinstance(event, Event | Events):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise MisuseError(f"expected an event, such as eSun(heat=0.5), not {event!r:.60}")
-        answer = self._ask("order", event=plain_event(event), by=self._by)
+        answer = self._ask("order", event=event, by=self._by)
         return as_int(answer.get("number", 0), "the number of an order")
 
     def pause(self) -> None:

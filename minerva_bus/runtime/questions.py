@@ -201,9 +201,13 @@ MAX_CHARS: Final = 16_384
 
 
 def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Send an event, or a batch, of people, in the form of the wire."""
-    reader = Reader(running.runner.algorithm.world.vocabulary)
-    event = reader.event(asked.get("event"))
+    """Send an event, or a batch, of people: as it is in this process, or in the form of the wire."""
+    given, vocabulary = asked.get("event"), running.runner.algorithm.world.vocabulary
+    event = (
+        vocabulary.check_any(given, "order")
+        if isinstance(given, Event | Events)
+        else Reader(vocabulary).event(given)
+    )
     # Agents trust the sender of an event, so an operator must not set one.
     if event.senders is not None if isinstance(event, Events) else event.sender:
         raise ProtocolError("an order is an event or a batch of people: it has no sender")
