@@ -379,7 +379,9 @@ class UnknownReceivers:
             if not event.receivers or event.type in self._reported:
                 continue
             if isinstance(event, Events):
-                first = event.receivers.take(slice(MAX_RECEIVERS))
+                first = event.receivers
+                if len(first) > MAX_RECEIVERS:
+                    first = first.take(slice(MAX_RECEIVERS))
                 receiver = composition.first_missing(first)
                 if receiver is not None:
                     single.setdefault(receiver, event)

@@ -141,7 +141,7 @@ class MemberIndex:
     only, `at_intervals` in the frames that a number divides, `alone` are both; `joining` are to be
     admitted. `anyone_ticks`: the tick for all has a recipient. `rates` maps the visual event types
     of devices that request views by the clock to views per second. Any other device gets a view
-    within `every` frames.
+    within `every` frames. `takers` are the generators that take people's orders, by event type.
     """
 
     active: tuple[MemberEntry, ...]
@@ -155,6 +155,7 @@ class MemberIndex:
     sources: tuple[Hello, ...]
     rates: Mapping[str, float]
     every: int
+    takers: Mapping[str, list[str]]
 
     def due_views(
         self, frame: int, clock: Iterable[str], *, closing: bool = False
@@ -292,6 +293,7 @@ class Members:
             sources=tuple(hello for hello in hellos if hello.draws and hello.when.every > 0),
             rates=_rates(hellos),
             every=max([1, *(hello.when.every for hello in hellos if hello.draws)]),
+            takers=_takers(m.hello for m in members if m.active and m.hello is not None),
         )
 
     @property
@@ -407,8 +409,15 @@ class Members:
 
     def takers(self, event_type: str) -> list[str]:
         """The active generators that take people's orders for an event type."""
-        hellos = [m.hello for m in self.active() if m.hello is not None]
-        return [hello.member for hello in hellos if event_type in hello.orders]
+        return self.index.takers.get(event_type, [])
+
+
+def _takers(hellos: Iterable[Hello]) -> dict[str, list[str]]:
+    takers: dict[str, list[str]] = {}
+    for hello in hellos:
+        for event_type in dict.fromkeys(hello.orders):
+            takers.setdefault(event_type, []).append(hello.member)
+    return takers
 
 
 def _rates(hellos: Iterable[Hello]) -> dict[str, float]:
