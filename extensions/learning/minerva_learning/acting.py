@@ -17,7 +17,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Final, Protocol, TypeAlias, cast
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -37,19 +37,33 @@ MAX_CHOICES: Final = 10_000
 """Longest range of a whole number that is a `Discrete` space."""
 
 
-class Acting(Protocol):
+class Acting:
     """Converts actions to events; `space` is the action space."""
 
-    @property
-    def space(self) -> AnySpace: ...
+    space: AnySpace
 
     def event(self, agent: str, action: Any) -> Event | None:
         """The event of an action for an agent; None: none. Raises MisuseError."""
-        ...
+        raise NotImplementedError
 
-    def events(self, agents: Sequence[str], actions: Sequence[Any]) -> list[AnyEvent]:
-        """The events of actions, a row for each agent, in batches. Raises MisuseError."""
-        ...
+    def events(self, agents: Ids, actions: Sequence[Any]) -> list[AnyEvent]:
+        """The events of actions, a row for each agent, in batches. Raises MisuseError.
+
+        A world accepts a batch in one call, and does not keep the fates of its events.
+        """
+        by_type: dict[str, list[Event]] = {}
+        for agent, action in zip(agents, actions, strict=True):
+            event = self.event(agent, action)
+            if event is not None:
+                by_type.setdefault(event.type, []).append(event)
+        # The world orders events by their types, so only the order within a type matters.
+        return [part for events in by_type.values() for part in _batched(events)]
+
+
+def _batched(events: list[Event]) -> Sequence[AnyEvent]:
+    """Events of one type as a batch; unchanged if they do not fit into columns."""
+    batch = Events.of(events)
+    return events if batch is None else [batch]
 
 
 def acting_of(act: Act, kind: AgentKind, known: Mapping[str, EventType]) -> Acting:
@@ -80,31 +94,7 @@ def _check_type(name: str, kind: AgentKind, known: Collection[str]) -> None:
         raise MisuseError(f"act: {kind.name} does not respond to {name}; it responds to {own}")
 
 
-class BatchedActions:
-    """Puts the events of several agents into batches: a world accepts each in one call."""
-
-    def event(self, agent: str, action: Any) -> Event | None:
-        """The event of an action for an agent; None: none. Raises MisuseError."""
-        raise NotImplementedError
-
-    def events(self, agents: Sequence[str], actions: Sequence[Any]) -> list[AnyEvent]:
-        """The events of actions, a row for each agent, in batches. Raises MisuseError."""
-        made = [self.event(agent, action) for agent, action in zip(agents, actions, strict=True)]
-        by_type: dict[str, list[Event]] = {}
-        for event in made:
-            if event is not None:
-                by_type.setdefault(event.type, []).append(event)
-        # The world orders events by their types, so only the order within a type matters.
-        return [part for events in by_type.values() for part in _batched(events)]
-
-
-def _batched(events: list[Event]) -> Sequence[AnyEvent]:
-    """Events of one type as a batch; unchanged if they do not fit into columns."""
-    batch = Events.of(events)
-    return events if batch is None else [batch]
-
-
-class EventActions(BatchedActions):
+class EventActions(Acting):
     """Actions that are numbers of events; None sends nothing."""
 
     def __init__(self, events: Sequence[Event | None]) -> None:
@@ -119,7 +109,7 @@ class EventActions(BatchedActions):
         return None if event is None else replace(event, receivers=(agent,))
 
 
-class DataActions(BatchedActions):
+class DataActions(Acting):
     """Actions that are the data of an event type."""
 
     def __init__(self, event_type: EventType) -> None:
@@ -134,9 +124,6 @@ class DataActions(BatchedActions):
         types = [field.type for field in self._fields]
         self._choices = [choices_of(type_) for type_ in types]
         self.space: AnySpace = self._joined(types)
-        # Those of the last batch, which are mostly those of the next one.
-        self._agents: list[str] = []
-        self._receivers = Ids.of(self._agents)
 
     def _joined(self, types: Sequence[Type]) -> AnySpace:
         if all(type_.kind == "real" for type_ in types):
@@ -149,16 +136,14 @@ class DataActions(BatchedActions):
             {field.name: _space(field.type) for field in self._fields}  # pyright: ignore[reportArgumentType]
         )
 
-    def events(self, agents: Sequence[str], actions: Sequence[Any]) -> list[AnyEvent]:
+    def events(self, agents: Ids, actions: Sequence[Any]) -> list[AnyEvent]:
         """The events of actions in a batch, made from columns if all data are reals."""
-        if isinstance(self.space, spaces.Box) and agents:
-            if agents != self._agents:
-                self._agents, self._receivers = list(agents), Ids.of(agents)
+        if isinstance(self.space, spaces.Box) and len(agents):
             # What does not fit is an error of one agent, which the single events below name.
             with suppress(ValueError, TypeError, MisuseError):
                 rows = np.array(actions, np.float64).reshape(len(agents), len(self._fields))
                 data: dict[str, Any] = dict(zip(self._names, rows.T, strict=True))
-                return [self._type(**data, receivers=self._receivers)]
+                return [self._type(**data, receivers=agents)]
         return super().events(agents, actions)
 
     def event(self, agent: str, action: Any) -> Event | None:

@@ -18,6 +18,7 @@ from minerva_bus.api.live import Live
 from minerva_bus.api.world import World
 from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_learning.acting import Acting
 from minerva_learning.observing import Observing
@@ -28,6 +29,8 @@ from minerva_learning.states import KindStates
 RENDER_MODES: Final = ("rgb_array", "svg", "ansi")
 SEEDS: Final = 1 << 31
 """Seeds of episodes after the first are whole numbers below this."""
+
+_DEAD: Final = np.ones(1, np.bool_)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +136,8 @@ class Episode:
         self._episodes = episodes
         self._live: Live | None = None
         self._began = 0
+        self._acting: list[str] = []
+        self._receivers = Ids.of(self._acting)
 
     @property
     def live(self) -> Live:
@@ -145,15 +150,18 @@ class Episode:
         """Begin the next episode. Raises MinervaError if the world cannot start."""
         live = self._live = self._episodes.begin(seed)
         self._began = live.frame
+        self._acting = []
         self._observe(live)
 
-    def step(self, agents: Sequence[str], actions: Sequence[Any]) -> KindStates:
+    def step(self, agents: list[str], actions: Sequence[Any]) -> KindStates:
         """Send an action of each of these agents, and run the frames of a step.
 
         Returns the states before it. Raises MisuseError, BusError and WorldStopped.
         """
         live, before = self.live, self.states
-        for event in self.task.acting.events(agents, actions):
+        if agents != self._acting:
+            self._acting, self._receivers = agents, before.ids_of(agents)
+        for event in self.task.acting.events(self._receivers, actions):
             live.publish(event)
         live.step(self.task.every)
         self._observe(live)
@@ -166,7 +174,7 @@ class Episode:
     def ends(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which episodes are terminated and truncated, of agents in rows of `states`; -1: dead."""
         # The last element is that of the dead.
-        terminated = np.append(self.task.ending(self.states), True)[rows] | self.live.ended
+        terminated = np.concatenate((self.task.ending(self.states), _DEAD))[rows] | self.live.ended
         late = bool(self.task.frames) and self.live.frame - self._began >= self.task.frames
         return terminated, ~terminated & late
 

@@ -49,6 +49,12 @@ class KindStates:
             return np.arange(len(self.ids))
         return np.array([self.row.get(agent, -1) for agent in ids], np.intp)
 
+    def ids_of(self, agents: list[str]) -> Ids:
+        """The ids of these agents: the same object as in the string if they are all of it."""
+        if agents == self.ids and self._chosen is None and isinstance(self._given, Ids):
+            return self._given
+        return Ids.of(agents)
+
     @cached_property
     def row(self) -> dict[str, int]:
         """The row of each agent in `column`, by id."""
