@@ -21,6 +21,7 @@ from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import AnyEvent, Event, Events
@@ -33,6 +34,9 @@ Act: TypeAlias = "str | EventType | Event | Sequence[Event | None]"
 """What agents do: an event type (its data are the action), or a list of events to choose from."""
 
 AnySpace: TypeAlias = "spaces.Space[Any]"
+Rows: TypeAlias = "Sequence[Any] | NDArray[Any]"
+"""An action for each of several agents."""
+
 MAX_CHOICES: Final = 10_000
 """Longest range of a whole number that is a `Discrete` space."""
 
@@ -46,7 +50,7 @@ class Acting:
         """The event of an action for an agent; None: none. Raises MisuseError."""
         raise NotImplementedError
 
-    def events(self, agents: Ids, actions: Sequence[Any]) -> list[AnyEvent]:
+    def events(self, agents: Ids, actions: Rows) -> list[AnyEvent]:
         """The events of actions, a row for each agent, in batches. Raises MisuseError.
 
         A world accepts a batch in one call, and does not keep the fates of its events.
@@ -136,7 +140,7 @@ class DataActions(Acting):
             {field.name: _space(field.type) for field in self._fields}  # pyright: ignore[reportArgumentType]
         )
 
-    def events(self, agents: Ids, actions: Sequence[Any]) -> list[AnyEvent]:
+    def events(self, agents: Ids, actions: Rows) -> list[AnyEvent]:
         """The events of actions in a batch, made from columns if all data are reals."""
         if isinstance(self.space, spaces.Box) and len(agents):
             # What does not fit is an error of one agent, which the single events below name.

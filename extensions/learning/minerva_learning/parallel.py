@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from operator import index
@@ -20,7 +20,7 @@ from minerva_bus.collect.data_tables import needed
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.vocabulary import AgentKind
-from minerva_learning.acting import Acting
+from minerva_learning.acting import Acting, Rows
 from minerva_learning.observing import Observing
 from minerva_learning.scoring import Ending, Rewarding
 from minerva_learning.shared import taken
@@ -153,7 +153,7 @@ class Episode:
         self._acting = []
         self._observe(live)
 
-    def step(self, agents: list[str], actions: Sequence[Any]) -> KindStates:
+    def step(self, agents: list[str], actions: Rows) -> KindStates:
         """Send an action of each of these agents, and run the frames of a step.
 
         Returns the states before it. Raises MisuseError, BusError and WorldStopped.

@@ -94,7 +94,8 @@ class PopulationEnv(VectorEnv[Any, Any, Any]):
     def _observe(self, rows: NDArray[np.intp]) -> None:
         """Observe the agents whose episodes continue; `rows` are those of all agents."""
         shown = self._active & (rows >= 0)
-        self._observed[shown] = self._episode.task.observing.rows(self._episode.states)[rows[shown]]
+        seen: Any = self._episode.task.observing.rows(self._episode.states)
+        self._observed[shown] = seen[rows[shown]]
 
     @property
     def _active(self) -> NDArray[np.bool_]:
