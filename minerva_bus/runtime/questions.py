@@ -201,7 +201,7 @@ MAX_CHARS: Final = 16_384
 
 
 def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Send an event, or a batch, of people: as it is in this process, or in the form of the wire."""
+    """Send an event or a batch of people; in this process as it is, otherwise in wire form."""
     given, vocabulary = asked.get("event"), running.runner.algorithm.world.vocabulary
     event = (
         vocabulary.check_any(given, "order")
