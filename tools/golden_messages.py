@@ -165,9 +165,9 @@ MESSAGES: Mapping[str, m.Message] = {
     "ticked.extreme": m.TickReply("g", LAST_FRAME, EVENTS * 280, {}),
     "evolved.empty": m.EvolveReply("h", 0),
     "evolved.full": m.EvolveReply(
-        "h", 70_000, 3, POPULATION, {"a": EVENTS, "~AFish.1": (batch(),)},
-        {"eShow": VIEWS, "eOther": {}}, {"~AFish.2": PATCH, "~AFish.3": WITH_ROWS},
-        {"eShow": {"~AFish.2": WHOLE_PATCH}},
+        "h", 70_000, 3, {**POPULATION, "~AFish.2": PATCH, "~AFish.3": WITH_ROWS},
+        {"a": EVENTS, "~AFish.1": (batch(),)},
+        {"eShow": {**VIEWS, "~AFish.2": WHOLE_PATCH}, "eOther": {}},
     ),
     "evolved.extreme": m.EvolveReply(
         "h", LAST_FRAME, LAST_FRAME, {LONG_ID: Scene(), "": NESTED}, {"a": ()}, {"": {}}
@@ -212,8 +212,8 @@ MESSAGES: Mapping[str, m.Message] = {
         frame=7, event_type="eShow", sequence=9, parts=VIEWS, skeleton=SLOTS, halted=("a", "b")
     ),
     "view.extreme": m.ViewShown(
-        frame=LAST_FRAME, event_type="eShow", sequence=LAST_FRAME, parts={"a": Scene()},
-        skeleton=Scene(), patches={"~AFish.1": PATCH, "~AFish.2": WITH_ROWS}, halted=NAMES,
+        frame=LAST_FRAME, event_type="eShow", sequence=LAST_FRAME, skeleton=Scene(),
+        parts={"a": Scene(), "~AFish.1": PATCH, "~AFish.2": WITH_ROWS}, halted=NAMES,
     ),
     "orders.empty": m.Orders(0, ()),
     "orders.full": m.Orders(8, (*EVENTS, MIXED)),

@@ -39,11 +39,9 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
-def type_of(of: DeclaredField, codec: MessageCodec) -> str:
-    """The type of a field in the document's terms, including patches."""
+def type_of(of: DeclaredField) -> str:
+    """The type of a field in the document's terms."""
     text = field_codec(of).text
-    guests = any(other.host == of.name for other in codec.fields)
-    text = text.replace("string", "string or patch") if guests else text
     return text if of.least in (None, 0) and of.type is int else text + _bound(of)
 
 
@@ -55,9 +53,9 @@ def _bound(of: DeclaredField) -> str:
     )
 
 
-def item(of: DeclaredField, codec: MessageCodec) -> str:
+def item(of: DeclaredField) -> str:
     """An item of a message: name, type and note."""
-    text = f"`{of.name}` {type_of(of, codec)}"
+    text = f"`{of.name}` {type_of(of)}"
     return f"{text} ({of.note})" if of.note else text
 
 
@@ -70,7 +68,7 @@ def messages(codecs: Mapping[str, MessageCodec], column: str) -> str:
                 f"`{name}`",
                 str(codec.size),
                 _asked_by(codec) if column == "answers" else _keys(codec),
-                "a map" if codec.wire.keyed else ", ".join(item(of, codec) for of in codec.items),
+                "a map" if codec.wire.keyed else ", ".join(map(item, codec.items)),
                 codec.wire.meaning,
             ]
             for name, codec in codecs.items()
@@ -91,7 +89,7 @@ def hello() -> str:
     codec = message_codec(m.Hello)
     return table(
         ["key", "type", "meaning"],
-        [[f"`{of.name}`", type_of(of, codec), of.note + _if_missing(of)] for of in codec.items],
+        [[f"`{of.name}`", type_of(of), of.note + _if_missing(of)] for of in codec.items],
     )
 
 

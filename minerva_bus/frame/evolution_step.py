@@ -27,7 +27,7 @@ from minerva_bus.frame.stimuli import (
     is_people,
     person_of,
 )
-from minerva_bus.frame.view_streams import Views, patch_all
+from minerva_bus.frame.view_streams import Views, applied
 from minerva_bus.frame.world_state import (
     FrameInFlight,
     FrameResult,
@@ -35,7 +35,7 @@ from minerva_bus.frame.world_state import (
     Progress,
     WorldSpec,
 )
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.columns import Columns, Delta, packed
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
@@ -53,19 +53,20 @@ def checked(
     Raises Unfit for whatever could prevent that the fragments of all replies form a string, and
     their views a view.
     """
-    changed, fragments = dict(reply.changed), composition.fragments
+    former = {
+        name: Scene((composition.fragments[name],))
+        for name, change in reply.changed.items()
+        if isinstance(change, Delta) and name in composition.fragments
+    }
+    try:
+        changed = applied(former, reply.changed)
+        for event_type, changes in reply.views.items():
+            views.check(event_type, changes)
+    except Unfit as unfit:
+        raise Unfit(f"it sent {unfit}, which do not match the string") from None
     # A host that declines columns returns a part node by node; the composition holds columns.
     for name in sorted(changed.keys() & composition.parts.keys()):
         changed[name] = packed(changed[name])
-    try:
-        if reply.patched:
-            former = {n: Scene((fragments[n],)) for n in reply.patched if n in fragments}
-            patch_all(former, reply.patched)
-            changed |= former
-        for event_type, patches in reply.view_patches.items():
-            views.check(event_type, patches)
-    except Unfit as unfit:
-        raise Unfit(f"it sent {unfit}, which do not match the string") from None
     # Last, because a refused reply claims nothing.
     twice = claim(changed, result, composition)
     if twice:
@@ -75,8 +76,8 @@ def checked(
 
 def foreign_fragment(reply: m.EvolveReply, asked: Collection[str]) -> str:
     """Reason for rejecting a reply about fragments that were not requested, or empty."""
-    named = set(reply.changed).union(reply.patched, *reply.views.values())
-    for fragment in sorted(named.union(*reply.view_patches.values()).difference(asked)):
+    named = set(reply.changed).union(*reply.views.values())
+    for fragment in sorted(named.difference(asked)):
         return f"it answered for #{fragment}, not its own"
     return ""
 

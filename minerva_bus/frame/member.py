@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any, Final, TypeAlias, cast
 
@@ -24,8 +24,14 @@ from minerva_bus.frame.generator_side import (
     made_events,
     ordered_types,
 )
-from minerva_bus.frame.messages import PROTOCOL_VERSION, EvolveReply, EvolveRequest, Fragments
-from minerva_bus.frame.view_streams import patch_all
+from minerva_bus.frame.messages import (
+    PROTOCOL_VERSION,
+    Changes,
+    EvolveReply,
+    EvolveRequest,
+    Fragments,
+)
+from minerva_bus.frame.view_streams import applied
 from minerva_bus.grammar.columns import Delta, difference, has_columns, size
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
@@ -79,7 +85,7 @@ class DeviceSide:
         if shown.skeleton is not None:
             # Equal numbers count: a requested keyframe repeats the sequence of the latest view.
             if picture is None or shown.sequence >= picture.sequence:
-                picture = _Picture(shown.sequence, shown.skeleton, dict(shown.parts))
+                picture = _Picture(shown.sequence, shown.skeleton, applied({}, shown.parts))
                 self._pictures[shown.event_type] = picture
                 self._changed(shown)
             return True
@@ -89,8 +95,7 @@ class DeviceSide:
         # A delta with a lower number is contained in the keyframe that arrived before it.
         if shown.sequence > picture.sequence:
             picture.sequence = shown.sequence
-            picture.parts.update(shown.parts)
-            patch_all(picture.parts, shown.patches)
+            picture.parts.update(applied(picture.parts, shown.parts))
             self._changed(shown)
         return True
 
@@ -120,14 +125,6 @@ class DeviceSide:
 
 
 _TYPE: Final = attrgetter("type")
-
-
-@dataclass(slots=True)
-class _Different:
-    """Changed fragments or views: whole, or as deltas."""
-
-    changed: dict[str, Scene] = field(default_factory=dict[str, Scene])
-    patched: dict[str, Delta] = field(default_factory=dict[str, Delta])
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,16 +179,12 @@ class Host:
         for name in concerned:
             if name not in self.fragments:
                 raise ProtocolError(f"frame {request.frame} is about #{name}, never given here")
-        views: dict[str, dict[str, Scene]] = {}
-        view_patches: dict[str, dict[str, Delta]] = {}
+        views: dict[str, Changes] = {}
         # Views are first: they show the string before the evolution, which replaces the fragments.
         for event_type in sorted(set(map(_TYPE, request.visual))):
-            shown = self._views(event_type, concerned, request.visual, frame)
-            views[event_type] = shown.changed
-            if shown.patched:
-                view_patches[event_type] = shown.patched
+            views[event_type] = self._views(event_type, concerned, request.visual, frame)
         events = Addressed(request.events)
-        results = _Different()
+        changed: dict[str, Scene | Delta] = {}
         emitted: dict[str, tuple[AnyEvent, ...]] = {}
         evolving = bool(request.events) or policy.rules.without_events
         for fragment in concerned if evolving else ():
@@ -202,25 +195,12 @@ class Host:
             # Evolution shares unchanged objects, so identity detects changes without a comparison.
             if result.scene is not was:
                 now = vocabulary.check(result.scene, f"#{fragment}")
-                self._changed(fragment, was, now, results)
-        return EvolveReply(
-            self.name,
-            request.frame,
-            request.part,
-            results.changed,
-            emitted,
-            views,
-            results.patched,
-            view_patches,
-        )
+                changed[fragment] = _delta(was, now) or now
+                self._keep(fragment, now)
+        return EvolveReply(self.name, request.frame, request.part, changed, emitted, views)
 
-    def _changed(self, fragment: str, was: Scene, scene: Scene, results: _Different) -> None:
+    def _keep(self, fragment: str, scene: Scene) -> None:
         """Store a fragment's result; one with newborns returns from the coordinator when placed."""
-        patch = _patch(was, scene)
-        if patch is None:
-            results.changed[fragment] = scene
-        else:
-            results.patched[fragment] = patch
         now = fragment_in(scene, fragment)
         if now is None:
             self._drop(fragment)
@@ -229,14 +209,14 @@ class Host:
 
     def _views(
         self, event_type: str, concerned: Sequence[str], visual: Sequence[AnyEvent], frame: Frame
-    ) -> _Different:
+    ) -> Changes:
         """The views for one event type that differ from the last ones.
 
         The first view of a fragment always counts as changed, even if it is ε, because its view on
         its former host is unknown here.
         """
         events = Addressed(tuple([event for event in visual if event.type == event_type]))
-        views = _Different()
+        views: dict[str, Scene | Delta] = {}
         for fragment in concerned:
             piece, shown = self.fragments[fragment], self._shown.get((event_type, fragment))
             if shown is not None and shown.piece is piece and shown.events == events.events:
@@ -245,13 +225,13 @@ class Host:
             # Stored even if the view has not changed: the next
             # frame compares fragments by identity.
             self._shown[event_type, fragment] = _Shown(piece, events.events, view)
-            patch = _view_patch(shown, piece, view) if shown is not None else None
-            # An empty patch means that the fragment has changed and its
+            delta = _view_delta(shown, piece, view) if shown is not None else None
+            # An empty delta means that the fragment has changed and its
             # view has not, so nothing is sent.
-            if patch is not None and not patch.empty:
-                views.patched[fragment] = patch
-            elif patch is None and (shown is None or _other(shown.view, view)):
-                views.changed[fragment] = view
+            if delta is not None and not delta.empty:
+                views[fragment] = delta
+            elif delta is None and (shown is None or _other(shown.view, view)):
+                views[fragment] = view
         return views
 
 
@@ -260,14 +240,14 @@ def _other(old: Scene, new: Scene) -> bool:
     return has_columns(new) or old != new
 
 
-def _patch(old: Scene, new: Scene, row_delta: RowDelta | None = None) -> Delta | None:
+def _delta(old: Scene, new: Scene, row_delta: RowDelta | None = None) -> Delta | None:
     """Delta between two strings, if each is one piece in columns with rows in the same order."""
     if len(old.pieces) != 1 or len(new.pieces) != 1:
         return None
     return difference(old.pieces[0], new.pieces[0], row_delta)
 
 
-def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
+def _view_delta(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
     """Delta between two views; rows were added and removed as in the fragment they show."""
     old, new = shown.piece, piece
     row_delta = None
@@ -276,7 +256,7 @@ def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
         whole = size(shown.view.pieces) == old.count and size(view.pieces) == new.count
         if old.ids is not new.ids and whole:
             row_delta = row_delta_of_ids(old.ids, new.ids)
-    return _patch(shown.view, view, row_delta)
+    return _delta(shown.view, view, row_delta)
 
 
 def _checked(

@@ -74,13 +74,6 @@ class AtMost:
 
 
 @dataclass(frozen=True, slots=True)
-class Within:
-    """The value shares the map of another field, under different keys."""
-
-    field: str
-
-
-@dataclass(frozen=True, slots=True)
 class Note:
     """Description of a field in PROTOCOL.md."""
 
@@ -123,7 +116,9 @@ class Mark(Enum):
 
 Figures: TypeAlias = Mapping[str, bool | int | float | str]
 Parts: TypeAlias = Mapping[str, Scene]
-Patches: TypeAlias = Mapping[str, Delta]
+Changes: TypeAlias = Mapping[str, Scene | Delta]
+"""Strings by id; of a part in columns that the receiver has, the delta."""
+
 SentBy: TypeAlias = Mapping[str, tuple[AnyEvent, ...]]
 
 Sender: TypeAlias = Annotated[str, Mark.FROM_KEY]
@@ -270,10 +265,10 @@ class TickReply:
 class EvolveReply:
     """The changes of a host's fragments and views in a frame.
 
-    `changed`: the string that replaces each fragment; `patched`: the delta of each fragment in
-    columns. `views`: changed views by visual event type and fragment. `emitted`: the events sent by
-    each agent or fragment in columns. `elapsed`: seconds that the coordinator waited for the reply.
-    `received`: the message as received.
+    `changed`: the string that replaces each fragment, or its delta. `views`: changed views by
+    visual event type and fragment. `emitted`: the events sent by each agent or fragment in columns.
+    `elapsed`: seconds that the coordinator waited for the reply. `received`: the message as
+    received.
     """
 
     WIRE: ClassVar = Wire(
@@ -289,15 +284,11 @@ class EvolveReply:
     member: Sender
     frame: int
     part: int = 0
-    changed: Parts = field(default_factory=dict[str, Scene])
+    changed: Changes = field(default_factory=dict[str, Scene | Delta])
     emitted: Annotated[SentBy, Mark.EMITTED] = field(
         default_factory=dict[str, tuple[AnyEvent, ...]]
     )
-    views: Annotated[Mapping[str, Parts], Mark.VIEW] = field(default_factory=dict[str, Parts])
-    patched: Annotated[Patches, Within("changed")] = field(default_factory=dict[str, Delta])
-    view_patches: Annotated[Mapping[str, Patches], Within("views")] = field(
-        default_factory=dict[str, Patches]
-    )
+    views: Annotated[Mapping[str, Changes], Mark.VIEW] = field(default_factory=dict[str, Changes])
     elapsed: Annotated[float, Mark.LOCAL] = 0.0
     received: Received = field(default=b"", compare=False, repr=False)
 
@@ -473,7 +464,7 @@ class ViewShown:
 
     A *key* view is complete: `skeleton` is the string with each fragment as a slot `A#name()`, and
     `parts` has the view of every fragment. Other views have only the changed parts, those in
-    columns as `patches` of the previous ones; a gap in `sequence` means that a view was missed.
+    columns as deltas of the previous ones; a gap in `sequence` means that a view was missed.
     """
 
     WIRE: ClassVar = Wire(
@@ -486,9 +477,8 @@ class ViewShown:
     event_type: str
     frame: int
     sequence: int
-    parts: Annotated[Parts, Mark.VIEW]
+    parts: Annotated[Changes, Mark.VIEW]
     skeleton: Annotated[Scene | None, Mark.SLOTS] = None
-    patches: Annotated[Patches, Within("parts")] = field(default_factory=dict[str, Delta])
     halted: Annotated[tuple[str, ...], Note("ids")] = ()
 
 

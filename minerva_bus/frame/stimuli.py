@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, cast
 
 from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.messages import (
@@ -414,7 +414,7 @@ class Instructions:
 
 
 def plain_form(message: ToMember) -> ToMember:
-    """The same message node by node, without columns; patches must be applied before."""
+    """The same message node by node, without columns; deltas must be applied before."""
     match message:
         case Fragments():
             return replace(message, given=_scenes(message.given))
@@ -422,7 +422,8 @@ def plain_form(message: ToMember) -> ToMember:
             return replace(message, events=_events(message.events), visual=_events(message.visual))
         case ViewShown():
             skeleton = None if message.skeleton is None else unfolded(message.skeleton)
-            return replace(message, parts=_scenes(message.parts), skeleton=skeleton)
+            parts = _scenes(cast("Parts", message.parts))
+            return replace(message, parts=parts, skeleton=skeleton)
         case Orders():
             return replace(message, events=_events(message.events))
         case _:

@@ -10,10 +10,10 @@ from typing import Final
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.members import Members
-from minerva_bus.frame.messages import Parts, Patches, ViewShown
+from minerva_bus.frame.messages import Changes, Parts, ViewShown
 from minerva_bus.frame.stimuli import Instructions, plain_form
 from minerva_bus.frame.world_state import FrameInFlight, WorldSpec
-from minerva_bus.grammar.columns import check, patched
+from minerva_bus.grammar.columns import Delta, check_delta, patched
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
 from minerva_bus.grammar.types import Unfit
 
@@ -35,8 +35,7 @@ class ViewStream:
         self,
         frame: int,
         skeleton: Scene,
-        changed: Parts,
-        patches: Patches,
+        changed: Changes,
         alive: Container[str],
         halted: tuple[str, ...] = (),
     ) -> ViewShown:
@@ -45,8 +44,7 @@ class ViewStream:
         Devices must not execute actions of the agents `halted`.
         """
         self.halted = halted
-        self.parts.update(changed)
-        patch_all(self.parts, patches)
+        self.parts.update(applied(self.parts, changed))
         self.sequence += 1
         self.frame = frame
         # The composition makes a new skeleton whenever fragments change: identity is sufficient.
@@ -55,14 +53,11 @@ class ViewStream:
             # Views of fragments that are gone must not appear in the keyframe.
             self.parts = {name: view for name, view in self.parts.items() if name in alive}
             return self.keyframe()
-        return ViewShown(
-            self.event_type, frame, self.sequence, dict(changed), None, patches, halted
-        )
+        return ViewShown(self.event_type, frame, self.sequence, dict(changed), None, halted)
 
-    def unpatched(self, view: ViewShown) -> ViewShown:
-        """The latest view with whole parts instead of patches."""
-        whole = {name: self.parts[name] for name in view.patches}
-        return replace(view, parts={**view.parts, **whole}, patches={}) if whole else view
+    def whole(self, view: ViewShown) -> ViewShown:
+        """The latest view with whole parts instead of deltas."""
+        return replace(view, parts={name: self.parts[name] for name in view.parts})
 
     def keyframe(self) -> ViewShown:
         """The latest view as a whole."""
@@ -81,7 +76,7 @@ class Views:
                 # A resumed world continues the sequence, because its
                 # devices may still hold these views.
                 view.event_type, view.sequence, view.frame, view.skeleton or EMPTY,
-                dict(view.parts), view.halted,
+                applied({}, view.parts), view.halted,
             )
             for view in world.shown
         }  # fmt: skip
@@ -101,10 +96,13 @@ class Views:
         stream = self._streams.get(event_type)
         return None if stream is None else stream.keyframe()
 
-    def check(self, event_type: str, patches: Patches) -> None:
-        """Raise Unfit if patches do not fit the latest view of an event type."""
+    def check(self, event_type: str, changes: Changes) -> None:
+        """Raise Unfit if deltas do not fit the latest view of an event type."""
         stream = self._streams.get(event_type)
-        check_all({} if stream is None else stream.parts, patches)
+        known = {} if stream is None else stream.parts
+        for name, change in changes.items():
+            if isinstance(change, Delta):
+                check_delta(_piece(known, name), change)
 
     def show(
         self,
@@ -124,7 +122,6 @@ class Views:
                 frame,
                 composition.skeleton,
                 result.views.get(event_type, {}),
-                result.view_patches.get(event_type, {}),
                 composition.fragments,
                 result.halted,
             )
@@ -136,8 +133,8 @@ def _send(
 ) -> None:
     devices = members.devices(view.event_type)
     for member, hello in devices:
-        # A member that declines columns cannot apply patches to them.
-        shown = stream.unpatched(view) if hello.plain else view
+        # A member that declines columns cannot apply deltas to them.
+        shown = stream.whole(view) if hello.plain else view
         if hello.coupled:
             out.send(member.name, shown)
         elif last:  # No later view would let an observer notice that it missed this one.
@@ -149,16 +146,14 @@ def _send(
         out.add(s.Show(view.event_type, view))
 
 
-def patch_all(parts: dict[str, Scene], patches: Patches) -> None:
-    """Apply patches to fragments or views by name. Raises Unfit."""
-    for name, patch in patches.items():
-        parts[name] = Scene((patched(_piece(parts, name), patch),))
-
-
-def check_all(parts: Parts, patches: Patches) -> None:
-    """Raise Unfit if patches do not fit the fragments or views of these names."""
-    for name, patch in patches.items():
-        check(_piece(parts, name), patch)
+def applied(parts: Parts, changes: Changes) -> dict[str, Scene]:
+    """What changes make of the fragments or views of their names. Raises Unfit."""
+    return {
+        name: Scene((patched(_piece(parts, name), change),))
+        if isinstance(change, Delta)
+        else change
+        for name, change in changes.items()
+    }
 
 
 def _piece(parts: Parts, name: str) -> Piece:

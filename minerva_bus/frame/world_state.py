@@ -212,7 +212,7 @@ class FrameResult:
     `changed`: the replacement of each changed fragment; `changed_by`: the host that reported it.
     `sent`: events that agents sent. `newborns`: the fragment of each agent in a changed fragment;
     `born`: the ids that fragments in columns have gained.
-    `views`, `view_patches`: changed views by visual event type and fragment.
+    `views`: changed views by visual event type and fragment.
     `rejected`: fragments that differ from their hosts' reports because of a norm.
     `halted`: agents whose actions devices must not execute in this frame.
     """
@@ -225,8 +225,7 @@ class FrameResult:
         self.sent: dict[str, Events] = {}
         self.newborns: dict[str, str] = {}
         self.born: list[tuple[str, Ids]] = []
-        self.views: dict[str, dict[str, Scene]] = {}
-        self.view_patches: dict[str, dict[str, Delta]] = {}
+        self.views: dict[str, dict[str, Scene | Delta]] = {}
         self.rejected: tuple[str, ...] = ()
         self.halted: tuple[str, ...] = ()
 
@@ -237,8 +236,6 @@ class FrameResult:
         self.sent.update(reply.emitted)
         for event_type, parts in reply.views.items():
             self.views.setdefault(event_type, {}).update(parts)
-        for event_type, patches in reply.view_patches.items():
-            self.view_patches.setdefault(event_type, {}).update(patches)
 
 
 class FrameInFlight:

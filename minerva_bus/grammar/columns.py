@@ -855,7 +855,7 @@ def _rows_after(row_delta: RowDelta, old: Column, new: Column) -> Rows | None:
     return np.flatnonzero(changed)
 
 
-def check(old: Piece, delta: Delta) -> Columns:
+def check_delta(old: Piece, delta: Delta) -> Columns:
     """The piece as columns, if the delta applies to them. Raises Unfit."""
     if isinstance(old, Columns) and delta.result(old) is not None:
         return old
@@ -887,7 +887,7 @@ def patched(old: Piece, delta: Delta) -> Columns:
     if (result := delta.result(old)) is not None:
         return result
     # A delta may come from a remote member.
-    columnar = check(old, delta)
+    columnar = check_delta(old, delta)
     updated = (
         columnar if delta.row_delta is None else _updated(columnar, delta.row_delta, delta.born)
     )

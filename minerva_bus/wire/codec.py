@@ -24,7 +24,7 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import Mark, Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.field_codecs import DeclaredField, FieldCodec, Write, field_codec
+from minerva_bus.wire.field_codecs import DeclaredField, FieldCodec, field_codec
 from minerva_bus.wire.plain import (
     COLLECTED,
     DEFAULT,
@@ -88,12 +88,11 @@ Decode = Callable[[Reader, tuple[str, ...], list[Any]], Any]
 class MessageCodec:
     """A message's declaration, with the encoder and decoder compiled from it.
 
-    `items`: the fields with an item of their own, in order; `size`: number of items after the name.
+    `items`: the fields that are sent, in order; `size`: number of items after the name.
     `decode` takes the values of the fields in the key, and the message as a list with its name.
     """
 
     wire: Wire
-    fields: tuple[DeclaredField, ...]
     items: tuple[DeclaredField, ...]
     size: int
     encode: Encode
@@ -105,14 +104,13 @@ def message_codec(message: type[Any]) -> MessageCodec:
     """The codec of a declared message. Raises TypeError for an invalid declaration."""
     wire: Wire = message.WIRE
     declared = declared_fields(message)
-    # A field within the map of another one has no item of its own.
-    items = tuple(of for of in declared if of.travels and not of.host)
-    codecs = {of.name: field_codec(of) for of in declared if of.travels}
-    encode, decode = _encoder(wire, declared, codecs), _decoder(message, declared, codecs)
+    items = tuple([of for of in declared if of.travels])
+    codecs = [field_codec(of) for of in items]
+    encode, decode = _encoder(wire, items, codecs), _decoder(message, items, codecs)
     if wire.keyed:
-        decode = _keyed_decoder(decode, declared)
+        decode = _keyed_decoder(decode, items)
     size = 1 if wire.keyed else len(items)
-    return MessageCodec(wire, declared, items, size, encode, decode)
+    return MessageCodec(wire, items, size, encode, decode)
 
 
 def by_name(messages: Iterable[type[Any]]) -> Mapping[str, MessageCodec]:
@@ -146,12 +144,9 @@ def _declared(message: str, of: Field[Any], hint: Any) -> DeclaredField:
 # --- to bytes ---
 
 
-def _encoder(
-    wire: Wire, declared: Sequence[DeclaredField], codecs: Mapping[str, FieldCodec]
-) -> Encode:
+def _encoder(wire: Wire, items: Sequence[DeclaredField], codecs: Sequence[FieldCodec]) -> Encode:
     """An encoder that reads all attributes in one call and converts those that are not plain."""
-    names = [of.name for of in declared if of.travels and not of.host]
-    name = wire.name
+    names, name = [of.name for of in items], wire.name
     # A message without items is always the same bytes.
     if not names:
         data = pack([name])
@@ -159,27 +154,18 @@ def _encoder(
     get = attrgetter(*names)
     # For a single name `attrgetter` returns the value itself instead of a tuple.
     if len(names) == 1:
-        write_one = codecs[names[0]].write
+        write_one = codecs[0].write
         if write_one is None:
             return lambda message: pack((name, get(message)))
         return lambda message: pack((name, write_one(get(message))))
-    alone: list[tuple[int, Write]] = []
-    hosts: list[tuple[int, Write, attrgetter[Any]]] = []
-    for place, item in enumerate(names):
-        write, guests = codecs[item].write, [of.name for of in declared if of.host == item]
-        if write is not None and guests:
-            hosts.append((place, write, attrgetter(item, *guests)))
-        elif write is not None:
-            alone.append((place, write))
+    writes = [(place, of.write) for place, of in enumerate(codecs) if of.write is not None]
 
     def encode_items(message: Any) -> bytes:
         # One call of `attrgetter` for all attributes: only fields
         # that are not plain cost a call each.
         plain = list(get(message))
-        for place, write in alone:
+        for place, write in writes:
             plain[place] = write(plain[place])
-        for place, write, both in hosts:
-            plain[place] = write(*both(message))
         return pack([name, dict(zip(names, plain, strict=True))] if wire.keyed else [name, *plain])
 
     return encode_items
@@ -189,14 +175,12 @@ def _encoder(
 
 
 def _decoder(
-    make: type[Any], declared: Iterable[DeclaredField], codecs: Mapping[str, FieldCodec]
+    make: type[Any], items: Sequence[DeclaredField], codecs: Sequence[FieldCodec]
 ) -> Decode:
     """A decoder that reads an empty list, binary, text or nil only once: most items are empty."""
-    travelling = [of for of in declared if of.travels]
-    items = [of.name for of in travelling if not of.host]
     plan = [
-        (of, 1 + items.index(of.host or of.name), codecs[of.name].read, dict[type[Any], Any]())
-        for of in travelling
+        (of, place, codec.read, dict[type[Any], Any]())
+        for place, (of, codec) in enumerate(zip(items, codecs, strict=True), 1)
     ]
 
     def decode(reader: Reader, key: tuple[str, ...], plain: list[Any]) -> Any:
@@ -226,9 +210,8 @@ def _located(error: ProtocolError, of: DeclaredField) -> ProtocolError:
     return error if text.startswith(of.message) else ProtocolError(f"{of.what}: {text}")
 
 
-def _keyed_decoder(decode: Decode, declared: Iterable[DeclaredField]) -> Decode:
+def _keyed_decoder(decode: Decode, items: Sequence[DeclaredField]) -> Decode:
     """A decoder of a map. It ignores unknown keys, which a later version may add."""
-    travelling = [of for of in declared if of.travels]
 
     def value(of: DeclaredField, given: Mapping[str, Any]) -> Any:
         if of.name not in given and not of.has(Mark.OPTIONAL):
@@ -237,7 +220,7 @@ def _keyed_decoder(decode: Decode, declared: Iterable[DeclaredField]) -> Decode:
 
     def decode_map(reader: Reader, key: tuple[str, ...], plain: list[Any]) -> Any:
         given = as_map(plain[1], f"the item of {plain[0]}")
-        return decode(reader, key, [plain[0], *(value(of, given) for of in travelling)])
+        return decode(reader, key, [plain[0], *(value(of, given) for of in items)])
 
     return decode_map
 

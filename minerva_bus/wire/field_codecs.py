@@ -14,7 +14,8 @@ import numpy as np
 
 from minerva_bus.errors import MisuseError, ProtocolError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.messages import AtLeast, AtMost, Mark, Note, Within
+from minerva_bus.frame.messages import AtLeast, AtMost, Mark, Note
+from minerva_bus.grammar.columns import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
@@ -70,7 +71,7 @@ Write: TypeAlias = Callable[..., Any]
 class FieldCodec:
     """Codec of one field: `read` checks plain data, `write` makes it; None: values are plain.
 
-    `text`: its type in PROTOCOL.md. `write` also takes the values of the fields `Within` this one.
+    `text`: its type in PROTOCOL.md.
     """
 
     text: str
@@ -107,11 +108,6 @@ class DeclaredField:
         return next((mark.value for mark in self.marks if isinstance(mark, AtLeast)), None)
 
     @property
-    def host(self) -> str:
-        """The field whose map it shares, or empty if it has its own item."""
-        return next((mark.field for mark in self.marks if isinstance(mark, Within)), "")
-
-    @property
     def travels(self) -> bool:
         """Whether its value is part of the message."""
         return not (self.has(Mark.FROM_KEY) or self.has(Mark.LOCAL))
@@ -132,75 +128,41 @@ def field_codec(declared: DeclaredField) -> FieldCodec:
     return make(declared)
 
 
-# --- strings, whole or patched: fragments, views and the skeleton ---
-
-_NO_PATCHES: Final[m.Patches] = {}
+# --- strings, whole or as patches: fragments, views and the skeleton ---
 
 
-def _write_parts(parts: m.Parts, patches: m.Patches = _NO_PATCHES) -> dict[str, Any]:
-    plain: dict[str, Any] = {}
-    if parts:
-        plain = {name: plain_scene(scene) for name, scene in parts.items()}
-    # Encoded in one map with whole strings: a fragment or view is either changed or patched.
-    if patches:
-        plain.update((name, plain_patch(patch)) for name, patch in patches.items())
-    return plain
+def _write_parts(parts: m.Changes) -> dict[str, Any]:
+    return {
+        name: plain_patch(part) if isinstance(part, Delta) else plain_scene(part)
+        for name, part in parts.items()
+    }
 
 
-def whole_parts(of: DeclaredField) -> FieldCodec:
-    """Strings by id, without the patches in the same map."""
-    what, view = of.what, of.has(Mark.VIEW)
+def parts(of: DeclaredField) -> FieldCodec:
+    """Strings by id, or patches if the field allows them."""
+    what, view, patches = of.what, of.has(Mark.VIEW), of.type != m.Parts
 
-    def read(reader: Reader, plain: Any) -> m.Parts:
+    def read(reader: Reader, plain: Any) -> m.Changes:
         scene = reader.view if view else reader.scene
-        parts = as_map(plain, what)
-        if not parts:
-            return {}
-        # Strings and patches share one map; the field for patches reads the others.
-        return {name: scene(part) for name, part in parts.items() if not is_patch(part)}
-
-    return FieldCodec("{id: string}", read, _write_parts)
-
-
-def part_patches(of: DeclaredField) -> FieldCodec:
-    """Patches by id, without the whole strings in the same map."""
-
-    def read(reader: Reader, plain: Any) -> m.Patches:
-        parts = as_map(plain, of.what)
-        if not parts:
-            return {}
-        return {name: reader.patch(part) for name, part in parts.items() if is_patch(part)}
-
-    return FieldCodec("{id: patch}", read)
-
-
-def whole_views(of: DeclaredField) -> FieldCodec:
-    """Strings by id for each visual event type, without patches."""
-    parts = whole_parts(of)
-
-    def read(reader: Reader, plain: Any) -> Mapping[str, m.Parts]:
-        return {name: parts.read(reader, view) for name, view in as_map(plain, of.what).items()}
-
-    def write(views: Mapping[str, m.Parts], patches: Mapping[str, m.Patches]) -> Any:
-        if not views:
-            return {}
-        # Every type with patches is in `views` as well, if only with an empty map.
         return {
-            name: _write_parts(view, patches.get(name, _NO_PATCHES)) for name, view in views.items()
+            name: reader.patch(part) if patches and is_patch(part) else scene(part)
+            for name, part in as_map(plain, what).items()
         }
 
-    return FieldCodec("{event type: {id: string}}", read, write)
+    return FieldCodec(f"{{id: string{' or patch' if patches else ''}}}", read, _write_parts)
 
 
-def view_patches(of: DeclaredField) -> FieldCodec:
-    """Patches by id for each visual event type, without whole strings."""
-    patches = part_patches(of)
+def views(of: DeclaredField) -> FieldCodec:
+    """Strings or patches by id for each visual event type."""
+    of_a_type = parts(of)
 
-    def read(reader: Reader, plain: Any) -> Mapping[str, m.Patches]:
-        views = {name: patches.read(reader, v) for name, v in as_map(plain, of.what).items()}
-        return {name: view for name, view in views.items() if view}
+    def read(reader: Reader, plain: Any) -> Mapping[str, m.Changes]:
+        return {name: of_a_type.read(reader, v) for name, v in as_map(plain, of.what).items()}
 
-    return FieldCodec("{event type: {id: patch}}", read)
+    def write(views: Mapping[str, m.Changes]) -> Any:
+        return {name: _write_parts(view) for name, view in views.items()}
+
+    return FieldCodec(f"{{event type: {of_a_type.text}}}", read, write)
 
 
 def skeleton_or_nil(of: DeclaredField) -> FieldCodec:
@@ -584,10 +546,9 @@ _CODECS: Final[dict[Any, Callable[[DeclaredField], FieldCodec]]] = {
     Vocabulary: _vocabulary,
     tuple[AnyEvent, ...]: _events,
     m.SentBy: _events_by_sender,
-    m.Parts: whole_parts,
-    m.Patches: part_patches,
-    Mapping[str, m.Parts]: whole_views,
-    Mapping[str, m.Patches]: view_patches,
+    m.Parts: parts,
+    m.Changes: parts,
+    Mapping[str, m.Changes]: views,
     Scene | None: skeleton_or_nil,
     tuple[Reading, ...]: _readings,
 }

@@ -328,9 +328,9 @@ def test_deltas_add_up_to_the_whole():
     skeleton, dot = read("AMortal#a · AMortal#b"), read("PDot<size=1>")
     showing = ViewStream("eShow")
     alive = {"a", "b"}
-    first = showing.next(0, skeleton, {"a": dot}, {}, alive)
+    first = showing.next(0, skeleton, {"a": dot}, alive)
     assert (first.sequence, first.skeleton, first.parts) == (1, skeleton, {"a": dot})
-    second = showing.next(1, skeleton, {"b": dot}, {}, alive)
+    second = showing.next(1, skeleton, {"b": dot}, alive)
     assert (second.sequence, second.skeleton, second.parts) == (2, None, {"b": dot})
     assert showing.keyframe().parts == {"a": dot, "b": dot}
     assert showing.keyframe().sequence == 2
@@ -338,8 +338,8 @@ def test_deltas_add_up_to_the_whole():
 
 def test_the_dead_are_forgotten_with_their_skeleton():
     dot, showing = read("PDot<size=1>"), ViewStream("eShow")
-    showing.next(0, read("AMortal#a · AMortal#b"), {"a": dot, "b": dot}, {}, {"a", "b"})
-    whole = showing.next(1, read("AMortal#b"), {}, {}, {"b"})
+    showing.next(0, read("AMortal#a · AMortal#b"), {"a": dot, "b": dot}, {"a", "b"})
+    whole = showing.next(1, read("AMortal#b"), {}, {"b"})
     assert whole.parts == {"b": dot}
     assert whole.skeleton is not None
 

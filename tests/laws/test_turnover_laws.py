@@ -27,7 +27,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import claim
 from minerva_bus.frame.member import Host
-from minerva_bus.frame.view_streams import patch_all
+from minerva_bus.frame.view_streams import applied
 from minerva_bus.frame.world_state import FrameResult
 from minerva_bus.grammar.columns import Columns, Delta, difference, patched
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids
@@ -222,11 +222,10 @@ def test_deltas_of_views_add_up_to_the_views(frames):
         events = (event(receivers=to),) if rows else ()
         request = m.EvolveRequest(number, ("h",), events, (eShow(),))
         reply = host.answer(request, Frame(number), Policy.SEQUENTIAL, HUNT)
-        views |= reply.views["eShow"]
-        patch_all(views, reply.view_patches.get("eShow", {}))
+        views |= applied(views, reply.views["eShow"])
         assert views["~APrey.1"] == visualize(parts["~APrey.1"], [eShow()], [Prey])
-        assert not reply.changed
-        patch_all(parts, reply.patched)
+        assert all(isinstance(change, Delta) for change in reply.changed.values())
+        parts |= applied(parts, reply.changed)
 
 
 # --- ids ---

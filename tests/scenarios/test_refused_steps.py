@@ -314,9 +314,7 @@ def test_a_view_that_a_later_stage_does_not_ask_for_is_refused():
         )
     )
     bus.settle()
-    bus.put(
-        m.EvolveReply("host-0", 1, 1, {}, {}, {"eShow": {}}, {}, {"eShow": {"~AWalker.1": patch}})
-    )
+    bus.put(m.EvolveReply("host-0", 1, 1, {}, {}, {"eShow": {"~AWalker.1": patch}}))
     bus.settle()
     said = "host-0: broke the protocol: it sent a view of eShow, which was not requested"
     assert said in bus.said

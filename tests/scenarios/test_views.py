@@ -24,6 +24,7 @@ from pond import (
 from minerva_bus import Agent, Device, Generator, Metres, Vocabulary, on, view, visualize
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.world_state import WorldSpec
+from minerva_bus.grammar.columns import Delta
 
 
 def shown(bus, name="screen"):
@@ -301,5 +302,6 @@ def test_key_views_and_what_differs_add_up_to_the_view_of_the_whole(hosts):
     assert shown(bus) == wanted
     assert shown(bus, "late") == wanted[-len(shown(bus, "late")) :]
     assert len(shown(bus, "late")) >= 12
-    patches = [p for r in sent if isinstance(r, m.EvolveReply) for p in r.view_patches.values()]
-    assert any(c.rows is not None for patch in patches for p in patch.values() for c in p.changes)
+    views = [v for r in sent if isinstance(r, m.EvolveReply) for v in r.views.values()]
+    deltas = [each for view in views for each in view.values() if isinstance(each, Delta)]
+    assert any(change.rows is not None for delta in deltas for change in delta.changes)

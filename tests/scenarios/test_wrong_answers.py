@@ -138,15 +138,16 @@ def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
 
 @pytest.mark.parametrize("name", ["a", "b"])
 def test_a_patch_of_a_view_that_there_is_not_is_refused(name):
-    bus = started(members={"other": host("other", Counter)}, expected=["add"])
+    members = {"other": host("other", Counter), "screen": service("screen", Screen)}
+    bus = started(members=members, expected=["add", "screen"])
     (owner,) = [id for id, it in bus.alive.items() if [*it.host.fragments] == [name]]
     bus.hold(("down", owner))
     bus.frame()
     patch = Delta(1, ("PDot",), ())
-    bus.put(m.EvolveReply(owner, 1, 0, view_patches={"eShow": {name: patch}}))
+    bus.put(m.EvolveReply(owner, 1, 0, views={"eShow": {name: patch}}))
     bus.step(("up", owner))
     bus.do("release, settle")
-    said = f"it sent a patch of {name}, which is not in columns, which do not match the string"
+    said = "it sent a patch of PDot, which is not in columns, which do not match the string"
     assert f"{owner}: broke the protocol: {said}" in bus.said
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
@@ -191,11 +192,11 @@ def test_an_agent_may_not_become_two_with_an_id_of_another():
 
 
 SECOND = {
-    "a patch": lambda part: {"patched": {"~AMinnow.1": difference(part, Minnow.many([*part.ids, "a"]).pieces[0])}},
+    "a patch": lambda part: {"changed": {"~AMinnow.1": difference(part, Minnow.many([*part.ids, "a"]).pieces[0])}},
     "columns": lambda part: {"changed": {"~AMinnow.1": Minnow.many(["a", *part.ids])}},
     "rows and a node": lambda part: {"changed": {"~AMinnow.1": Minnow.many(part.ids) + VOCABULARY.read("AFly#a")}},
     "a patch with the id of another part": lambda part: {
-        "patched": {"~AMinnow.1": difference(part, Minnow.many([*part.ids, "n1"]).pieces[0])}
+        "changed": {"~AMinnow.1": difference(part, Minnow.many([*part.ids, "n1"]).pieces[0])}
     },
 }  # fmt: skip
 

@@ -142,13 +142,11 @@ def test_a_reply_with_patches_travels(w, data):
     rows = np.array(sorted(data.draw(st.sets(st.integers(0, old.count - 1), min_size=1))))
     x = old.columns[0].put(rows, np.arange(len(rows)) + 0.5)
     patch = difference(old, old.with_columns([x, *old.columns[1:]]))
-    reply = m.EvolveReply(
-        "h", 3, 0, {"a": w}, {}, {"eHit": {"b": PDot(1, "a")}}, {"~AFish.1": patch}
-    )
+    reply = m.EvolveReply("h", 3, 0, {"a": w, "~AFish.1": patch}, {}, {"eHit": {"b": PDot(1, "a")}})
     back = Decoder(VOCABULARY).from_member("h", encode(reply))
-    assert back.changed == {"a": w}
-    assert list(back.patched) == ["~AFish.1"]
-    (change,) = back.patched["~AFish.1"].changes
+    assert list(back.changed) == ["a", "~AFish.1"]
+    assert back.changed["a"] == w
+    (change,) = back.changed["~AFish.1"].changes
     rows_read = np.arange(old.count) if change.rows is None else change.rows
     assert set(rows_read.tolist()) >= set(rows.tolist())
     assert change.column.list() == x.array[rows_read].tolist()

@@ -40,12 +40,12 @@ class KnownState:
 
     def evolved(self, reply: m.EvolveReply) -> str:
         """A host's reply as text. Raises Unfit for a patch that does not fit."""
-        changed = {**reply.changed, **_patched(self.fragments, reply.patched)}
+        changed = _applied(self.fragments, reply.changed)
         lines = [f"evolved {reply.frame} part {reply.part}"]
         lines += self._changed(changed)
         lines += _emitted(reply.emitted)
-        for event_type in sorted(reply.views.keys() | reply.view_patches.keys()):
-            lines += self._shown(event_type, reply)
+        for event_type, views in sorted(reply.views.items()):
+            lines += self._shown(event_type, views)
         return "\n".join(lines)
 
     def _changed(self, changed: Mapping[str, Scene]) -> list[str]:
@@ -60,16 +60,12 @@ class KnownState:
                 self._forget(fragment)
         return lines
 
-    def _shown(self, event_type: str, reply: m.EvolveReply) -> list[str]:
+    def _shown(self, event_type: str, views: m.Changes) -> list[str]:
         known = {
             fragment: view for (shown, fragment), view in self._views.items() if shown == event_type
         }
-        views = {
-            **reply.views.get(event_type, {}),
-            **_patched(known, reply.view_patches.get(event_type, {})),
-        }
         lines: list[str] = []
-        for fragment, view in sorted(views.items()):
+        for fragment, view in sorted(_applied(known, views).items()):
             if not fragment.startswith(PART) or view != known.get(fragment):
                 lines.append(f"view {event_type} {fragment}: {view}")
             self._views[event_type, fragment] = view
@@ -138,14 +134,16 @@ def _emitted(emitted: m.SentBy) -> list[str]:
     return [f"emitted {sender}: {', '.join(sent)}" for sender, sent in sorted(by_sender.items())]
 
 
-def _patched(known: Mapping[str, Scene], patches: Mapping[str, Delta]) -> dict[str, Scene]:
-    return {name: _after(name, known.get(name), delta) for name, delta in patches.items()}
+def _applied(known: Mapping[str, Scene], changes: m.Changes) -> dict[str, Scene]:
+    return {name: _after(name, known.get(name), change) for name, change in changes.items()}
 
 
-def _after(name: str, old: Scene | None, delta: Delta) -> Scene:
+def _after(name: str, old: Scene | None, change: Scene | Delta) -> Scene:
+    if isinstance(change, Scene):
+        return change
     if old is None or len(packed(old).pieces) != 1:
         raise Unfit(f"a patch of {name}, which is not in columns")
-    return Scene((patched(packed(old).pieces[0], delta),))
+    return Scene((patched(packed(old).pieces[0], change),))
 
 
 def _is_kept(fragment: str, scene: Scene) -> bool:

@@ -59,7 +59,7 @@ def _patch_view(frame: int) -> Deliver:
     """A delta with a patch of the part."""
     patch = difference(_COLUMNS[frame - 1].pieces[0], _COLUMNS[frame].pieces[0])
     assert patch is not None
-    return Deliver(m.ViewShown("eShow", frame, frame + 1, {}, patches={PART: patch}))
+    return Deliver(m.ViewShown("eShow", frame, frame + 1, {PART: patch}))
 
 
 _DRAWN: Final = (
