@@ -16,6 +16,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros2.sensors import _Listening
 from minerva_services.bridges.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router, scan, transforms
 from tests.patience import patience
@@ -114,13 +115,28 @@ def test_a_network_that_appears_late_or_returns(capsys):
 
 def test_more_than_can_wait_is_dropped_and_counted():
     bridge = Ros2("tcp/127.0.0.1:1")
-    from minerva_services.bridges.ros2.sensors import _Listening
-
     source = _Listening(None, bridge)
     hear = source.receiver(types.LASER_SCAN)
-    for _ in range(150):
-        hear(b"")
+    for number in range(150):
+        hear(bytes([number]))
     assert bridge.report()["dropped here"] == 50
+    assert [data[0] for _, data in source.taken(0.0)] == list(range(50, 150))
+    assert source.taken(0.0) == []
+
+
+def test_large_images_displace_nothing_else_and_need_bounded_memory():
+    bridge = Ros2("tcp/127.0.0.1:1")
+    source, image = _Listening(None, bridge), bytes(10 << 20)
+    see, hear = source.receiver(types.IMAGE), source.receiver(types.LASER_SCAN)
+    for number in range(30):
+        hear(bytes([number]))
+        see(image)
+    waiting = source.taken(0.0)
+    assert [data[0] for message, data in waiting if message == types.LASER_SCAN] == list(range(30))
+    images = [message for message, _ in waiting if message == types.IMAGE]
+    assert len(images) == 6
+    assert waiting[-1][0] == types.IMAGE
+    assert bridge.report()["dropped here"] == 24
 
 
 # --- RViz ---

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, ClassVar, Final, TypeAlias
@@ -44,7 +44,8 @@ from minerva_services.sensors.clocks import STEPS_BACK, ClockWatch
 from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset
 
 _MAX_QUEUED: Final = 100
-"""Maximum number of queued messages; the oldest are dropped."""
+_MAX_BYTES: Final = 64 << 20
+"""Maximum of a topic's queued messages: their number and size; the oldest are dropped."""
 
 _CHECK_SECONDS: Final = 0.25
 Make: TypeAlias = Callable[[Any], Reading]
@@ -204,13 +205,45 @@ def _items(ready: list[Recorded]) -> Iterator[SourceItem]:
         yield recorded.topic, recorded.reading
 
 
+class _Waiting:
+    """Messages of one type that wait, each with its number among all messages."""
+
+    def __init__(self) -> None:
+        self._messages = deque[tuple[int, bytes]]()
+        self._bytes = 0
+
+    def add(self, number: int, data: bytes) -> int:
+        """Add a message; returns how many others were dropped for it."""
+        self._messages.append((number, data))
+        self._bytes += len(data)
+        dropped = 0
+        while len(self._messages) > 1 and (
+            len(self._messages) > _MAX_QUEUED or self._bytes > _MAX_BYTES
+        ):
+            _, oldest = self._messages.popleft()
+            self._bytes -= len(oldest)
+            dropped += 1
+        return dropped
+
+    def taken(self) -> list[tuple[int, bytes]]:
+        """All messages, which then no longer wait."""
+        messages = list(self._messages)
+        self._messages.clear()
+        self._bytes = 0
+        return messages
+
+
 class _Listening:
-    """Incoming messages in a bounded queue, filled by Zenoh's threads."""
+    """Incoming messages in bounded queues, filled by Zenoh's threads.
+
+    Each type has a queue of its own, so that large images cannot displace scans and transforms.
+    """
 
     def __init__(self, session: Ros2Session, bridge: Ros2) -> None:
         self._session = session
         self._bridge = bridge
-        self._waiting = deque[tuple[str, bytes]]()
+        self._waiting = defaultdict[str, _Waiting](_Waiting)
+        self._received = 0
         self._news = threading.Condition()
         self._heard = set[str]()
 
@@ -219,24 +252,32 @@ class _Listening:
 
         def receive(data: bytes) -> None:
             with self._news:
-                if len(self._waiting) == _MAX_QUEUED:
-                    self._waiting.popleft()
-                    self._bridge.count("dropped here")
-                self._waiting.append((message, data))
+                self._received += 1
+                dropped = self._waiting[message].add(self._received, data)
                 self._news.notify()
+            if dropped:
+                self._bridge.count("dropped here", dropped)
 
         return receive
+
+    def taken(self, seconds: float) -> list[tuple[str, bytes]]:
+        """The messages that wait, in the order of their arrival; waits for the first."""
+        with self._news:
+            self._news.wait_for(lambda: self._received, seconds)
+            self._received = 0
+            ordered = sorted(
+                (number, message, data)
+                for message, waiting in self._waiting.items()
+                for number, data in waiting.taken()
+            )
+        return [(message, data) for _, message, data in ordered]
 
     def read(self, stop: threading.Event) -> Iterator[SourceItem | None]:
         """Readings and maps. Raises SourceError if the link is lost."""
         compensator, clocks = self._bridge.compensator(), ClockWatch()
         while not stop.is_set():
-            with self._news:
-                if not self._waiting:
-                    self._news.wait(_CHECK_SECONDS)
-                # Decoding happens outside the lock, which Zenoh's threads need for new messages.
-                waiting = list(self._waiting)
-                self._waiting.clear()
+            # Decoding happens outside the lock, which Zenoh's threads need for new messages.
+            waiting = self.taken(_CHECK_SECONDS)
             self._heard.update(message for message, _ in waiting)
             self._session.advise(self._heard)
             # A lost link is an error only once all messages received before it have been read.
