@@ -18,6 +18,9 @@ from minerva_services.bridges.ros2.messages import messages
 DEFAULT_QOS = "::,:,:,:,,"
 """Reliable, volatile, depth 42 [liveliness_utils.cpp 364-418, qos.cpp 27]: nothing is written."""
 
+SENSOR_QOS = "2::,5:,:,:,,"
+"""Best effort, volatile, depth 5."""
+
 LASTING_QOS = ":1:,1:,:,:,,"
 """Reliable, transient local, depth 1."""
 
@@ -116,6 +119,24 @@ class Node:
             )  # fmt: skip
         self.declared.append(declare(key, on_sample))
         self._announce("MS", *self._about(topic, message, qos))
+
+
+class LazyPublisher:
+    """A camera's driver, which publishes only while it counts subscriptions.
+
+    Those that require more than it offers are not counted [graph_cache.cpp 869-899].
+    """
+
+    def __init__(self, node, topic, message):
+        self.node, self._put = node, node.publisher(topic, message, SENSOR_QOS)
+        about = node._about(topic, message, SENSOR_QOS)
+        self.pattern = f"@ros2_lv/{node.domain}/*/*/*/MS/*/*/*/{about[0]}/{about[1]}/**"
+
+    def put(self, value):
+        tokens = self.node.session.liveliness().get(self.pattern)
+        qualities = [str(token.ok.key_expr).split("/")[12].split(":") for token in tokens]
+        if any(reliable == "2" and lasting != "1" for reliable, lasting, *_ in qualities):
+            self._put(value)
 
 
 class LyricalPublisher:

@@ -11,7 +11,14 @@ from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridging.testing import RunningBridge
-from tests.bridges.ros2_peers import LASTING_QOS, NO_HASH, DdsBridge, LyricalPublisher, Node
+from tests.bridges.ros2_peers import (
+    LASTING_QOS,
+    NO_HASH,
+    DdsBridge,
+    LazyPublisher,
+    LyricalPublisher,
+    Node,
+)
 from tests.bridges.ros2_rig import free_endpoint, network, scan, transforms
 from tests.patience import eventually
 
@@ -40,6 +47,13 @@ def test_images_of_all_distributions_arrive(lyrical):
         with RunningBridge(Ros2(endpoint, image="camera")) as running:
             reading = has_come(running, lambda: put(image(7)))
     assert (reading.width, reading.height, reading.data) == (2, 1, bytes([7] * 6))
+
+
+def test_a_camera_that_waits_for_subscriptions_counts_the_bridge():
+    with network() as (endpoint, _), Node(endpoint) as robot:
+        camera = LazyPublisher(robot, "/camera", types.IMAGE)
+        with RunningBridge(Ros2(endpoint, image="camera")) as running:
+            has_come(running, lambda: camera.put(image(7)))
 
 
 # --- velocities and maps reach subscriptions with and without hashes of types ---

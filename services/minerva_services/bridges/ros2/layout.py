@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_services.bridges.ros2.graph import LAYOUTS, dds_type, mangled
+from minerva_services.bridges.ros2.graph import LAYOUTS, SUBSCRIPTION, dds_type, mangled
 
 ENDPOINTS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURED: Final = ("tls", "quic")
@@ -24,6 +24,12 @@ _QOS: Final = "::,10:,:,:,,"
 
 _LASTING_QOS: Final = ":1:,1:,:,:,,"
 """The same, but transient local with depth 1."""
+
+_HEARING_QOS: Final = "2::,10:,:,:,,"
+"""Best effort: what a publisher of any quality of service counts as a subscription.
+
+Drivers of cameras measure only while somebody subscribes. It makes no difference to delivery.
+"""
 
 _CPU_ONLY: Final = "backends:cpu:"
 """Part of a subscription's token from Lyrical on: memory shared by devices is not understood."""
@@ -145,9 +151,10 @@ class Ros2Network:
         `lasting` means transient local, `buffered` that it also receives on `buffered_pattern`.
         """
         name = mangled(f"/{self.name(topic)}")
+        qos = _LASTING_QOS if lasting else _HEARING_QOS if kind == SUBSCRIPTION else _QOS
         return (
             f"@ros2_lv/{self.domain}/{session}/0/{entity}/{kind}/%/{self._node_namespace}/{node}"
-            f"/{name}/{dds_type(message)}/{type_hash}/{_LASTING_QOS if lasting else _QOS}"
+            f"/{name}/{dds_type(message)}/{type_hash}/{qos}"
             f"{f'/{_CPU_ONLY}' if buffered else ''}"
         )
 
