@@ -38,7 +38,7 @@ from minerva_services.bridges.ros2.messages import (
     messages,
 )
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
-from minerva_services.bridges.ros2.uses import TopicUse, transforms_use
+from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
 from minerva_services.bridging.bridge import log
@@ -113,8 +113,8 @@ class BaseOptions:
             ),
             TopicUse("clock", topics.clock, types.CLOCK, sends=True),
         )  # fmt: skip
-        mounts = transforms_use(self.network, needed=self.mount is None and bool(topics.scan))
-        return (mounts, *(use for use in uses if use.topic))
+        mounts = transforms_uses(self.network, needed=self.mount is None and bool(topics.scan))
+        return (*mounts, *(use for use in uses if use.topic))
 
 
 class MobileBase:
@@ -427,8 +427,8 @@ class SensorBuffers:
     def listen(self, session: Ros2Session, scan: str, odometry: str, detections: str) -> None:
         """Subscribe to the configured topics."""
         self._by_arrival = not odometry
-        static = session.network.static_tf
-        session.subscribe(static, TRANSFORMS, self._on_transforms, lasting=True)
+        for use in transforms_uses(session.network, needed=False):
+            session.subscribe(use.topic, TRANSFORMS, self._on_transforms, lasting=use.lasting)
         if odometry:
             session.subscribe(odometry, ODOMETRY, self._decoder(ODOMETRY, self._take_odometry))
         if scan:

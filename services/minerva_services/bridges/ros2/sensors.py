@@ -19,15 +19,18 @@ from minerva_services.bridges.ros2.messages import (
     BATTERY,
     COMPRESSED,
     DETECTIONS,
+    FIX,
     GRID,
     IMAGE,
     LASER_SCAN,
     ODOMETRY,
+    POINTS,
+    RANGE,
     TRANSFORMS,
     messages,
 )
 from minerva_services.bridges.ros2.network import Ros2Session
-from minerva_services.bridges.ros2.uses import TopicUse, transforms_use
+from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses
 from minerva_services.bridges.ros_messages import (
     Frames,
     GarbageError,
@@ -35,7 +38,13 @@ from minerva_services.bridges.ros_messages import (
     images,
     readings,
 )
-from minerva_services.bridges.ros_messages.frames import UnplacedError, mount_of, mounting_of
+from minerva_services.bridges.ros_messages.frames import (
+    Matrix,
+    UnplacedError,
+    mount_of,
+    mounting_of,
+)
+from minerva_services.bridges.ros_messages.ranges import HeightBand, scan_of_points, scan_of_range
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 from minerva_services.event_factory import EventFactory
@@ -52,7 +61,7 @@ Make: TypeAlias = Callable[[Any], Reading]
 
 
 class Ros2(Bridge):
-    """Publishes the readings of a ROS 2 robot: scans, odometry, images, battery.
+    """Publishes the readings of a ROS 2 robot: scans, odometry, images, positions, battery.
 
     Empty topics are not subscribed to. Mounts come from the fixed transforms, unless `mount` is
     given for the laser.
@@ -64,6 +73,13 @@ class Ros2(Bridge):
         odometry: topic of Odometry messages, on `odometry`.
         image: topic of Image messages, on `image`.
         compressed: topic of CompressedImage messages, also on `image`.
+        points: topic of PointCloud2 messages; their points in a band of heights are a scan, also on
+          `scan`.
+        points_low: metres above the base from which points are obstacles.
+        points_high: metres above the base up to which they are.
+        points_range: metres from the sensor up to which they are.
+        ranges: topic of Range messages, each a scan of one beam, on `range`.
+        fix: topic of NavSatFix messages, on `position`.
         battery: topic of BatteryState messages, on `battery`.
         detections: topic of Detection3DArray messages, whose classes are markers, on `sightings`.
         base: the robot's base frame.
@@ -89,6 +105,12 @@ class Ros2(Bridge):
         compressed: str = "",
         battery: str = "battery_state",
         detections: str = "",
+        points: str = "",
+        points_low: float = 0.1,
+        points_high: float = 1.0,
+        points_range: float = 10.0,
+        ranges: str = "",
+        fix: str = "",
         base: str = "base_link",
         mount: str = "",
         time_offset: float = 0.0,
@@ -106,8 +128,10 @@ class Ros2(Bridge):
         self._frames = Frames()
         topics = {
             "scan": scan, "odometry": odometry, "image": image, "compressed": compressed,
-            "battery": battery, "detections": detections, "map": map,
+            "battery": battery, "detections": detections, "points": points, "ranges": ranges,
+            "fix": fix, "map": map,
         }  # fmt: skip
+        self._band = HeightBand(points_low, points_high, points_range)
         self._read = self._conversions()
         self._uses = [
             TopicUse(option, topics[option], message)
@@ -124,7 +148,7 @@ class Ros2(Bridge):
 
     def uses(self) -> tuple[TopicUse, ...]:
         """The topics that it subscribes to."""
-        return (transforms_use(self.network, needed=self._mount is None), *self._uses)
+        return (*transforms_uses(self.network, needed=self._mount is None), *self._uses)
 
     def _conversions(self) -> dict[str, tuple[str, str, Make]]:
         """By message type: the option with the ROS topic, our topic, and the reading of one."""
@@ -136,6 +160,9 @@ class Ros2(Bridge):
             COMPRESSED: ("compressed", "image", partial(self._image, images.file_of)),
             BATTERY: ("battery", "battery", partial(readings.battery_of, robot=robot)),
             DETECTIONS: ("detections", "sightings", self._sightings),
+            POINTS: ("points", "scan", self._points),
+            RANGE: ("ranges", "range", self._range),
+            FIX: ("fix", "position", partial(readings.position_of, robot=robot)),
         }
 
     def check(self, world: WorldInfo) -> None:
@@ -191,10 +218,19 @@ class Ros2(Bridge):
         return make(message, self._robot, known or SensorMount())
 
     def _sightings(self, message: Any) -> Reading:
+        return readings.sightings_of(message, self._robot, self._placed(message))
+
+    def _points(self, message: Any) -> Reading:
+        return scan_of_points(message, self._robot, self._placed(message), self._band)
+
+    def _range(self, message: Any) -> Reading:
+        return scan_of_range(message, self._robot, self._mounting(message, None))
+
+    def _placed(self, message: Any) -> Matrix:
         placed = self._frames.matrix(self._base, message.header.frame_id)
         if placed is None:
             raise UnplacedError(f"no transform from {message.header.frame_id}")
-        return readings.sightings_of(message, self._robot, placed)
+        return placed
 
     def _mounting(self, message: Any, given: Mount | None) -> SensorMount:
         return mounting_of(self._frames, self._base, message.header.frame_id, given)
@@ -278,7 +314,8 @@ class _Listening:
         while not stop.is_set():
             # Decoding happens outside the lock, which Zenoh's threads need for new messages.
             waiting = self.taken(_CHECK_SECONDS)
-            self._heard.update(message for message, _ in waiting)
+            # Transforms of joints say nothing of those that never change.
+            self._heard.update(message for message, _ in waiting if message != TRANSFORMS)
             self._session.advise(self._heard)
             # A lost link is an error only once all messages received before it have been read.
             if not waiting and not self._session.connected:

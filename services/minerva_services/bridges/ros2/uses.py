@@ -42,13 +42,14 @@ class TopicUse:
         return f'set {self.option} = "{topic.removesuffix(self.suffix)}"'
 
 
-def transforms_use(network: Ros2Network, *, needed: bool) -> TopicUse:
-    """The transforms that never change, which place sensors whose mount is not given."""
+def transforms_uses(network: Ros2Network, *, needed: bool) -> tuple[TopicUse, TopicUse]:
+    """The transforms that place sensors: those that never change, and others."""
     given = 'set mount = "x, y, degrees"'
-    return TopicUse(
+    static = TopicUse(
         "tf", network.static_tf, TRANSFORMS,
         lasting=True, needed=needed, suffix="_static", instead=given,
     )  # fmt: skip
+    return static, TopicUse("tf", network.tf, TRANSFORMS, needed=False)
 
 
 def mismatches(

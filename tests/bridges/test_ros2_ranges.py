@@ -1,0 +1,133 @@
+"""Point clouds, single ranges and positions as readings, and sensors on joints that move."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+
+from minerva_bus.errors import MisuseError
+from minerva_services.bridges.ros2 import Ros2
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridging.testing import RunningBridge
+from tests.bridges.ros2_peers import Node
+from tests.bridges.ros2_rig import network, scan, transforms
+from tests.patience import eventually
+
+ROUTER = "tcp/h:7447"
+FLOAT32, FLOAT64, UINT8 = 7, 8, 2
+
+
+def cloud(points, kind=FLOAT32, order="<", padding=4, names="xyz", frame="laser"):
+    """A PointCloud2 of one row, with bytes between its coordinates and after its row."""
+    make, size = messages(), {FLOAT32: 4, FLOAT64: 8, UINT8: 1}[kind]
+    field = "sensor_msgs/msg/PointField"
+    fields = [
+        make.make(field, name=name, offset=number * (size + padding), datatype=kind, count=1)
+        for number, name in enumerate(names)
+    ]
+    step = 3 * (size + padding)
+    data = np.zeros((len(points), step), np.uint8)
+    coded = np.array(points, f"{order}f{size}") if size > 1 else np.array(points, np.uint8)
+    for number in range(3):
+        place = number * (size + padding)
+        column = np.ascontiguousarray(coded[:, number])
+        data[:, place : place + size] = column.view(np.uint8).reshape(-1, size)
+    return make.make(
+        types.POINTS,
+        header=make.header(frame, 1_500_000_000), height=1, width=len(points), fields=fields,
+        is_bigendian=order == ">", point_step=step, row_step=step * len(points) + 8,
+        data=np.concatenate([data.ravel(), np.zeros(8, np.uint8)]), is_dense=False,
+    )  # fmt: skip
+
+
+def bridge(**options):
+    """A bridge that knows where the laser is: 0.04 m behind the centre, turned to the left."""
+    made = Ros2(ROUTER, scan="", **options)
+    assert made.reading(types.TRANSFORMS, encoded(types.TRANSFORMS, transforms(90.0))) is None
+    return made
+
+
+def encoded(kind, message):
+    return messages().encode(kind, message)
+
+
+def read(made, kind, message):
+    return made.reading(kind, encoded(kind, message))
+
+
+@pytest.mark.parametrize(("kind", "order"), [(FLOAT32, "<"), (FLOAT64, "<"), (FLOAT32, ">")])
+def test_points_in_a_band_of_heights_are_a_scan(kind, order):
+    points = [
+        (2.0, 0.0, 0.5), (3.0, 0.0, 0.5),  # ahead of the sensor, so to the left of the robot
+        (0.0, 1.5, 0.2), (1.0, 1.0, 0.0), (1.0, -1.0, 2.0), (math.nan, 0.0, 0.5), (0.0, -11.0, 0.5),
+    ]  # fmt: skip
+    topic, reading = read(bridge(points="points"), types.POINTS, cloud(points, kind, order))
+    hits = {
+        reading.first + reading.step * beam: far for beam, far in enumerate(reading.ranges) if far
+    }
+    assert topic == "scan"
+    assert hits == {90.0: pytest.approx(2.0), -180.0: pytest.approx(1.5)}
+    assert (reading.mount_x, reading.mount_angle, reading.time) == (pytest.approx(-0.04), 0.0, 1.5)
+
+
+def test_clouds_that_are_none():
+    made, short, far = bridge(points="points"), cloud([(1, 2, 3)]), cloud([(1, 2, 3)])
+    short.data, far.point_step = short.data[:20], 6
+    for each in (cloud([(1, 2, 3)], UINT8), cloud([(1, 2, 3)], names="xyi"), short, far):
+        assert read(made, types.POINTS, each) is None
+    assert made.report()["garbage"] == 4
+
+
+def test_a_band_without_height():
+    with pytest.raises(MisuseError, match="points_low, points_high"):
+        Ros2(ROUTER, points="points", points_low=1.0)
+
+
+@pytest.mark.parametrize(
+    ("measured", "expected"), [(1.5, 1.5), (math.inf, 4.0), (0.05, 0.0), (math.nan, 0.0)]
+)
+def test_a_range_is_a_scan_of_one_beam(measured, expected):
+    make = messages()
+    header = make.header("laser", 0)
+    told = {"range": measured, "min_range": 0.1, "max_range": 4.0, "field_of_view": 0.3}
+    known = make.store.fielddefs[types.RANGE][1]
+    rest = {name: 0 for name, _ in known if name not in {*told, "header"}}
+    message = make.make(types.RANGE, header=header, **told, **rest)
+    topic, reading = read(bridge(ranges="sonar"), types.RANGE, message)
+    assert (topic, reading.mount_angle) == ("range", pytest.approx(90.0))
+    assert reading.ranges.tolist() == [pytest.approx(expected)]
+
+
+def test_a_fix_is_a_position():
+    make = messages()
+    status = make.make("sensor_msgs/msg/NavSatStatus", status=0, service=1)
+    message = make.make(
+        types.FIX,
+        header=make.header("gps", 2_000_000_000), status=status, latitude=52.5, longitude=13.4,
+        altitude=34.0, position_covariance=np.zeros(9), position_covariance_type=0,
+    )  # fmt: skip
+    topic, reading = read(bridge(fix="fix"), types.FIX, message)
+    assert (topic, reading.latitude, reading.longitude, reading.time) == (
+        "position",
+        52.5,
+        13.4,
+        2.0,
+    )
+
+
+def test_a_sensor_on_a_joint_that_moves_has_its_latest_mount():
+    with network() as (endpoint, _), Node(endpoint) as robot:
+        tf = robot.publisher("/tf", types.TRANSFORMS)
+        put = robot.publisher("/scan", types.LASER_SCAN)
+        with RunningBridge(Ros2(endpoint)) as running:
+
+            def turned(degrees):
+                tf(transforms(degrees))
+                put(scan())
+                return [each.mount_angle for _, each in running.published][-1:] == [degrees]
+
+            eventually(lambda: turned(30.0), "the first mount")
+            eventually(lambda: turned(-60.0), "the second mount")
