@@ -1,8 +1,8 @@
 """`--forks N`: collect the tests once, then run their files in N forks of this process.
 
 Workers that each import and collect all tests, as pytest-xdist's do, take 11 s of CPU time apiece.
-The forks take one file after the other. Files with tests of a higher limit
-come first, because one of them would still run when the other forks have nothing left to do. When a
+The forks take one file after the other, and one test after the other of a file with `APART = True`.
+Files with tests of a higher limit come first, because one of them would still run when the other forks have nothing left to do. When a
 fork ends early, or runs a test for twice its limit, that test fails and another fork runs the
 following ones.
 """
@@ -57,7 +57,7 @@ class Forks:
             return None  # The loop of pytest ends the session.
         # A shell starts background jobs, such as those of .ci/run, with this signal ignored.
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        self.files = [list(items) for _, items in groupby(session.items, lambda item: item.path)]
+        self.files = [list(items) for _, items in groupby(session.items, piece)]
         self.files.sort(key=lambda items: -max(map(limit, items)))
         session.config._tmp_path_factory.getbasetemp()  # The forks make theirs in it.
         queue, writer = os.pipe()
@@ -219,6 +219,11 @@ class Fork:
         os.close(self.reader)
         self.ended = True
         return code
+
+
+def piece(item):
+    """What a fork takes at once: the path of a file, or a test of a file whose tests are apart."""
+    return item.nodeid if getattr(item.module, "APART", False) else item.path
 
 
 def limit(item):

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from pages import PAGES, ROOT, SHELL, blocks, pattern, shell, stable, transcript, written
+from pages import ROOT, SHELL, blocks, pattern, stable, transcript, written
 from terminal import Terminal
 
 TABLES = {
@@ -17,15 +17,6 @@ TABLES = {
 }
 GUIDES = ("docs/start/", "docs/tutorials/", "docs/howto/", "extensions/")
 """Pages whose blocks are one session: the reader writes the files and types on in the same folder."""
-GROUPS = {
-    "studies": "extensions/study/studies.md",
-    "tutorials": GUIDES[:2],
-    "howto": GUIDES[2:],
-    "docs": "docs/",
-    "worlds": "worlds/",
-    "others": "",
-}
-"""Path prefixes of the pages in each group; one test file per group, as pages are slow."""
 ASKS = re.compile(
     r"minerva (attach|bridge|echo|list|logs|metrics|pause|pub|rate|resume|step|stop|top)\b"
 )
@@ -198,15 +189,6 @@ class Reader:
                 assert world.interrupt() in (0, 130), world.output
         self.world = self.guests = None
         self.terminal.place = self.terminal.folder
-
-
-def of(group):
-    """The pages of a group with shell commands; the first matching group gets a page."""
-    fits = {
-        page: next(name for name, start in GROUPS.items() if page.startswith(start))
-        for page in PAGES
-    }
-    return [page for page in PAGES if shell(page) and fits[page] == group]
 
 
 def type_page(page, folder, island, pictures=None):

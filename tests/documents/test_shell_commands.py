@@ -1,11 +1,19 @@
-"""Shell commands: their tables match the pages, and tutorials install what they need."""
+"""Shell commands work as described; their tables match the pages; tutorials install what they need."""
 
 import re
-from pathlib import Path
 
 import pytest
 from pages import PAGES, blocks, shell
-from reader import GROUPS, TABLES, means, of
+from reader import TABLES, means, type_page
+
+APART = True
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("page", [page for page in PAGES if shell(page)])
+def test_a_page_can_be_followed(page, tmp_path, island):
+    """Every command of it works, with the files and outputs that it shows."""
+    type_page(page, tmp_path, island)
 
 
 def test_tables_name_commands_that_their_pages_have():
@@ -19,13 +27,6 @@ def test_tables_name_commands_that_their_pages_have():
 
 def test_pages_have_commands():
     assert sum(len(block) for page in PAGES for block in shell(page)) > 100
-
-
-def test_each_group_of_pages_has_a_file_that_types_it():
-    assert sum(len(of(group)) for group in GROUPS) == len([page for page in PAGES if shell(page)])
-    for group in GROUPS:
-        path = Path(__file__).with_name(f"test_shell_commands_of_{group}.py")
-        assert f'of("{group}")' in path.read_text(encoding="utf-8")
 
 
 EXTRA_OF = {

@@ -93,6 +93,19 @@ def test_passes_if_run_again():
 def test_takes_a_file_from_the_queue(request):
     assert os.read(request.config.pluginmanager.get_plugin("fork").queue, 4)
 """
+MEETING = """
+import time
+from pathlib import Path
+import pytest
+
+APART = True
+
+@pytest.mark.parametrize(("own", "other"), [("a", "b"), ("b", "a")])
+def test_meets_the_other(own, other):
+    Path(own).touch()
+    while not Path(other).exists():
+        time.sleep(0.01)
+"""
 LIMITED = """
 import pytest
 
@@ -158,6 +171,10 @@ def test_files_with_higher_limits_come_first(suite):
     files = {name: LIMITED.format(mark, name) for name, mark in marks.items()}
     suite("--forks", "1", "-o", "timeout=120", **files).assert_outcomes(passed=3, skipped=1)
     assert Path("order").read_text() == "d b a "
+
+
+def test_tests_that_are_apart_run_in_several_forks(suite):
+    suite(meeting=MEETING).assert_outcomes(passed=2)
 
 
 def test_a_test_that_did_not_run_is_an_error(suite):
