@@ -2,7 +2,6 @@
 
 import json
 import signal
-import socket
 import sys
 from inspect import signature
 
@@ -16,7 +15,6 @@ from minerva_bus.entry_points import entries
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.launch.installed import SERVICES
 from minerva_bus.launch.specs import find_service
-from tests.runtime import running
 
 ALPHABET = """
 import math
@@ -394,15 +392,6 @@ def test_a_command_is_searched_where_it_runs(minerva, home, monkeypatch):
         text = WORLD.replace('agents = "alphabet:Walker"', f'command = ["{command}"]')
         exit_code, _, err = minerva("check", written(home, text))
         assert (exit_code, "not an executable" in err) == (code, bool(code)), command
-
-
-def test_a_port_in_use_is_one_line(home):
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        done = running.minerva(home, "run", "world.toml", "--listen", endpoint)
-    assert done.returncode == 1
-    assert f"cannot listen at {endpoint}" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize("body", [

@@ -2,14 +2,12 @@
 
 import os
 import re
-import signal
 import stat
-import sys
 
 import pytest
 
 from minerva_bus import files as outputs
-from minerva_bus.cli.main import main
+from tests.runtime.running import here
 
 pytest.importorskip("PIL")
 
@@ -31,34 +29,20 @@ def house(tmp_path, monkeypatch):
     return tmp_path
 
 
-def minerva(*words):
-    """Run a command in this process; returns its exit code."""
-    argv, handler = sys.argv, signal.getsignal(signal.SIGTERM)
-    sys.argv = ["minerva", *words]
-    try:
-        main()
-    except SystemExit as end:
-        return end.code or 0
-    finally:
-        sys.argv = argv
-        signal.signal(signal.SIGTERM, handler)
-    return 0
+def run(house, *words):
+    return here(house, "run", "robot", "--in-process", "--frames", "3", *words)
 
 
-def run(*words):
-    return minerva("run", "robot", "--in-process", "--frames", "3", *words)
-
-
-def test_the_picture_beside_a_view_is_not_the_map(house, capfd):
+def test_the_picture_beside_a_view_is_not_the_map(house):
     before = (house / "house.png").read_bytes()
     words = ("--map", "house.yaml", "--objective", "A", "--view", "svg:path=house.svg,every=1")
-    assert run(*words) == 2
-    assert "house.png" in (errors := capfd.readouterr().err)
-    assert "--force" in errors
-    assert len(errors.splitlines()) == 1
+    done = run(house, *words)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "house.png" in done.stderr
+    assert "--force" in done.stderr
     assert (house / "house.png").read_bytes() == before
     assert not (house / "house.svg").exists()
-    assert run(*words, "--force") == 0
+    assert run(house, *words, "--force").returncode == 0
     assert (house / "house.png").read_bytes() != before
 
 
@@ -66,15 +50,15 @@ def test_the_picture_beside_a_view_is_not_the_map(house, capfd):
     "house.svg", "new/../house.svg", "./house.svg", "linked/house.svg", "linked/../{name}/house.svg",
     "other.svg", "hard.svg", "deep/../new/../house.svg",
 ])  # fmt: skip
-def test_no_other_name_of_the_map_is_overwritten(house, capfd, path):
+def test_no_other_name_of_the_map_is_overwritten(house, path):
     (house / "linked").symlink_to(house)
     (house / "deep").mkdir()
     (house / "other.png").symlink_to("house.png")
     (house / "hard.png").hardlink_to(house / "house.png")
     before = (house / "house.png").read_bytes()
     path = path.format(name=house.name)
-    assert run("--map", "house.yaml", "--view", f"svg:path={path},every=1") == 2
-    assert "--force" in capfd.readouterr().err
+    done = run(house, "--map", "house.yaml", "--view", f"svg:path={path},every=1")
+    assert (done.returncode, "--force" in done.stderr) == (2, True)
     assert (house / "house.png").read_bytes() == before
     # It is refused before the world starts, so no folder is made either.
     assert not (house / "new").exists()
@@ -82,27 +66,26 @@ def test_no_other_name_of_the_map_is_overwritten(house, capfd, path):
 
 def test_a_run_overwrites_what_an_earlier_run_wrote(house):
     for _ in range(2):
-        assert run("--view", "svg:path=out.svg,every=1", "--record", "out.mcap") == 0
-    assert minerva("plot", "out.mcap") == 0
-    assert minerva("plot", "out.mcap") == 0
+        done = run(house, "--view", "svg:path=out.svg,every=1", "--record", "out.mcap")
+        assert done.returncode == here(house, "plot", "out.mcap").returncode == 0
 
 
 @pytest.mark.parametrize("name", ["mine.mcap", "mine.old.mcap"])
-def test_a_record_takes_no_users_file_away(house, capfd, name):
-    assert run("--record", "mine.mcap") == 0
+def test_a_record_takes_no_users_file_away(house, name):
+    assert run(house, "--record", "mine.mcap").returncode == 0
     (house / name).write_bytes(b"another tool's")
-    assert run("--record", "mine.mcap") != 0
-    assert f"{name} exists" in capfd.readouterr().err
+    done = run(house, "--record", "mine.mcap")
+    assert (done.returncode != 0, f"{name} exists" in done.stderr) == (True, True)
     assert (house / name).read_bytes() == b"another tool's"
 
 
-def test_a_plot_does_not_overwrite_a_users_picture(house, capfd):
-    assert run("--record", "house.mcap") == 0
+def test_a_plot_does_not_overwrite_a_users_picture(house):
+    assert run(house, "--record", "house.mcap").returncode == 0
     before = (house / "house.png").read_bytes()
-    assert minerva("plot", "house.mcap") != 0
-    assert "house.png exists" in capfd.readouterr().err
+    done = here(house, "plot", "house.mcap")
+    assert (done.returncode != 0, "house.png exists" in done.stderr) == (True, True)
     assert (house / "house.png").read_bytes() == before
-    assert minerva("plot", "house.mcap", "--force") == 0
+    assert here(house, "plot", "house.mcap", "--force").returncode == 0
 
 
 @pytest.mark.parametrize(("words", "name"), [
@@ -112,14 +95,12 @@ def test_a_plot_does_not_overwrite_a_users_picture(house, capfd):
     (("--record", "out.mcap"), "out.mcap"),
     (("--collect", "robots=count(ARobot)", "--into", "out.csv"), "out.csv"),
 ])  # fmt: skip
-def test_no_output_waits_for_a_pipe_without_a_reader(house, capfd, words, name):
+def test_no_output_waits_for_a_pipe_without_a_reader(house, words, name):
     os.mkfifo(house / name)
-    assert run(*words) == 2
-    errors = capfd.readouterr().err
-    assert re.search(
-        f"no program reads the pipe {name}|write {name}: it is a pipe or a dev", errors
-    )
-    assert len(errors.splitlines()) == 1
+    done = run(house, *words)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    said = f"no program reads the pipe {name}|write {name}: it is a pipe or a dev"
+    assert re.search(said, done.stderr)
     assert stat.S_ISFIFO((house / name).stat().st_mode)
 
 
@@ -127,10 +108,10 @@ def test_no_output_waits_for_a_pipe_without_a_reader(house, capfd, words, name):
     (("--record-video", "out.gif"), "out.gif"),
     (("--collect", "robots=count(ARobot)", "--into", "out.parquet"), "out.parquet"),
 ])  # fmt: skip
-def test_a_record_is_not_overwritten_under_another_name(house, capfd, words, name):
-    assert run("--record", "run.mcap") == 0
+def test_a_record_is_not_overwritten_under_another_name(house, words, name):
+    assert run(house, "--record", "run.mcap").returncode == 0
     before = (house / "run.mcap").read_bytes()
     (house / name).symlink_to("run.mcap")
-    assert run(*words) == 2
-    assert f"{name} exists and was not written" in capfd.readouterr().err
+    done = run(house, *words)
+    assert (done.returncode, f"{name} exists and was not written" in done.stderr) == (2, True)
     assert (house / "run.mcap").read_bytes() == before

@@ -1,7 +1,6 @@
 """`minerva run --json` prints one summary on standard output, however the run ends."""
 
 import json
-import os
 import signal
 import socket
 import subprocess
@@ -12,7 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "runtime"))
 
-from running import World, alive, environment, eventually, here, minerva, write_world
+from running import environment, here, minerva, write_world
 
 KEYS = {
     "world", "frames", "frames_before", "digest", "reached", "wall_seconds", "frames_per_second",
@@ -128,6 +127,7 @@ def test_a_port_that_is_taken(tmp_path):
         done = minerva(tmp_path, "run", write_world(tmp_path), "--json", "--listen", at)
     assert done.returncode == 1
     assert "cannot listen" in only_summary(done.stdout)["ended"]
+    assert done.stderr.count(f"cannot listen at {at}") == len(done.stderr.splitlines()) == 1
 
 
 BROKEN_COORDINATOR = """
@@ -152,20 +152,6 @@ def test_a_failing_coordinator(tmp_path):
     summary = only_summary(done.stdout)
     assert "ZeroDivisionError" in summary["ended"]
     assert summary["digest"] is None
-
-
-def test_a_frozen_coordinator_at_an_interrupt(tmp_path):
-    path = write_world(tmp_path, frames=0, rate=20)
-    with World(path, "--json") as world:
-        world.runs("steps", "walkers")
-        eventually(lambda: world.members() and world.frame > 20, "some frames")
-        os.kill(world.coordinator(), signal.SIGSTOP)
-        world.kill(signal.SIGTERM)
-        assert world.ends() == 130
-        summary = only_summary("\n".join(world.output))
-    assert (summary["ended"], summary["digest"], summary["members"]) == ("terminated", None, 2)
-    assert summary["frames"] > 0
-    assert not [pid for pid in world.pids.values() if alive(pid)]
 
 
 WHILE_IMPORTING = """

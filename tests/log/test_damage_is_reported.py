@@ -1,8 +1,8 @@
 """Every reader names the damage of a record on standard error, and no check of one succeeds."""
 
 import json
-import sys
 import warnings
+from pathlib import Path
 
 import pytest
 
@@ -11,10 +11,10 @@ pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 from minerva_analysis import diff, export
 from minerva_analysis.record_summary import recover
 from minerva_bus.api.records import replay
-from minerva_bus.cli.main import main
 from minerva_bus.errors import DamagedRecordWarning, RecordError
 from tests.log.recorded_runs import bytes_of
 from tests.log.test_damaged import CHUNK, flipped, parts
+from tests.runtime.running import here
 
 WHOLE = "lost: all from frame 0 on"
 
@@ -35,18 +35,10 @@ def records(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.fixture
-def minerva(monkeypatch, capsys):
-    """Run a command in this process; returns its exit code, output and errors."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["minerva", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        done = capsys.readouterr()
-        return ended.value.code or 0, done.out, done.err
-
-    return run
+def minerva(*words):
+    """The exit code, the output and the errors of a command in the current folder."""
+    done = here(Path.cwd(), *words)
+    return done.returncode, done.stdout, done.stderr
 
 
 RECOMPUTE = ("replay", "{}", "meadow", "--recompute")
@@ -56,7 +48,7 @@ RECOMPUTE = ("replay", "{}", "meadow", "--recompute")
 @pytest.mark.parametrize(
     "words", [("info", "{}", "--check"), RECOMPUTE, ("diff", "{}", "{}")], ids=" ".join
 )
-def test_a_check_fails(records, minerva, name, words):
+def test_a_check_fails(records, name, words):
     code, out, err = minerva(*[word.format(f"{name}.mcap") for word in words])
     assert code == 1
     assert err.count(f"{name}.mcap is damaged: bytes ") == 1
@@ -79,7 +71,7 @@ def test_a_check_fails(records, minerva, name, words):
     ],
     ids=lambda words: words[0],
 )
-def test_a_reader_goes_on_and_names_the_damage(records, minerva, words):
+def test_a_reader_goes_on_and_names_the_damage(records, words):
     forced = ("--force",) if "--csv" in words else ()
     _, _, err = minerva(*[word.format("empty.mcap") for word in words])
     assert err.count("empty.mcap is damaged: bytes ") == 1
@@ -88,14 +80,14 @@ def test_a_reader_goes_on_and_names_the_damage(records, minerva, words):
     assert "damaged" not in err
 
 
-def test_nothing_compared_is_not_the_same(records, minerva):
+def test_nothing_compared_is_not_the_same(records):
     code, out, _ = minerva("diff", "empty.mcap", "empty.mcap", "--json")
     assert (code, json.loads(out)["same"]) == (1, False)
     code, out, _ = minerva(*[word.format("empty.mcap") for word in RECOMPUTE])
     assert (code, out) == (1, "nothing was compared: there is no frame\n")
 
 
-def test_a_wrong_digest_or_a_frame_that_is_missing_fails_a_check(records, minerva):
+def test_a_wrong_digest_or_a_frame_that_is_missing_fails_a_check(records):
     code, _, err = minerva(*[word.format("holes.mcap") for word in RECOMPUTE])
     assert code == 1
     assert "frame 8 is not in the record" in err
@@ -103,7 +95,7 @@ def test_a_wrong_digest_or_a_frame_that_is_missing_fails_a_check(records, minerv
     assert (code, err) == (2, "minerva: none.mcap: No such file or directory\n")
 
 
-def test_recovery_without_a_frame_fails_and_leaves_no_file(records, minerva):
+def test_recovery_without_a_frame_fails_and_leaves_no_file(records):
     code, _, err = minerva("recover", "empty.mcap")
     assert code == 2
     assert "no frame in it is intact" in err
@@ -132,7 +124,7 @@ def test_functions_warn(records):
         assert diff("whole.mcap", "whole.mcap").same
 
 
-def test_a_wrong_summary_is_damage(records, minerva):
+def test_a_wrong_summary_is_damage(records):
     data = (records / "whole.mcap").read_bytes()
     (records / "summary.mcap").write_bytes(flipped(data, len(data) - 60))
     code, _, err = minerva("info", "summary.mcap", "--check")

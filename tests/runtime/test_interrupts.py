@@ -123,11 +123,15 @@ def test_also_while_a_member_is_frozen(tmp_path):
 
 
 def test_also_while_the_coordinator_is_frozen(tmp_path):
-    with World(write_world(tmp_path, frames=0, rate=20)) as world:
+    with World(write_world(tmp_path, frames=0, rate=20), "--json") as world:
         pids = set(world.runs("steps", "walkers").values())
         (coordinator,) = set(world.pids.values()) - pids
+        eventually(lambda: world.members() and world.frame > 20, "some frames")
         os.kill(coordinator, signal.SIGSTOP)
-        assert interrupted(world, signal.SIGINT) in (1, 130)
+        assert interrupted(world, signal.SIGTERM) == 130
+        summary = json.loads("".join(world.output))
+    assert (summary["ended"], summary["digest"], summary["members"]) == ("terminated", None, 2)
+    assert summary["frames"] > 0
 
 
 def test_also_before_the_first_frame(tmp_path):

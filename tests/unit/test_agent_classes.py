@@ -129,15 +129,6 @@ def test_names_that_every_agent_has_are_taken(name):
 def test_attributes_have_types_of_the_language():
     with pytest.raises(MisuseError, match="not a parameter type"):
         classes(x=dict)
-    with pytest.raises(MisuseError, match="the default of x must be a number"):
-
-        class Bad(Agent, symbol="ABad"):
-            x: float = "one"
-
-
-def test_annotations_that_cannot_be_read():
-    with pytest.raises(MisuseError, match="the annotations of Bad cannot be read"):
-        classes(x="Unheard")
 
 
 def test_one_method_for_one_event_type():
