@@ -252,7 +252,7 @@ class Here:
 
     @property
     def tables(self) -> dict[str, DataTable]:
-        return {} if self._run.collected is None else self._run.collected.tables
+        return self._run.tables
 
     def step(self, frames: int, stop: Callable[[], bool], by: str) -> None:
         if self._failure is not None:

@@ -341,7 +341,7 @@ def run_file(file: WorldFile, began: float, console: Console | None = None, film
         summary.reached,
         dict(sorted(summary.figures.items())),
         summary.wall_seconds,
-        {} if here.collected is None else here.collected.tables,
+        here.tables,
         file.collect.into,
         strings.kept,
     )

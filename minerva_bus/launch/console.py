@@ -21,12 +21,15 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from math import isfinite
-from typing import Any, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, TextIO
 from weakref import WeakSet
 
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted, named_some
+
+if TYPE_CHECKING:
+    from minerva_bus.runtime.questions import WorldRun
 
 SHOWN_NAMES: Final = 8
 PERIOD_SECONDS: Final = 5.0
@@ -234,6 +237,22 @@ class EndReport:
     figures: Mapping[str, Any] = field(default_factory=dict[str, Any])
     profile: Profile = field(default_factory=dict[str, Mapping[str, float]])
 
+    @staticmethod
+    def of(run: WorldRun, members: int, reason: str = "") -> EndReport:
+        """The report of a run; `reason` is that of a run that did not end by itself."""
+        algorithm, ended = run.algorithm, run.result
+        return EndReport(
+            reason or (ended.reason if ended is not None else ""),
+            algorithm.frame,
+            run.schedule.last_frame_at,
+            members,
+            algorithm.failed,
+            algorithm.scene.digest.hex(),
+            algorithm.reached,
+            dict(ended.figures) if ended is not None else {},
+            run.metrics.profile(),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
@@ -261,7 +280,7 @@ class RunSummary:
 
     @staticmethod
     def of(world: WorldSpec, report: EndReport, startup: Startup, failure: str) -> RunSummary:
-        """The summary of a run over the bus."""
+        """The summary of a run from the last report of its coordinator."""
         began = startup.first_frame is not None
         return RunSummary(
             world=world.name,

@@ -10,7 +10,7 @@ import os
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Generator, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from minerva_bus.errors import BusError, Followed, KeysError, WorldFileError
@@ -22,6 +22,7 @@ from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.placement import kinds_of
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.child_processes import LineBuffer, ReportPipe
+from minerva_bus.launch.console import EndReport
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.registry import runtime_folder
 from minerva_bus.launch.run_outputs import (
@@ -129,7 +130,7 @@ class CoordinatorRun:
     def life(self) -> Generator[None, None, int]:
         """Run the world to its end, one turn of the loop per iteration; returns the exit code."""
         try:
-            ended = yield from self.coordinator.life()
+            yield from self.coordinator.life()
         except Followed:
             # Its files belong to the other coordinator now.
             self._reports.send("followed")
@@ -142,7 +143,7 @@ class CoordinatorRun:
         # Not after an exception: a successor continues the tables.
         if self._collected is not None:
             self._collected.close()
-        self._report(ended)
+        self._report()
         return 0
 
     def _watchers(self) -> Watchers:
@@ -231,22 +232,11 @@ class CoordinatorRun:
             paused=now.paused, waiting=now.waiting, waited=now.waited,
         )  # fmt: skip
 
-    def _report(self, ended: s.Ended) -> None:
+    def _report(self) -> None:
         """Report the end of the world."""
-        coordinator, algorithm = self.coordinator, self.coordinator.algorithm
-        self._reports.send(
-            "ended",
-            reason=ended.reason,
-            failed=algorithm.failed,
-            frames=algorithm.frame,
-            digest=algorithm.scene.digest.hex(),
-            reached=algorithm.reached,
-            last_frame_at=coordinator.schedule.last_frame_at,
-            # The maximum over time, because some have left before the end.
-            members=max(self._members, coordinator.status.most_members),
-            figures=dict(ended.figures),
-            profile=coordinator.metrics.profile(),
-        )
+        # The maximum over time, because some have left before the end.
+        members = max(self._members, self.coordinator.status.most_members)
+        self._reports.send("ended", **asdict(EndReport.of(self.coordinator, members)))
 
 
 def _read_commands(commands: int, coordinator: Coordinator) -> None:

@@ -11,17 +11,15 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Mapping
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as NoAnswer
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import takewhile
-from queue import Empty, SimpleQueue
-from typing import Any, Final
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any, Final
 from weakref import WeakSet
 
-from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
+from minerva_bus.errors import MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
@@ -30,7 +28,15 @@ from minerva_bus.frame.norm_rejections import NORMS
 from minerva_bus.frame.world_state import Phase
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.launch.child_processes import interrupts_deferred
-from minerva_bus.launch.console import MEMBERS, Console, RunSummary, live_line, printed
+from minerva_bus.launch.console import (
+    MEMBERS,
+    Console,
+    EndReport,
+    RunSummary,
+    Startup,
+    live_line,
+    printed,
+)
 from minerva_bus.launch.process_specs import compile_agents
 from minerva_bus.launch.run_outputs import (
     CollectSink,
@@ -40,12 +46,10 @@ from minerva_bus.launch.run_outputs import (
     recording,
 )
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.runtime.metrics import Metrics, StatusMeter, WorldLog
 from minerva_bus.runtime.operator_client import AskingOperator
 from minerva_bus.runtime.participants import Outlet, Published
-from minerva_bus.runtime.questions import Operated, answer
+from minerva_bus.runtime.questions import LocalQuestion, WorldRun
 from minerva_bus.runtime.runner import InProcessRunner, Notice, Sink, timed
-from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import REAL
 from minerva_bus.uncaught import VARIABLE
 from minerva_bus.user_code import (
@@ -57,19 +61,18 @@ from minerva_bus.user_code import (
     report,
     whole,
 )
-from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import duration
-from minerva_bus.world.operator import PersonOperation
+from minerva_bus.world.operator import FileStatus, PersonOperation
 from minerva_bus.world.services import Generator as EventGenerator
+
+if TYPE_CHECKING:
+    from minerva_bus.collect.data_tables import DataTable
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""
 
 STATUS_SECONDS: Final = 0.1
 """Time between two status lines."""
-
-
-ANSWER_SECONDS: Final = 1.0
 
 MAX_WAITING: Final = 256
 """Most events and readings of a free-running generator that may wait for the main thread."""
@@ -86,7 +89,7 @@ def never() -> bool:
     return False
 
 
-class InProcessRun(Sink):
+class InProcessRun(WorldRun):
     """One world without a bus: the same frames, the same digests.
 
     `run` runs it to its end. Its parts are for stepping: `open`, any number of `advance`, and
@@ -101,21 +104,17 @@ class InProcessRun(Sink):
         began: float,
         *sinks: Sink | Callable[[Notice], None],
     ) -> None:
-        self.algorithm = FrameAlgorithm(file.world)
         limits = file.access.limits
-        self.algorithm.inbox.work.allow(limits.single_events, limits.host_events)
-        self.collected: CollectSink | None = None
+        super().__init__(FrameAlgorithm(file.world), file.rate, limits, self._show, REAL)
+        self._collecting: CollectSink | None = None
         self._file = file
         self._console = console
-        self._began = began
-        self._first_frame_at: float | None = None
+        self._startup = Startup(began)
         self._sinks = sinks
-        self._schedule = FrameSchedule(self.algorithm, file.rate, time.monotonic, self._warn)
-        self._status = StatusMeter(self.algorithm, self._schedule.pace, began)
-        self._questions = InProcessQuestions(file.world.name)
+        # Held by the thread that runs the world, which answers the questions of others.
+        self._running = threading.RLock()
+        self._asked: SimpleQueue[LocalQuestion] = SimpleQueue()
         self._record = RunRecord()
-        self._metrics = Metrics(self.algorithm, time.monotonic)
-        self._log = WorldLog(self.algorithm, self._show, REAL, self._metrics)
         self._parts: WorldParts | None = None
         self._threads = WeakSet[threading.Thread]()
         self._reason = ""
@@ -149,7 +148,7 @@ class InProcessRun(Sink):
 
     def open(self) -> None:
         """Let all members join. Raises MinervaError if one cannot, or if user code fails."""
-        with self._questions.deferred(), printed(self._print, self._threads):
+        with self._running, printed(self._print, self._threads):
             compile_agents(self._file.processes, self._console.progress)
             members = members_of(self._file)
             runner, record = self._prepare(members)
@@ -167,16 +166,32 @@ class InProcessRun(Sink):
         fails, and KeyboardInterrupt, between two frames if they are short.
         """
         end = None if frames is None else self.algorithm.frame + frames
-        with self._questions.deferred(), printed(self._print, self._threads), self._reporting():
+        with self._running, printed(self._print, self._threads), self._reporting():
             metrics = monitored(self._file, self.ask, self._note)
             with metrics, interrupts_deferred() as pending:
                 self._loop(end, lambda: interrupted() or pending())
                 # Those that arrived during the last frame.
-                self._questions.answer()
+                self._answer_waiting()
 
-    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        """Answer a question of an operator, from any thread. Raises BusError."""
-        return self._questions.ask(question, **details)
+    def put_question(self, asked: LocalQuestion) -> None:
+        """Answer a question between two frames; at once if no thread runs the world."""
+        # The thread that runs the world must not wait for itself, as after a key in a window.
+        if not self._running.acquire(blocking=False):
+            self._asked.put(asked)
+            return
+        try:
+            self.answer(asked)
+        finally:
+            self._running.release()
+
+    def _answer_waiting(self) -> None:
+        for _ in range(self._asked.qsize()):
+            self.answer(self._asked.get())
+
+    @property
+    def tables(self) -> dict[str, DataTable]:
+        """The tables of collected data, by name; empty if they go into a file."""
+        return {} if self._collecting is None else self._collecting.tables
 
     def end(self, reason: str) -> None:
         """End the world."""
@@ -194,83 +209,54 @@ class InProcessRun(Sink):
         with printed(self._print, self._threads):
             parts.services.stop()
             parts.record.close()
-            if self.collected is not None:
-                self.collected.close()
+            if self._collecting is not None:
+                self._collecting.close()
             self._console.end()
             # Last, because a service's method `close` is user code and may raise.
             close_services(parts.members, self._console.log)
 
     def summary(self) -> RunSummary:
         """The summary of the run, also of one that has failed."""
-        ended = None if self._parts is None else self._parts.runner.ended
-        first, algorithm, world = self._first_frame_at, self.algorithm, self._file.world
-        figures = dict(ended.figures) if ended is not None else {}
-        return RunSummary(
-            world=world.name,
-            frames=algorithm.frame,
-            digest=algorithm.scene.digest.hex(),
-            reached=algorithm.reached,
-            ended=self._reason or (ended.reason if ended is not None else ""),
-            wall_seconds=0.0 if first is None else self._schedule.last_frame_at - first,
-            first_frame_seconds=None if first is None else max(0.0, first - self._began),
-            members=len(self._file.processes),
-            seed=world.seed,
-            startup={},
-            figures={**figures, **self._schedule.overruns.figures()},
-            before=world.past.frame,
-        )
+        report = EndReport.of(self, len(self._file.processes), self._reason)
+        return replace(RunSummary.of(self._file.world, report, self._startup, ""), startup={})
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Show the frame rate every STATUS_SECONDS."""
-        now = self._schedule.last_frame_at
-        if self._first_frame_at is None:
-            self._first_frame_at = now
-        if now - self._status.at >= STATUS_SECONDS:
-            rate, world = self._status.status(now, ()).rate, self._file.world
+        now = self.schedule.last_frame_at
+        self._startup.completed(notice.frame, now)
+        if now - self.status.at >= STATUS_SECONDS:
+            rate, world = self.status.status(now, ()).rate, self._file.world
             frame = self.algorithm.frame
             status = {"frame": frame, "rate": rate, "members": 1, "waiting": (), "waited": 0.0}
-            self._console.live(live_line(world.name, status, world.frames, self._began))
+            self._console.live(live_line(world.name, status, world.frames, self._startup.began))
 
     def _prepare(self, members: list[Member]) -> tuple[InProcessRunner, RunRecord]:
         record = recording(
             self._file, self.algorithm, lambda text: self._console.log("record", text)
         )
         self._record = record
-        self.collected = collect_sink(
+        self._collecting = collect_sink(
             self._file.collect, self.algorithm, lambda text: self._console.log("collect", text)
         )
-        collected = () if self.collected is None else (self.collected,)
+        collected = () if self._collecting is None else (self._collecting,)
+        self.collected = None if self._collecting is None else self._collecting.history
         # Sinks are called in this order; this one needs the time of the frame from `_schedule`.
         runner = InProcessRunner(
             self.algorithm,
             members,
             record,
             *collected,
-            self._metrics,
-            self._schedule,
-            self._log,
+            self.metrics,
+            self.schedule,
+            self.log,
             self,
             *self._sinks,
             on_readings=record.sensed if record.topics else None,
-            deliver=timed(self._schedule.overruns, time.monotonic),
-        )
-        self._questions.world = Operated(
-            runner,
-            self._schedule,
-            self._log.event_log,
-            self._log.orders,
-            self._metrics,
-            self._status,
-            _no_rejections,
-            _no_restart,
-            _no_stack,
-            None if self.collected is None else self.collected.history,
-            files=lambda: record.files,
-            noted=self._note_operation,
+            deliver=timed(self.schedule.overruns, time.monotonic),
         )
         for member in members:
             # A window in this process sends the same questions as one that is connected by the bus.
-            member.operator = AskingOperator(self._questions.ask, member.name)
+            member.operator = AskingOperator(self.ask, member.name)
         return runner, record
 
     def _loop(self, end: int | None, interrupted: Callable[[], bool]) -> None:
@@ -280,18 +266,18 @@ class InProcessRun(Sink):
             if interrupted():
                 return
             # Other threads only fill queues. They are emptied here, between two frames.
-            self._questions.answer()
+            self._answer_waiting()
             services.deliver()
             services.pulse()
             now, due = time.monotonic(), self._due(end)
             if due is not None and due <= now:
-                runner.handle(self._schedule.begin())
+                runner.handle(self.schedule.begin())
             elif runner.ended is None:
                 time.sleep(POLL_SECONDS if due is None else min(due - now, POLL_SECONDS))
 
     def _due(self, end: int | None) -> float | None:
         # A caller that steps requires each frame now, even if the world is at rest.
-        return self._schedule.next_at if end is None else self._schedule.due
+        return self.schedule.next_at if end is None else self.schedule.due
 
     @contextmanager
     def _reporting(self) -> Generator[None]:
@@ -340,12 +326,14 @@ class InProcessRun(Sink):
     def _note(self, text: str) -> None:
         self._console.note(f"{self._file.world.name}: {text}")
 
-    def _note_operation(self, operation: PersonOperation) -> None:
-        self._log.operated(operation)
-        self._record.noted(operation)
+    def files(self) -> tuple[FileStatus, ...]:
+        """The record."""
+        return self._record.files
 
-    def _warn(self, text: str) -> None:
-        self._log.warn(COORDINATOR, text)
+    def noted(self, operation: PersonOperation) -> None:
+        """Keep an operation of a person."""
+        super().noted(operation)
+        self._record.noted(operation)
 
     def _show(self, member: str, text: str, details: str) -> None:
         self._console.frame = self.algorithm.frame
@@ -354,18 +342,6 @@ class InProcessRun(Sink):
         if member not in (ORDERS, NORMS) or not self._console.quiet:
             self._console.log(member, text, "warning")
         self._record.said(member, f"{text}\n{details}".rstrip())
-
-
-def _no_rejections() -> Mapping[str, int]:
-    return {}  # There is no sender outside of this process.
-
-
-def _no_restart(_: str) -> str:
-    return "all members run in one process: a single one cannot be restarted"
-
-
-def _no_stack(_: str) -> str:
-    return "all members run in one process: none has a stack of its own"
 
 
 @dataclass(slots=True)
@@ -387,55 +363,6 @@ def members_of(file: WorldFile) -> list[Member]:
         if process.elsewhere:
             raise MinervaError(f"{process.name} runs elsewhere: run without --in-process")
     return [process.make_member() for process in file.processes]
-
-
-class InProcessQuestions:
-    """Questions of operators, from any thread.
-
-    While the world runs, the thread that runs it answers them between two frames.
-    """
-
-    world: Operated
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._running = threading.RLock()
-        self._queue: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
-
-    @contextmanager
-    def deferred(self) -> Generator[None]:
-        """Defer questions of other threads to `answer`."""
-        with self._running:
-            yield
-
-    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        """The answer to a question. Raises BusError if there is none within ANSWER_SECONDS."""
-        asked = {"ask": question, **details}
-        # The thread that runs the world must not wait for itself, as after a key in a window.
-        if self._running.acquire(blocking=False):
-            try:
-                reply = answer(asked, self.world)
-            finally:
-                self._running.release()
-        else:
-            later: Future[dict[str, Any]] = Future()
-            self._queue.put((asked, later))
-            try:
-                reply = later.result(ANSWER_SECONDS)
-            except NoAnswer:
-                raise BusError(f"{self._name} has not answered for a second") from None
-        if "error" in reply:
-            raise BusError(str(reply["error"]))
-        return reply
-
-    def answer(self) -> None:
-        """Answer all waiting questions."""
-        while True:
-            try:
-                asked, later = self._queue.get_nowait()
-            except Empty:
-                return
-            later.set_result(answer(asked, self.world))
 
 
 def close_services(members: Iterable[Member], log: Callable[[str, str], None]) -> None:

@@ -43,7 +43,7 @@ from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.comparison import Difference, apart, same_events
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.runtime.coordinator import Coordinator, Watchers
-from minerva_bus.runtime.questions import COMMANDS, Operated, status_of
+from minerva_bus.runtime.questions import COMMANDS, WorldRun, status_of
 from minerva_bus.runtime.runner import InProcessRunner, Notice
 from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.keys import checked_name
@@ -81,8 +81,8 @@ def replay_coordinator(
         watchers.listening(endpoint)
         coordinator.inbox.put(s.Begin())  # There may be no view to wait for.
 
-    def seek(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-        frame, algorithm = as_int(asked.get("frame"), "the frame"), running.runner.algorithm
+    def seek(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
+        frame, algorithm = as_int(asked.get("frame"), "the frame"), running.algorithm
         if frame > cursor.end:
             raise ProtocolError(f"the record ends before frame {cursor.end}, not {frame}")
         if algorithm.phase is not Phase.READY:
@@ -90,7 +90,7 @@ def replay_coordinator(
         running.runner.handle(s.Seek(frame))
         return {"frame": algorithm.frame}
 
-    def status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    def status(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
         now = status_of(running, as_int(asked.get("since", 0), "since"))
         return {"status": plain_status(replace(now, end=cursor.end))}
 
@@ -106,7 +106,7 @@ def replay_coordinator(
     return coordinator
 
 
-def _reject(_: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _reject(_: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     raise ProtocolError("this is a replay: recorded frames cannot change")
 
 

@@ -5,26 +5,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
-from concurrent.futures import TimeoutError as NoAnswer
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import zenoh
 from zenoh.handlers import Callback
 
-from minerva_bus.errors import BusError, Followed
+from minerva_bus.errors import Followed
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.members import MemberState
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.admission import Admission, Linked, ListenConfig
-from minerva_bus.runtime.metrics import Metrics, Status, StatusMeter, WorldLog
-from minerva_bus.runtime.questions import COMMANDS, Answers, Command, LocalQuestion, Operated
+from minerva_bus.runtime.metrics import Status
+from minerva_bus.runtime.questions import (
+    COMMANDS,
+    Answers,
+    Command,
+    LocalQuestion,
+    WorldRun,
+)
 from minerva_bus.runtime.receiver import Decoded, Receiver, Successor, TokensChanged, successor
 from minerva_bus.runtime.runner import Notice, Runner, Sink
-from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import REAL, System, run_through
 from minerva_bus.runtime.session_inbox import HubInbox, Question, TimerTick
 from minerva_bus.runtime.transport import ZenohTransport
@@ -274,11 +278,8 @@ POLL_SECONDS_ASKED: Final = 0.001
 MAX_MESSAGES_AT_ONCE: Final = 500
 """Most messages handled before a due frame begins: a flood delays the frame only this much."""
 
-ANSWER_SECONDS: Final = 2.0
-"""Seconds that another thread of this process waits for an answer."""
 
-
-class Coordinator(Sink):
+class Coordinator(WorldRun):
     """Runs a world's frame algorithm over Zenoh.
 
     `runner` executes the algorithm; the receiver admits messages, the monitor applies time-outs,
@@ -318,45 +319,23 @@ class Coordinator(Sink):
         system: System = REAL,
     ) -> None:
         algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
-        algorithm.inbox.work.allow(limits.single_events, limits.host_events)
-        keys, clock = Keys(world.name), system.monotonic
-        self.system, self.watchers = system, watchers
+        super().__init__(algorithm, rate, limits, watchers.said, system, commands, keep=keep)
+        self.keys, self.watchers, log = Keys(world.name), watchers, self.log
+        self.collected = watchers.collected
         self.inbox = HubInbox(STATUS_EVERY, system)
-        self.metrics = Metrics(algorithm, clock, keep)
-        self.log = log = WorldLog(algorithm, watchers.said, system, self.metrics)
-        self.admission = Admission(keys, limits, where or ListenConfig(), log.warn, system)
-        self.schedule = FrameSchedule(algorithm, rate, clock, partial(log.warn, COORDINATOR))
-        self.transport = ZenohTransport(keys, epoch, self.metrics, clock, self._note_sent)
-        self.status = StatusMeter(algorithm, self.schedule.pace, clock())
+        where = where or ListenConfig()
+        self.admission = Admission(self.keys, limits, where, log.warn, system)
+        self.transport = ZenohTransport(
+            self.keys, epoch, self.metrics, system.monotonic, self._note_sent
+        )
         own = (self.schedule, self.metrics, log, self.status, self)
         self.runner = Runner(algorithm, self.transport, [*own, *sinks])
         self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
         self._receiver, self._postponed = receiver, receiver.postponed.queue
-        self._answers = Answers(
-            self._operated(), self.admission, limits, watchers.operated, system, commands
-        )
+        self._answers = Answers(self, self.admission, limits, watchers.operated)
         self._waiting = self._answers.waiting
         self._handlers = self._handlers_with(receiver)
-
-    def _operated(self) -> Operated:
-        """What operators may ask for."""
-        watchers = self.watchers
-        return Operated(
-            self.runner,
-            self.schedule,
-            self.log.event_log,
-            self.log.orders,
-            self.metrics,
-            self.status,
-            self.admission.rules.counts,
-            watchers.restart,
-            watchers.stack,
-            watchers.collected,
-            self._monitor.outlook,
-            watchers.files,
-            self._note_operation,
-        )
 
     def _handlers_with(self, receiver: Receiver) -> dict[type, Callable[[Any], None]]:
         """Handlers by type of what arrives in the inbox."""
@@ -369,21 +348,11 @@ class Coordinator(Sink):
             Printed: lambda line: self.log.line(line.member, line.line, line.level),
             Started: lambda started: self._monitor.started(started.member),
             Question: self._answers.add,
-            LocalQuestion: self._answers.answer_local,
+            LocalQuestion: self.answer,
             Successor: self._compare_epochs,
             Linked: self.admission.notice,
             type(None): lambda _: None,
         }
-
-    @property
-    def algorithm(self) -> FrameAlgorithm:
-        """The frame algorithm."""
-        return self.runner.algorithm
-
-    @property
-    def keys(self) -> Keys:
-        """The keys of the world."""
-        return Keys(self.algorithm.world.name)
 
     def run(self) -> s.Ended:
         """Run the world to its end. Raises BusError if the bus cannot be set up."""
@@ -402,25 +371,17 @@ class Coordinator(Sink):
             self.inbox.close()
             for declaration in declared:
                 declaration.undeclare()
-        ended = self.runner.ended
-        # Overruns are measured by the clock, which the algorithm does not have.
-        return replace(ended, figures={**ended.figures, **self.schedule.overruns.figures()})
+        ended = self.result
+        assert ended is not None
+        return ended
 
     def handle(self, item: Any) -> None:
         """Handle a stimulus, or another item of the inbox; from the main thread only."""
         self._handlers.get(item.__class__, self.runner.handle)(item)
 
-    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        """Answer a question from another thread. Raises BusError, as a client does."""
-        asked = LocalQuestion({"ask": question, **details})
+    def put_question(self, asked: LocalQuestion) -> None:
+        """Let the main thread answer a question; from any thread."""
         self.inbox.put(asked)
-        try:
-            reply = asked.answer.result(ANSWER_SECONDS)
-        except NoAnswer:
-            raise BusError(f"no answer within {ANSWER_SECONDS:g} s") from None
-        if "error" in reply:
-            raise BusError(str(reply["error"]))
-        return reply
 
     def _declare(self, session: zenoh.Session) -> list[Any]:
         handler, keys, epoch = self.inbox.handler, self.keys, self.transport.epoch
@@ -527,6 +488,28 @@ class Coordinator(Sink):
             f" this one, of epoch {self.transport.epoch}, stops in frame {self.algorithm.frame}"
         )
 
+    # --- what operators may ask for ---
+
+    def restart(self, member: str) -> str:
+        """Request a restart of a member; returns the reason if that is impossible, or ""."""
+        return self.watchers.restart(member)
+
+    def stack(self, member: str) -> str:
+        """Request that a member's stacks are written to its log; returns as `restart`."""
+        return self.watchers.stack(member)
+
+    def rejected(self) -> Mapping[str, int]:
+        """The number of rejections by sender."""
+        return self.admission.rules.counts()
+
+    def outlook(self, member: str) -> str:
+        """What the world does with an awaited member, and when."""
+        return self._monitor.outlook(member)
+
+    def files(self) -> tuple[FileStatus, ...]:
+        """The files that the launcher writes in this process."""
+        return self.watchers.files()
+
     # --- observations of the run ---
 
     def _note_sent(self, to: str, message: m.ToMember) -> None:
@@ -536,8 +519,9 @@ class Coordinator(Sink):
         elif isinstance(message, m.Greet):
             self._monitor.greeted(to)
 
-    def _note_operation(self, operation: PersonOperation) -> None:
-        self.log.operated(operation)
+    def noted(self, operation: PersonOperation) -> None:
+        """Keep an operation of a person."""
+        super().noted(operation)
         self.watchers.noted(operation)
 
     def frame_done(self, notice: s.FrameDone) -> None:

@@ -27,14 +27,17 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NoAnswer
 from dataclasses import dataclass, field, replace
+from functools import partial
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import zenoh
 
-from minerva_bus.errors import MinervaError, ProtocolError, SceneError, nearest
+from minerva_bus.errors import BusError, MinervaError, ProtocolError, SceneError, nearest
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.members import MemberEntry
@@ -43,13 +46,13 @@ from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Of, Unfit
 from minerva_bus.runtime.admission import Admission
-from minerva_bus.runtime.metrics import EventLog, Metrics, OrderFates, StatusMeter
+from minerva_bus.runtime.metrics import Metrics, StatusMeter, WorldLog
 from minerva_bus.runtime.pace import Pace
-from minerva_bus.runtime.runner import Runner
+from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import System
 from minerva_bus.runtime.session_inbox import Question, question
-from minerva_bus.wire.keys import is_name, who_asks
+from minerva_bus.wire.keys import COORDINATOR, is_name, who_asks
 from minerva_bus.wire.plain import (
     DEFAULT,
     Limits,
@@ -72,42 +75,116 @@ if TYPE_CHECKING:
     from minerva_bus.collect.collector import SeriesHistory
 
 
+ANSWER_SECONDS: Final = 2.0
+"""Seconds that another thread of this process waits for an answer."""
+
 ASKER: Final = "asker"
 """Name of the certificate of a question, which the coordinator adds; empty without certificates."""
 
 
-@dataclass(frozen=True, slots=True)
-class Operated:
-    """The parts of a running world that operators' commands use.
+class WorldRun(Sink):
+    """A running world: what there is once for each run, on a bus or in one process.
 
-    `rejected` gives the number of rejections by sender, `outlook` what the world does with an
-    awaited member, and `files` what it writes. `restart` requests a restart of a member, `stack`
-    that its stacks are written to its log; both return the reason if that is impossible, otherwise
-    an empty string. `orders` has the fates of people's orders, `collected` the collected series, if
-    any. `noted` receives each operation of a person.
+    It makes the schedule, metrics, status and log of a run of `algorithm`, and answers questions.
+    A subclass makes the runner, one of whose sinks it is, and overrides what differs if members are
+    other processes.
+
+    Args:
+        algorithm: Begins or continues the world.
+        rate: Frames per second; 0: as many as possible.
+        limits: What members may send.
+        said: Called with a warning: member, text, and details for the log only.
+        system: Clock and threads.
+        commands: Questions that operators may ask, by name; None: all.
+        keep: Whether to measure every frame for a profile.
+
     """
 
-    runner: Runner
-    schedule: FrameSchedule
-    event_log: EventLog
-    orders: OrderFates
-    metrics: Metrics
-    status: StatusMeter
-    rejected: Callable[[], Mapping[str, int]]
-    restart: Callable[[str], str]
-    stack: Callable[[str], str]
     collected: SeriesHistory | None = None
-    outlook: Callable[[str], str] = field(default=lambda _: "")
-    files: Callable[[], tuple[FileStatus, ...]] = field(default=lambda: ())
-    noted: Callable[[PersonOperation], None] = field(default=lambda _: None)
+    """Collected series, for dashboards."""
+
+    def __init__(
+        self,
+        algorithm: FrameAlgorithm,
+        rate: float,
+        limits: Limits,
+        said: Callable[[str, str, str], None],
+        system: System,
+        commands: Mapping[str, Command] | None = None,
+        *,
+        keep: bool = False,
+    ) -> None:
+        algorithm.inbox.work.allow(limits.single_events, limits.host_events)
+        clock = system.monotonic
+        self.algorithm = algorithm
+        self.system = system
+        self.commands = COMMANDS if commands is None else commands
+        self.metrics = Metrics(algorithm, clock, keep)
+        self.log = log = WorldLog(algorithm, said, system, self.metrics)
+        self.schedule = FrameSchedule(algorithm, rate, clock, partial(log.warn, COORDINATOR))
+        self.status = StatusMeter(algorithm, self.schedule.pace, clock())
 
     @property
     def pace(self) -> Pace:
         """The frame rate and the number of frames that may begin."""
         return self.schedule.pace
 
+    @property
+    def result(self) -> s.Ended | None:
+        """The end of the world with all figures; None while it runs."""
+        ended = self.runner.ended
+        if ended is None:
+            return None
+        # Overruns are measured by the clock, which the algorithm does not have.
+        return replace(ended, figures={**ended.figures, **self.schedule.overruns.figures()})
 
-Command: TypeAlias = Callable[[Operated, dict[str, Any]], dict[str, Any]]
+    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        """Answer a question from any thread. Raises BusError, as a client does."""
+        asked = LocalQuestion({"ask": question, **details})
+        self.put_question(asked)
+        try:
+            reply = asked.answer.result(ANSWER_SECONDS)
+        except NoAnswer:
+            name = self.algorithm.world.name
+            raise BusError(f"{name} has not answered for {ANSWER_SECONDS:g} s") from None
+        if "error" in reply:
+            raise BusError(str(reply["error"]))
+        return reply
+
+    def put_question(self, asked: LocalQuestion) -> None:
+        """Let the thread that runs the world `answer` a question; from any thread."""
+        raise NotImplementedError
+
+    def answer(self, asked: LocalQuestion) -> None:
+        """Answer a question of another thread."""
+        asked.answer.set_result(answer(asked.question, self))
+
+    def restart(self, member: str) -> str:
+        """Request a restart of a member; returns the reason if that is impossible, or ""."""
+        return "all members run in one process: a single one cannot be restarted"
+
+    def stack(self, member: str) -> str:
+        """Request that a member's stacks are written to its log; returns as `restart`."""
+        return "all members run in one process: none has a stack of its own"
+
+    def rejected(self) -> Mapping[str, int]:
+        """The number of rejections by sender."""
+        return {}
+
+    def outlook(self, member: str) -> str:
+        """What the world does with an awaited member, and when; "" if nothing."""
+        return ""
+
+    def files(self) -> tuple[FileStatus, ...]:
+        """The files that the run writes."""
+        return ()
+
+    def noted(self, operation: PersonOperation) -> None:
+        """Keep an operation of a person."""
+        self.log.operated(operation)
+
+
+Command: TypeAlias = Callable[[WorldRun, dict[str, Any]], dict[str, Any]]
 
 
 def person_of(asked: Mapping[str, Any]) -> str:
@@ -124,9 +201,9 @@ def person_of(asked: Mapping[str, Any]) -> str:
 # --- the state of a world ---
 
 
-def status_of(running: Operated, since: int = 0) -> WorldStatus:
+def status_of(running: WorldRun, since: int = 0) -> WorldStatus:
     """State of a world, with the log entries since a number."""
-    algorithm, pace, hz = running.runner.algorithm, running.pace, running.status.hz
+    algorithm, pace, hz = running.algorithm, running.pace, running.status.hz
     measured = dict(running.metrics.measured())
     waits = {
         name.removeprefix("wait for "): measured.pop(name)
@@ -154,11 +231,11 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
             else member
             for member in members
         ),
-        events={name: count * hz for name, count in running.event_log.per_frame().items()},
+        events={name: count * hz for name, count in running.log.event_log.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
         bytes_out=measured.pop("bytes out", 0.0),
         phases=measured,
-        happenings=running.event_log.entries(since),
+        happenings=running.log.event_log.entries(since),
         refused=running.rejected(),
         late_frames=running.schedule.overruns.count,
         behind=running.schedule.overruns.behind,
@@ -200,9 +277,9 @@ MAX_CHARS: Final = 16_384
 # --- events of people: they are checked, sent, and their fates kept ---
 
 
-def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def order(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Send an event or a batch of people; in this process as it is, otherwise in wire form."""
-    given, vocabulary = asked.get("event"), running.runner.algorithm.world.vocabulary
+    given, vocabulary = asked.get("event"), running.algorithm.world.vocabulary
     event = (
         vocabulary.check_any(given, "order")
         if isinstance(given, Event | Events)
@@ -216,9 +293,9 @@ def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     return _send(running, event, person_of(asked))
 
 
-def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]:
+def _send_batch(running: WorldRun, batch: Events, person: str) -> dict[str, Any]:
     """Send the events of a batch; their fates are not kept."""
-    algorithm = running.runner.algorithm
+    algorithm = running.algorithm
     takers = algorithm.members.takers(batch.type)
     types = algorithm.world.vocabulary.events[batch.type].fields.all
     # Generators take single orders, and values that the string has are compared one by one.
@@ -243,17 +320,17 @@ def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]
     return {"frame": frame, "event": sent, "through": takers, "by": person}
 
 
-def _no_agent(running: Operated, receiver: str) -> str:
-    composition = running.runner.algorithm.composition
+def _no_agent(running: WorldRun, receiver: str) -> str:
+    composition = running.algorithm.composition
     few = composition.count <= MAX_NAMES
     several = listed(sorted(composition.agents())) if few else f"{composition.count} agents"
     return f"there is no agent {unknown_agent(composition, receiver, f'there are {several}')}"
 
 
 def _send(
-    running: Operated, event: Event, person: str, known: dict[Of, set[str]] | None = None
+    running: WorldRun, event: Event, person: str, known: dict[Of, set[str]] | None = None
 ) -> dict[str, Any]:
-    algorithm = running.runner.algorithm
+    algorithm = running.algorithm
     check(f"an order of {event.type}", len(event.receivers), DEFAULT.receivers, "receivers")
     # Not `agent`, which makes the node of an agent in columns.
     homes = algorithm.composition.home_of_each(event.receivers)
@@ -267,7 +344,7 @@ def _send(
         raise ProtocolError(refusal)
     takers = algorithm.members.takers(event.type)
     note = algorithm.orders.without_effect(event)
-    number = running.orders.arrive(event, person, algorithm.frame)
+    number = running.log.orders.arrive(event, person, algorithm.frame)
     running.runner.handle(s.Publish(event, person))
     return {
         "frame": algorithm.frame,
@@ -279,9 +356,9 @@ def _send(
     }
 
 
-def publish(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def publish(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Send an event of a type in the vocabulary; its data are texts in the notation of strings."""
-    algorithm = running.runner.algorithm
+    algorithm = running.algorithm
     name = as_text(asked.get("type"), "the type")
     texts = {
         field: as_text(value, field)
@@ -329,11 +406,9 @@ MAX_LINES = 1000
 # --- questions ---
 
 
-def answer(
-    asked: Mapping[str, Any], running: Operated, commands: Mapping[str, Command] | None = None
-) -> dict[str, Any]:
-    """Answer one question with `commands`, by default COMMANDS; errors are part of the answer."""
-    commands = COMMANDS if commands is None else commands
+def answer(asked: Mapping[str, Any], running: WorldRun) -> dict[str, Any]:
+    """Answer one question; errors are part of the answer."""
+    commands = running.commands
     try:
         name = as_text(asked.get("ask"), "ask")
         if name not in commands:
@@ -343,42 +418,42 @@ def answer(
         return {"error": str(error)}
 
 
-def _status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _status(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"status": plain_status(status_of(running, as_int(asked.get("since", 0), "since")))}
 
 
-def _totals(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+def _totals(running: WorldRun, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"totals": running.metrics.counted().plain()}
 
 
-def _series(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+def _series(running: WorldRun, _: Mapping[str, Any]) -> dict[str, Any]:
     collected = running.collected
     return {"series": [] if collected is None else plain_series(collected.series())}
 
 
-def _scene(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
-    algorithm = running.runner.algorithm
+def _scene(running: WorldRun, _: Mapping[str, Any]) -> dict[str, Any]:
+    algorithm = running.algorithm
     return {"frame": algorithm.frame, "scene": str(algorithm.scene)}
 
 
-def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _fragment(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     """The text of the outermost agent with an id, or of one in a population."""
     composition, agent = (
-        running.runner.algorithm.composition,
+        running.algorithm.composition,
         as_text(asked.get("agent"), "the agent"),
     )
     # Names of parts are internal, and change when hosts join or leave.
     node = composition.agent(agent) if not agent.startswith(PART) else None
     if node is None:
         raise ProtocolError(f"there is no agent #{agent[:64]}")
-    return {"frame": running.runner.algorithm.frame, "fragment": str(Scene((node,)))}
+    return {"frame": running.algorithm.frame, "fragment": str(Scene((node,)))}
 
 
-def _note(running: Operated, asked: Mapping[str, Any], value: object = "") -> None:
+def _note(running: WorldRun, asked: Mapping[str, Any], value: object = "") -> None:
     """Note that a person operates the world, with an effect."""
     running.noted(
         PersonOperation(
-            running.runner.algorithm.frame,
+            running.algorithm.frame,
             as_text(asked["ask"], "ask"),
             str(value),
             person_of(asked),
@@ -386,22 +461,22 @@ def _note(running: Operated, asked: Mapping[str, Any], value: object = "") -> No
     )
 
 
-def _pause(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _pause(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     if not running.pace.paused:
         _note(running, asked)
     running.schedule.pause()
     return {"frame": running.schedule.pauses_before}
 
 
-def _resume(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _resume(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     if running.pace.left is not None:
         _note(running, asked)
     running.pace.resume()
     running.schedule.repace()
-    return {"frame": running.runner.algorithm.frame}
+    return {"frame": running.algorithm.frame}
 
 
-def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _step(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     frames = as_int(asked.get("frames", 1), "frames", 1)
     if frames > MAX_STEPS:
         raise ProtocolError(f"frames must be a whole number up to {MAX_STEPS}, not {frames}")
@@ -412,7 +487,7 @@ def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"frame": last}
 
 
-def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _rate(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     rate = as_number(asked.get("rate"), "rate")
     if not 0 <= rate <= MAX_RATE:
         raise ProtocolError(f"rate must be frames per second from 0 to {MAX_RATE:g}, not {rate:g}")
@@ -423,14 +498,14 @@ def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"rate": rate}
 
 
-def _restart(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _restart(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = _own_process(running, asked, "restart it where it runs")
     done = _accepted(running.restart(member))
     _note(running, asked, member)
     return done
 
 
-def _stack(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _stack(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Let a process write the stacks of its threads to its log, where `logs` finds them."""
     return _accepted(running.stack(_own_process(running, asked, "its stack is not known here")))
 
@@ -441,10 +516,10 @@ def _accepted(refused: str) -> dict[str, Any]:
     return {}
 
 
-def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) -> str:
+def _own_process(running: WorldRun, asked: Mapping[str, Any], otherwise: str) -> str:
     """The name of a process of the world file. Raises ProtocolError."""
     member = as_text(asked.get("member"), "the member")
-    expected = {entry.name: entry.expected for entry in running.runner.algorithm.members}
+    expected = {entry.name: entry.expected for entry in running.algorithm.members}
     if member not in expected:
         hint = nearest(member, list(expected), f"there are {', '.join(expected)}")
         raise ProtocolError(f"there is no member {member[:64]!r}{hint}")
@@ -453,8 +528,8 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
     return member
 
 
-def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    member, algorithm = as_text(asked.get("member"), "the member"), running.runner.algorithm
+def _drain(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
+    member, algorithm = as_text(asked.get("member"), "the member"), running.algorithm
     offers = algorithm.members.allowed_offers(algorithm.world.placement)
     if member not in offers:
         hosts = ", ".join(offers) or "none"
@@ -472,26 +547,26 @@ def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"to": [name for name, kinds in others.items() if kinds & offers[member]]}
 
 
-def _logs(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _logs(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member", ""), "the member")
-    lines = running.event_log.lines(as_int(asked.get("since", 0), "since"), member)
+    lines = running.log.event_log.lines(as_int(asked.get("since", 0), "since"), member)
     return {"lines": plain_entries(lines[-MAX_LINES:])}
 
 
-def _orders(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _orders(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     since = as_int(asked.get("since", 0), "since")
-    return {"orders": plain_entries(running.orders.changed_since(since))}
+    return {"orders": plain_entries(running.log.orders.changed_since(since))}
 
 
-def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
-    return {"vocabulary": plain_vocabulary(running.runner.algorithm.world.vocabulary)}
+def _vocabulary(running: WorldRun, _: Mapping[str, Any]) -> dict[str, Any]:
+    return {"vocabulary": plain_vocabulary(running.algorithm.world.vocabulary)}
 
 
-def _seek(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+def _seek(running: WorldRun, _: Mapping[str, Any]) -> dict[str, Any]:
     raise ProtocolError("this is not a replay; only a replay can continue from another frame")
 
 
-def _stop(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _stop(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     _note(running, asked)
     running.schedule.stop(s.End("stopped by a person"))
     return {}
@@ -585,7 +660,7 @@ class Turns:
 
 
 class Answers:
-    """Checks and queues the questions to one world and answers them with `commands`.
+    """Checks and queues the questions to one world and answers them.
 
     At most `limits.questions` of one sender wait at the same time, and as many of those who may not
     operate the world, which come last. Answering takes at most a third of the coordinator's time,
@@ -595,12 +670,10 @@ class Answers:
 
     def __init__(
         self,
-        world: Operated,
+        world: WorldRun,
         admission: Admission,
         limits: Limits,
         operated: Callable[[], None],
-        system: System,
-        commands: Mapping[str, Command],
     ) -> None:
         self._readers, self._operators = Turns(limits.questions), Turns(limits.questions)
         self.waiting = self._readers.queues, self._operators.queues
@@ -608,8 +681,7 @@ class Answers:
         self._admission = admission
         self._limits = limits
         self._operated = operated
-        self._clock = system.monotonic
-        self._commands = commands
+        self._clock = world.system.monotonic
         self._next_at = 0.0
 
     def admit(self, query: zenoh.Query) -> Question | None:
@@ -654,10 +726,6 @@ class Answers:
             # In proportion to the answer, so that expensive questions are answered less often.
             self._next_at = now + PAUSE_FACTOR * (now - began)
 
-    def answer_local(self, asked: LocalQuestion) -> None:
-        """Answer a question from another thread of this process at once."""
-        asked.answer.set_result(answer(asked.question, self._world, self._commands))
-
     def _answer(self, question: Question) -> None:
         asker, orders, key = self._asker(question)
         try:
@@ -666,9 +734,7 @@ class Answers:
             asked = as_map(unpack(question.data), "a question")
             objection = self._admission.objection_to_question(asker, orders, asked.get("ask"))
             reply = (
-                {"error": objection}
-                if objection
-                else answer({**asked, ASKER: asker}, self._world, self._commands)
+                {"error": objection} if objection else answer({**asked, ASKER: asker}, self._world)
             )
         except MinervaError as error:
             reply = {"error": str(error)}
@@ -681,4 +747,4 @@ class Answers:
         return self._operators if orders else self._readers, asker or question.session, key
 
     def _asker(self, question: Question) -> tuple[str, bool, str]:
-        return who_asks(question.key, self._world.runner.algorithm.world.name)
+        return who_asks(question.key, self._world.algorithm.world.name)

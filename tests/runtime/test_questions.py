@@ -20,9 +20,10 @@ def asked():
     """A function that asks on a key and returns whether it was admitted; replies; and answers."""
     limits, replies = Limits(questions=2), list[Any]()
     algorithm = SimpleNamespace(world=SimpleNamespace(name="w"))
-    world: Any = SimpleNamespace(runner=SimpleNamespace(algorithm=algorithm))
+    commands = {"status": lambda *_: {}}
+    world: Any = SimpleNamespace(algorithm=algorithm, system=REAL, commands=commands)
     admission = Admission(Keys("w"), limits, ListenConfig(), lambda *line: None)
-    answers = Answers(world, admission, limits, lambda: None, REAL, {"status": lambda *_: {}})
+    answers = Answers(world, admission, limits, lambda: None)
 
     def ask(key, data=STATUS, session=b""):
         def reply(answer):
@@ -42,7 +43,7 @@ def test_those_of_readers_leave_room_for_those_of_operators(asked):
     assert [ask("ask/eve") for _ in range(3)] == [True, True, False]
     assert "2 questions wait for an answer already" in replies.pop()[1]["error"]
     assert ask("control/ann")
-    while answers:
+    while any(answers.waiting):
         answers.answer_due()
     assert [key for key, _ in replies] == ["control/ann", "ask/eve", "ask/eve"]
     assert ask("ask/eve")
@@ -53,7 +54,7 @@ def test_those_of_a_session_leave_room_for_another_and_are_answered_in_turns(ask
     assert [ask("control") for _ in range(3)] == [True, True, False]
     assert ask("control", session=b"ann")
     replies.clear()
-    while answers:
+    while any(answers.waiting):
         answers.answer_due()
     assert [key for key, _ in replies] == ["control", "ann", "control"]
     # Certificates name the sender, whatever a question says of its session.
@@ -63,7 +64,7 @@ def test_those_of_a_session_leave_room_for_another_and_are_answered_in_turns(ask
 def test_one_that_is_too_large_is_not_kept(asked):
     ask, replies, answers = asked
     assert not ask("control", b"x" * 300_000)
-    assert not answers
+    assert not any(answers.waiting)
     assert replies == [("control", {"error": "a question has 300000 bytes, over 262144"})]
 
 

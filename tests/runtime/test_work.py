@@ -25,7 +25,7 @@ from minerva_bus.runtime.receiver import (
     Receiver,
     WaitingMessage,
 )
-from minerva_bus.runtime.session import System, open_client
+from minerva_bus.runtime.session import open_client
 from minerva_bus.wire.codec import Decoder, encode, stamp
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.plain import DEFAULT, pack, unpack
@@ -268,12 +268,10 @@ def test_excess_questions_are_rejected_at_once_and_answers_leave_time_for_frames
         return {}
 
     algorithm = SimpleNamespace(world=SimpleNamespace(name="w"))
-    world: Any = SimpleNamespace(runner=SimpleNamespace(algorithm=algorithm))
+    world: Any = SimpleNamespace(algorithm=algorithm, system=system, commands={"slow": slow})
     admission: Any = SimpleNamespace(objection_to_question=lambda *_: "")
     limits = replace(DEFAULT, questions=3)
-    answers = Answers(
-        world, admission, limits, lambda: None, cast("System", system), {"slow": slow}
-    )
+    answers = Answers(world, admission, limits, lambda: None)
 
     def ask():
         query: Any = Query(replies)

@@ -164,7 +164,7 @@ def waited(world, seconds):
     watchers = Watchers(said=ignore, status=ignore, listening=ignore, stalled=ignore)
     coordinator = Coordinator(world, watchers)
     coordinator.status.waited = seconds
-    status = status_of(coordinator._operated())
+    status = status_of(coordinator)
     return status.waiting, status.waited
 
 
