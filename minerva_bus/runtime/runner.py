@@ -216,9 +216,7 @@ class Runner:
 
 # --- members in this process ---
 
-Deliver: TypeAlias = Callable[
-    [Member, m.ToMember | m.Readings], Iterable[m.FromMember | m.Readings]
-]
+Deliver: TypeAlias = Callable[[Member, m.ToMember | m.Readings], Iterable[s.Stimulus | m.Readings]]
 
 
 def receivers(to: str, members: Iterable[Member]) -> list[Member]:

@@ -41,7 +41,6 @@ ONLY = {
 
 REQUIRED = {
     "assistants": {"analysis"},
-    "authoring": {"analysis"},
     "exporters": {"analysis"},
     "study": {"analysis"},
 }

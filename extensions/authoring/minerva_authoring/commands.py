@@ -1,4 +1,4 @@
-"""`minerva new`, `minerva schema` and `minerva determinism`."""
+"""`minerva new` and `minerva schema`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Final
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.options import Json, WorldArgument, examples
+from minerva_bus.cli.options import Json, examples
 
 TOPIC: Final = "Develop"
 
@@ -58,22 +58,3 @@ def schema() -> None:
     from minerva_bus.cli.output import print_result
 
     print_result(json.dumps(world_schema(), indent=2, ensure_ascii=False))
-
-
-@examples(
-    "minerva determinism garden.toml",
-    "minerva determinism meadow --frames 20 --json",
-)
-def determinism(
-    world: WorldArgument,
-    frames: Annotated[int, typer.Option(min=1, help="Number of frames to compare.")] = 100,
-    json: Json = False,
-) -> None:
-    """Run a world in two process layouts and compare all frames.
-
-    The exit code is 1 with the first frame, agent and attribute that differ. The world is recorded
-    in both runs, which needs the extra `record`.
-    """
-    from minerva_authoring.determinism import check_determinism
-
-    raise typer.Exit(check_determinism(world, frames, json))

@@ -1,0 +1,8 @@
+"""Whether the same seed gives the same strings: in two layouts of processes, or in all of them.
+
+layouts       runs of a world in layouts: processes, environments, kills, continued records
+killer        kills processes of a running world in turn
+positions     a member that dies at each message of a frame, in one process
+determinism   `minerva determinism`: two layouts, compared
+certificate   `minerva certify`: all layouts, as a table in text, JSON and HTML
+"""

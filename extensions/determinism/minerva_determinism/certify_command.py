@@ -1,0 +1,81 @@
+"""The answer of `minerva certify`: a row for each check as it ends, and the page."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from minerva_bus.cli.output import FAILED, print_json, print_message, print_result
+from minerva_bus.errors import MisuseError
+from minerva_bus.files import check_output, write_output
+from minerva_determinism.certificate import DIFFERS, SAME, TITLES, Check, Plan, certify
+from minerva_determinism.determinism import ADVICE
+from minerva_determinism.report import page
+
+WIDTHS: Final = (44, 9, 9, 17, 7)
+
+
+def make_certificate(
+    worlds: Sequence[str],
+    frames: int,
+    minutes: float,
+    processes: Sequence[int],
+    pythons: Sequence[str],
+    report: Path | None,
+    as_json: bool,
+) -> int:
+    """Certify worlds and print the certificate; returns the exit code.
+
+    Raises WorldFileError, and MisuseError for a path of the page that cannot be written.
+    """
+    if report is not None:
+        if report.suffix != ".html":
+            raise MisuseError(f"--report {report}: the name of the page ends with .html")
+        check_output(report)
+    commands = [shlex.split(words) for words in pythons]
+    until = time.monotonic() + 60 * minutes
+    shown = _Rows(as_json)
+    made = certify(worlds, Plan(frames, processes, commands, until, shown))
+    if report is not None:
+        write_output(report, page(made).encode())
+    if as_json:
+        print_json(made.plain())
+    else:
+        for world, omitted in made.omitted.items():
+            for name, why in omitted.items():
+                print_result(f"not compared: {name} of {world} ({why})")
+        if made.results[DIFFERS]:
+            print_result("\n".join(ADVICE))
+        print_result(made.verdict())
+    return 0 if made.is_complete else FAILED
+
+
+class _Rows:
+    """Prints a row for each check: on standard output, or with `--json` where people read."""
+
+    def __init__(self, as_json: bool) -> None:
+        self._world = ""
+        self._as_json = as_json
+
+    def _print(self, text: str) -> None:
+        if not self._as_json:
+            print_result(text)
+        elif sys.stderr.isatty():
+            print_message(text)
+
+    def __call__(self, check: Check) -> None:
+        if check.world != self._world:
+            self._world = check.world
+            self._print(_row([check.world, *TITLES[1:]]))
+        self._print(_row(check.cells()))
+        for line in check.lines:
+            self._print(f"  {line}" if check.result == SAME else f"  ! {line}")
+
+
+def _row(cells: Sequence[str]) -> str:
+    padded = [cell.ljust(width) for cell, width in zip(cells, WIDTHS, strict=True)]
+    return " ".join(padded).rstrip()

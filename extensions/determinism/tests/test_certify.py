@@ -1,0 +1,129 @@
+"""`minerva certify` compares a world in all layouts, and finds state that deaths lose."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from minerva_bus.launch.world_files import read_world_file
+from minerva_determinism.certificate import FAILS, LEFT_OUT, NO_TIME, SAME, Plan, certify
+from minerva_determinism.positions import WHEN, deaths
+
+pytest.importorskip("mcap")
+
+CODE = """\
+from minerva_bus import Agent, EventType, Generator, Vocabulary, on
+
+eSun = EventType("eSun", light=float)
+
+
+class Plant(Agent, symbol="APlant"):
+    height: float = 0.0
+
+    @on("eSun")
+    def grow(self, sun, moment):
+        self.height += sun.light * moment.random.random()
+
+
+class Sun(Generator, events=("eSun",), when="each 2 frames"):
+    def __init__(self):
+        self.risen = 0.0
+
+    def generate(self, tick):
+        self.risen += 1.0
+        return eSun(light=self.risen)
+"""
+SAVED = """
+    def save(self):
+        return {"risen": self.risen}
+
+    def restore(self, saved):
+        self.risen = saved["risen"]
+"""
+REST = """
+
+vocabulary = Vocabulary.of(eSun, Plant)
+"""
+FILE = """\
+[world]
+string = "APlant#a · APlant#b"
+vocabulary = "NAME:vocabulary"
+frames = 12
+
+[process.plants]
+agents = "NAME:Plant"
+
+[process.sun]
+service = "NAME:Sun"
+"""
+
+
+@pytest.fixture
+def world(tmp_path, request):
+    """The path of a world whose sun saves its state, or does not."""
+
+    def make(name, saved=SAVED):
+        (tmp_path / f"{name}.py").write_text(CODE + saved + REST)
+        path = tmp_path / f"{name}.toml"
+        path.write_text(FILE.replace("NAME", name))
+        return path
+
+    return make
+
+
+def plan(**changes):
+    shown = []
+    until = time.monotonic() + 300
+    defaults = {"frames": 12, "processes": (), "pythons": (), "until": until, "shown": shown.append}
+    return Plan(**{**defaults, **changes})
+
+
+def test_a_world_is_certified_in_all_layouts(world, tmp_path):
+    path, page = world("kept_garden"), tmp_path / "page.html"
+    words = ["certify", str(path), "--json", "--processes", "5", "--report", str(page)]
+    words += ["--python", sys.executable, "--python", "no-such-interpreter"]
+    done = subprocess.run(
+        [sys.executable, "-m", "minerva_bus", *words],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    made = json.loads(done.stdout)
+    assert made["certified"]
+    results = [check["result"] for check in made["checks"]]
+    assert results == [SAME] * 13 + [LEFT_OUT]
+    assert len({check["digest"] for check in made["checks"] if check["digest"]}) == 1
+    assert made["checks"][-1]["lines"] == ["no-such-interpreter: No such file or directory"]
+    killed = [line for check in made["checks"] for line in check["lines"] if "killed: " in line]
+    assert killed[0].startswith("killed: coordinator")
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<tr>") == 1 + len(results)
+    assert made["verdict"] in text
+
+
+def test_a_death_loses_state_that_is_not_saved(world):
+    changed = [
+        (str(position), when, frame)
+        for position, when, frame in deaths(read_world_file(world("lost_garden", "")), range(4))
+        if frame is not None
+    ]
+    assert ("TickRequest to sun in frame 2", "before", 2) in changed
+    assert all(" to sun " in position for position, _, _ in changed)
+    file = read_world_file(world("saved_garden"))
+    found = list(deaths(file, range(4)))
+    assert {when for _, when, _ in found} == {*WHEN}
+    assert not [changed for _, _, changed in found if changed is not None]
+
+
+def test_without_time_and_without_a_run_it_is_no_certificate(world):
+    path = world("late_garden")
+    made = certify([str(path)], plan(until=time.monotonic()))
+    assert {check.result for check in made.checks[1:]} == {NO_TIME}
+    assert not made.is_complete
+    path.with_suffix(".py").write_text(path.with_suffix(".py").read_text() + "1 / 0\n")
+    failing = certify([str(path)], plan())
+    assert [check.result for check in failing.checks] in ([LEFT_OUT], [FAILS])
+    assert not failing.is_complete
