@@ -47,7 +47,7 @@ from minerva_bus.frame.stimuli import (
 )
 from minerva_bus.frame.world_state import Phase, Progress, WorldSpec
 from minerva_bus.grammar.columns import values_of
-from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of
+from minerva_bus.grammar.events import AnyEvent, Event, Events, chosen, first_of, senders_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, Value
 from minerva_bus.grammar.types import Of
@@ -431,7 +431,7 @@ class SenderRights:
         """
         allowed = self.speaks_for.get(member, ())
         for event in events:
-            senders = _senders(event)
+            senders = senders_of(event)
             if senders is None:
                 continue
             wrong = ~self._may(senders, allowed)
@@ -451,12 +451,12 @@ class SenderRights:
         """The events without sender, or whose sender is an agent that the member may represent."""
         allowed, kept = self.speaks_for.get(member, ()), list[AnyEvent]()
         for event in events:
-            senders = _senders(event)
+            senders = senders_of(event)
             rows = None if senders is None else self._may(senders, allowed)
             if rows is None or rows.all():
                 kept.append(event)
-            elif isinstance(event, Events) and rows.any():
-                kept.append(event.take(np.flatnonzero(rows)))
+            else:
+                kept += chosen(event, np.flatnonzero(rows))
         return kept
 
     def _may(self, senders: Ids, allowed: Sequence[str]) -> NDArray[np.bool_]:
@@ -467,12 +467,6 @@ class SenderRights:
         if ids:
             may |= (Ids.of(ids).rows_of(senders) >= 0) & (kinds != "")
         return may
-
-
-def _senders(event: AnyEvent) -> Ids | None:
-    if isinstance(event, Events):
-        return event.senders
-    return Ids.of([event.sender]) if event.sender else None
 
 
 ORDERS: Final = "orders"

@@ -36,7 +36,7 @@ from minerva_bus.frame.world_state import (
     WorldSpec,
 )
 from minerva_bus.grammar.columns import Columns, Delta, packed
-from minerva_bus.grammar.events import AnyEvent, Event
+from minerva_bus.grammar.events import AnyEvent, Event, senders_of
 from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.types import Unfit
@@ -160,9 +160,8 @@ def _gained(part: Columns | None, ids: Ids) -> Ids:
 def _is_from(event: AnyEvent, senders: Container[str], part: Columns | None) -> bool:
     if part is None or part.ids is None:
         return isinstance(event, Event) and event.sender in senders
-    if isinstance(event, Event):
-        return part.ids.row_of(event.sender) >= 0
-    return event.senders is not None and bool((part.ids.rows_of(event.senders) >= 0).all())
+    own = senders_of(event)
+    return own is not None and bool((part.ids.rows_of(own) >= 0).all())
 
 
 _TYPE: Final = attrgetter("type")

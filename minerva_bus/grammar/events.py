@@ -220,16 +220,12 @@ class Events:
             first.type, first.names, columns, len(events), first.condition, senders, receivers
         )
 
-    def _like(self, other: Events) -> bool:
-        return (
-            (self.type, self.names, self.condition) == (other.type, other.names, other.condition)
-            and (self.senders is None) == (other.senders is None)
-            and (self.receivers is None) == (other.receivers is None)
-            and all(
-                column.dtype == two.dtype
-                for column, two in zip(self.columns, other.columns, strict=True)
-            )
-        )
+    @property
+    def form(self) -> tuple[object, ...]:
+        """What batches have in common that can be one."""
+        dtypes = [column.dtype for column in self.columns]
+        ids = self.senders is None, self.receivers is None
+        return self.type, self.names, self.condition, ids, tuple(dtypes)
 
     @staticmethod
     def concatenated(parts: Sequence[Events]) -> Events | None:
@@ -237,7 +233,7 @@ class Events:
         first = parts[0]
         if len(parts) == 1:
             return first
-        if not all(map(first._like, parts)):
+        if len({part.form for part in parts}) > 1:
             return None
         columns = tuple(
             map(Column.concatenated, zip(*[part.columns for part in parts], strict=True))
@@ -333,6 +329,20 @@ def as_batch(event: AnyEvent, count: int = 1) -> Events:
     return event if isinstance(event, Events) else Events.repeated(event, count)
 
 
+def senders_of(event: AnyEvent) -> Ids | None:
+    """The sender of an event, or those of a batch; None if a generator made it."""
+    if isinstance(event, Events):
+        return event.senders
+    return Ids.of([event.sender]) if event.sender else None
+
+
+def chosen(event: AnyEvent, rows: Rows) -> tuple[AnyEvent, ...]:
+    """The event, or these rows of a batch; nothing without any rows."""
+    if not len(rows):
+        return ()
+    return (event.take(rows),) if isinstance(event, Events) else (event,)
+
+
 def check_number(made: int) -> None:
     """Raise MisuseError if so many single events have been made in a frame by one call or agent."""
     if made >= MOST_SINGLE:
@@ -349,13 +359,16 @@ def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
     """
     if len(events) <= MANY:
         return events
-    collected: list[AnyEvent] = []
-    for _, alike in groupby(sorted(events, key=_by_type), _by_type):
-        for is_batch, group in groupby(alike, lambda event: isinstance(event, Events)):
-            run = list(group)
-            columns = None if is_batch else Events.of(cast("list[Event]", run))
-            collected += run if columns is None else [columns]
-    return tuple(collected)
+    by_type = groupby(sorted(events, key=_by_type), _by_type)
+    return tuple([event for _, alike in by_type for event in batched(alike)])
+
+
+def batched(events: Iterable[AnyEvent]) -> Iterator[AnyEvent]:
+    """Events of one type, with those between two batches as one batch if possible."""
+    for is_batch, group in groupby(events, lambda event: isinstance(event, Events)):
+        run = list(group)
+        batch = None if is_batch else Events.of(cast("list[Event]", run))
+        yield from run if batch is None else [batch]
 
 
 def _by_type(event: AnyEvent) -> str:

@@ -30,7 +30,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.frame.replay import ReplayAlgorithm
 from minerva_bus.frame.stimuli import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.world_state import Phase, WorldSpec
-from minerva_bus.grammar.events import AnyEvent, Events
+from minerva_bus.grammar.events import AnyEvent, senders_of
 from minerva_bus.launch.past import (
     CODE,
     WorldSource,
@@ -179,9 +179,7 @@ def recorded_inputs(frame: RecordedFrame) -> FrameInputs:
 
 def _of_members(event: AnyEvent) -> Collection[AnyEvent]:
     """The part of an event, or batch, that no agent sent."""
-    if not isinstance(event, Events):
-        return () if event.sender else (event,)
-    if event.senders is None:
+    if senders_of(event) is None:
         return (event,)
     return [row for row in event if not row.sender]
 

@@ -41,7 +41,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.members import MemberEntry
-from minerva_bus.grammar.events import Event, Events
+from minerva_bus.grammar.events import Event, Events, senders_of
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Of, Unfit
@@ -286,7 +286,7 @@ def order(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
         else Reader(vocabulary).event(given)
     )
     # Agents trust the sender of an event, so an operator must not set one.
-    if event.senders is not None if isinstance(event, Events) else event.sender:
+    if senders_of(event) is not None:
         raise ProtocolError("an order is an event or a batch of people: it has no sender")
     if isinstance(event, Events):
         return _send_batch(running, event, person_of(asked))

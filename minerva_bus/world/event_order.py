@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import Rows
-from minerva_bus.grammar.events import MANY, AnyEvent, Event, Events, single
+from minerva_bus.grammar.events import MANY, AnyEvent, Event, Events, batched, chosen
 from minerva_bus.grammar.ids import Ids
 
 
@@ -63,70 +63,47 @@ def collect(order: Priority, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple
 
 
 def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
-    """Events of one type, each once; as one batch if their forms agree."""
-    if not any(isinstance(event, Events) for event in events):
-        return dict.fromkeys(events)
-    parts = list(_parts(events))
-    batches = [part for part in parts if isinstance(part, Events)]
-    batch = Events.concatenated(batches) if len(batches) == len(parts) else None
-    return _each_once_by_form(parts) if batch is None else [batch.distinct()]
+    """Events of one type, each once; as one batch if any is in a batch and their forms agree.
 
-
-def _parts(events: Iterable[AnyEvent]) -> Iterator[AnyEvent]:
-    """Batches, in the order of the events; runs of single events become batches if they can."""
-    for is_batch, group in groupby(events, lambda event: isinstance(event, Events)):
-        if is_batch:
-            yield from group
-            continue
-        for _, run in groupby(cast("Iterator[Event]", group), _form):
-            alike = list(run)
-            batch = Events.of(alike)
-            # Events with lists, for example, cannot be a batch.
-            yield from alike if batch is None else [batch]
-
-
-def _form(event: AnyEvent) -> tuple[object, ...]:
-    """Events of different forms are never equal, and those of one form may become a batch."""
-    if isinstance(event, Events):
-        receivers = int(event.receivers is not None)
-        return event.condition, event.senders is not None, receivers, True
-    batched = Events.of([event]) is not None
-    return event.condition, bool(event.sender), len(event.receivers), batched
-
-
-def _each_once_by_form(parts: Sequence[AnyEvent]) -> Iterable[AnyEvent]:
-    """The events of batches and single events that differ in form, each once.
-
-    They are not all made single events: a single one could make a million objects of a batch.
+    Batches are not made single events: a single event could make a million objects of a batch.
     """
-    places: dict[tuple[object, ...], list[int]] = {}
+    if Events not in map(type, events):
+        return dict.fromkeys(events)
+    if len(events) == 1:  # the usual case
+        return [_joined(events).distinct()]
+    # Neighbours of one form are one batch. Events with lists, for example, have no form.
+    batches = [
+        event if isinstance(event, Events) else Events.of([event]) or event
+        for event in batched(events)
+    ]
+    parts: list[AnyEvent] = []
+    for form, group in groupby(batches, _form):
+        alike = list(group)
+        parts += alike if form is None else [_joined(alike)]
+    # Events of different forms are never equal.
+    places: dict[object, list[int]] = {}
     for place, part in enumerate(parts):
         places.setdefault(_form(part), []).append(place)
-    kept: list[AnyEvent | None] = [*parts]
-    for alike in places.values():
-        once = _once([parts[place] for place in alike])
-        if once is None:  # Their columns have different types.
-            return dict.fromkeys(single(parts))
-        for place, part in zip(alike, once, strict=True):
-            kept[place] = part
-    return [part for part in kept if part is not None]
+    once: dict[int, tuple[AnyEvent, ...]] = {}
+    for form, of_form in places.items():
+        if form is None:
+            first = {parts[place]: place for place in reversed(of_form)}
+            once |= {place: (event,) for event, place in first.items()}
+            continue
+        kept = _joined([parts[place] for place in of_form]).first_occurrences()
+        ends = np.cumsum([len(parts[place]) for place in of_form])
+        for place, rows in zip(of_form, np.split(kept, ends[:-1]), strict=True):
+            part = parts[place]
+            once[place] = (part,) if rows.all() else chosen(part, np.flatnonzero(rows))
+    return [event for place in sorted(once) for event in once[place]]
 
 
-def _once(alike: Sequence[AnyEvent]) -> list[AnyEvent | None] | None:
-    """Parts of one form without repetitions, None for those that are; None if types differ."""
-    batches = [part for part in alike if isinstance(part, Events)]
-    if not batches:
-        first = {event: place for place, event in reversed([*enumerate(alike)])}
-        return [event if first[event] == place else None for place, event in enumerate(alike)]
-    batch = Events.concatenated(batches)
-    if batch is None:
-        return None
-    kept, end, once = batch.first_occurrences(), 0, list[AnyEvent | None]()
-    for part in batches:
-        begin, end = end, end + part.count
-        rows = np.flatnonzero(kept[begin:end])
-        once.append(part.take(rows) if len(rows) else None)
-    return once
+def _form(event: AnyEvent) -> tuple[object, ...] | None:
+    return event.form if isinstance(event, Events) else None
+
+
+def _joined(alike: Sequence[AnyEvent]) -> Events:
+    return cast("Events", Events.concatenated(cast("Sequence[Events]", alike)))
 
 
 _TYPE: Final = attrgetter("type")
@@ -286,9 +263,7 @@ def _unique(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
 
 def narrowed(event: AnyEvent, rows: Rows | None, keep: NDArray[np.bool_]) -> Round | None:
     """The round for the receivers in the mask `keep`, shape (agents,); None if there are none."""
-    if isinstance(event, Event):
-        left = np.flatnonzero(keep) if rows is None else rows[keep[rows]]
-        return (event, left) if len(left) else None
-    assert rows is not None
-    chosen = np.flatnonzero(keep[rows])
-    return (event.take(chosen), rows[chosen]) if len(chosen) else None
+    places = np.flatnonzero(keep if rows is None else keep[rows])
+    if not len(places):
+        return None
+    return chosen(event, places)[0], places if rows is None else rows[places]
