@@ -28,7 +28,7 @@ from minerva_bus.frame.messages import Parts, SentBy
 from minerva_bus.frame.stimuli import PEOPLE, Instructions, is_people, person_of, source_of
 from minerva_bus.frame.world_state import FrameResult
 from minerva_bus.grammar.columns import Columns, Rows, packed
-from minerva_bus.grammar.events import AnyEvent, Event, Events
+from minerva_bus.grammar.events import AnyEvent, Event, Events, chosen, senders_of
 from minerva_bus.grammar.ids import Ids, repeated_in
 from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Piece, Scene, agents, kind_counts
@@ -248,24 +248,21 @@ class FragmentOutcome:
             kept += self._kept(events, lambda unit, by=outcome: self._undone.get(unit) is by)
         if self._old.ids is None:
             return tuple(kept)
-        batches, singles = list[tuple[Rows, Events]](), list[tuple[int, list[Event]]]()
-        for event in kept:
-            if isinstance(event, Event):
-                singles.append((self._old.ids.row_of(event.sender), [event]))
-            elif event.senders is not None:
-                batches.append((self._old.ids.rows_of(event.senders), event))
-        return emissions(batches, singles)
+        ids = self._old.ids
+        return emissions([(ids.rows_of(_senders(event)), event) for event in kept])
 
     def _kept(self, sent: Sent, keeps: Callable[[str], bool]) -> list[AnyEvent]:
         """The events of those units that `keeps` accepts."""
         kept: list[AnyEvent] = []
         for event in sent:
-            if isinstance(event, Event):
-                kept += [event] if keeps(self.unit(event.sender)) else []
-            elif event.senders is not None:
-                rows = np.flatnonzero([keeps(self.unit(who)) for who in event.senders.texts()])
-                kept += [event.take(rows)] if len(rows) else []
+            units = map(self.unit, _senders(event))
+            kept += chosen(event, np.flatnonzero([*map(keeps, units)]))
         return kept
+
+
+def _senders(event: AnyEvent) -> Ids:
+    """The senders of an agent's event, or of a batch of a population."""
+    return cast("Ids", senders_of(event))
 
 
 def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsewhere) -> Any:
@@ -519,22 +516,19 @@ class Norms:
 
     def _judged(self, norm: Norm, event: AnyEvent, source: str) -> Sequence[AnyEvent]:
         """The events of an event or batch that a norm permits."""
-        refused: list[int] = []
-        for row in self._forbidden(norm, event, source):
-            if isinstance(event, Event):
-                who, what = event.sender, f" by {event}"
-            else:
-                who, what = event.senders[row] if event.senders else "", f" by {event.type}"
-            if self.breaks(norm, who or source, what) and norm.refuses:
-                refused.append(row)
-        if not refused:
+        forbidden = self._forbidden(norm, event, source)
+        if not forbidden:
             return (event,)
-        if isinstance(event, Event):
-            if is_people(source):
-                self._rejected_orders.append((source, event, norm.name))
-            return ()
-        kept = np.delete(np.arange(event.count), refused)
-        return (event.take(kept),) if len(kept) else ()
+        senders, shown = senders_of(event), event if isinstance(event, Event) else event.type
+        refused = [
+            row
+            for row in forbidden
+            if self.breaks(norm, senders[row] if senders else source, f" by {shown}")
+            and norm.refuses
+        ]
+        if refused and isinstance(event, Event) and is_people(source):
+            self._rejected_orders.append((source, event, norm.name))
+        return chosen(event, np.delete(np.arange(len(event)), refused)) if refused else (event,)
 
     def _forbidden(self, norm: Norm, event: AnyEvent, source: str) -> list[int]:
         """The rows of a batch that a norm forbids; a single event is row 0."""

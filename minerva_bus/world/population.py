@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.columns import Coded, Column, Columns, Rows, fit_array, is_array, repeated
-from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch
+from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch, chosen
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
@@ -49,8 +49,8 @@ if TYPE_CHECKING:
 Mask: TypeAlias = NDArray[np.bool_] | bool
 
 
-Emitted: TypeAlias = Events | Sequence[Event]
-"""Events of one type, one for each row; single ones if they have several receivers."""
+Sent: TypeAlias = tuple[Rows | int, AnyEvent]
+"""An event and the row of its sender, or a batch with a row for each of its events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class PopulationState:
         self.away: NDArray[np.bool_] | None = None
         """Rows that are no longer in the arrays: dead, or continuing as an `AgentStep`."""
         self.born: list[Birth] = []
-        self.sent: list[tuple[Rows, Emitted]] = []
+        self.sent: list[Sent] = []
         self.turn: int = 0
 
     @property
@@ -286,8 +286,7 @@ class Turn:
             return self
         if self.begins is not None and self.ends is not None:
             return Turn(self.event, self.rows[places], self.begins[places], self.ends[places])
-        event = self.event if isinstance(self.event, Event) else self.event.take(places)
-        return Turn(event, self.rows[places])
+        return Turn(chosen(self.event, places)[0], self.rows[places])
 
 
 class EventBatch:

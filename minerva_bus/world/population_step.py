@@ -28,10 +28,10 @@ from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
 from minerva_bus.world.event_order import Addressed, Round, narrowed, rounds
 from minerva_bus.world.population import (
     Birth,
-    Emitted,
     EventBatch,
     Population,
     PopulationState,
+    Sent,
     Turn,
     joined,
     returns_nothing,
@@ -258,7 +258,6 @@ class PopulationStep:
         self._probabilities = dict(self._cls.kind.chances)
         self._adapter = RowAdapter(self._cls, self._state)
         self._steps: dict[int, AgentStep] = {}
-        self._sent: list[tuple[int, Sequence[Event]]] = []
         self._ran: list[tuple[Activity, AnyEvent]] = []
         # Rows whose state is in agent objects: any after a method that is not compiled, and those
         # of `_in_python`, which a compiled method has left to Python until the end of the frame.
@@ -510,7 +509,7 @@ class PopulationStep:
                 context.row, context.who = row, "#" + agent.id
                 result = activity(agent, given, context)
                 if context.emitted:
-                    self._sent.append((row, context.emitted))
+                    self._state.sent += [(row, sent) for sent in context.emitted]
                     context.emitted = []
                 if result is not None:
                     returned.append((row, agent, result, event))
@@ -547,9 +546,9 @@ class PopulationStep:
     def end(self, event: AnyEvent) -> tuple[Scene, tuple[AnyEvent, ...]]:
         """The string of the agents after the frame, and the emitted events by type."""
         self._settle(event)
-        # By row: emitted events are ordered by the sender's position in the string.
         steps = sorted(self._steps.items())
-        sent = [*self._sent, *((row, step.context.emitted) for row, step in steps)]
+        for row, step in steps:  # after the events that it sent as a row
+            self._state.sent += [(row, sent) for sent in step.context.emitted]
         try:
             scene = assembled(self._state, {row: step.string for row, step in steps})
         except Unsound as error:
@@ -557,7 +556,7 @@ class PopulationStep:
         piece = scene.pieces[0] if len(scene.pieces) == 1 else None
         if piece is not None and piece.ids is not None:
             self._adapter.keep(piece)
-        return scene, emissions(self._state.sent, sent)
+        return scene, emissions(self._state.sent)
 
     def _node(self, row: int) -> AgentNode:
         return cast("AgentNode", self._state.part.node(row))
@@ -750,41 +749,28 @@ def _in_pieces(part: Columns, state: PopulationState, lives: Mapping[int, Scene]
     return Scene(tuple(made)) if made else EMPTY
 
 
-def emissions(
-    batches: Sequence[tuple[Rows, Emitted]], single: Sequence[tuple[int, Sequence[Event]]]
-) -> tuple[AnyEvent, ...]:
+def emissions(sent: Iterable[Sent]) -> tuple[AnyEvent, ...]:
     """Emitted events by type, in the order of their senders' rows and then of emission."""
-    chunks: dict[str, list[tuple[Rows, Emitted]]] = {}
-    for rows, events in batches:
-        event_type = events.type if isinstance(events, Events) else events[0].type
-        chunks.setdefault(event_type, []).append((rows, events))
-    singles: dict[str, list[tuple[int, Event]]] = {}
-    for row, events in single:
-        for event in events:
-            singles.setdefault(event.type, []).append((row, event))
-    emitted: list[AnyEvent] = []
-    for event_type in sorted(chunks.keys() | singles.keys()):
-        emitted += _ordered(chunks.get(event_type, []), singles.get(event_type, []))
-    return tuple(emitted)
+    by_type: dict[str, list[Sent]] = {}
+    for rows, event in sent:
+        by_type.setdefault(event.type, []).append((rows, event))
+    return tuple([e for event_type in sorted(by_type) for e in _ordered(by_type[event_type])])
 
 
-def _ordered(
-    chunks: list[tuple[Rows, Emitted]], singles: list[tuple[int, Event]]
-) -> Sequence[AnyEvent]:
-    batches = [events for _, events in chunks if isinstance(events, Events)]
-    complete = len(batches) == len(chunks) and not singles
-    batch = Events.concatenated(batches) if complete else None
+def _ordered(sent: Sequence[Sent]) -> Sequence[AnyEvent]:
+    batches = [event for _, event in sent if isinstance(event, Events)]
+    batch = Events.concatenated(batches) if len(batches) == len(sent) else None
     if batch is None:
-        pairs = [
-            pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)
-        ]
-        events = [event for _, event in sorted([*pairs, *singles], key=_row)]
-        batch = Events.of(events) if singles else None
+        pairs: list[tuple[int, Event]] = []
+        for rows, event in sent:
+            pairs += zip([rows] if isinstance(rows, int) else rows.tolist(), event, strict=True)
+        events = [event for _, event in sorted(pairs, key=_row)]
+        batch = Events.of(events)
         return events if batch is None else [batch]
-    rows: NDArray[Any] = np.concatenate([chunk for chunk, _ in chunks])
+    every = np.concatenate([rows for rows, _ in sent])  # pyright: ignore[reportArgumentType, reportCallIssue]
     # Several methods have sent events of this type; a stable sort keeps the order of each sender.
-    if (rows[1:] < rows[:-1]).any():
-        return [batch.take(np.argsort(rows, kind="stable"))]
+    if (every[1:] < every[:-1]).any():
+        return [batch.take(np.argsort(every, kind="stable"))]
     return [batch]
 
 

@@ -188,6 +188,19 @@ def plain(w: Scene) -> Scene:
     return Scene(w.nodes)
 
 
+def test_what_an_agent_sends_keeps_its_order_whatever_its_methods_are_for():
+    class Both(Mixed, symbol="AFish"):
+        meet = Many.meet
+
+        @on("eHit")
+        def hit(self, hit, moment):
+            moment.emit(eHit(2.0))
+
+    w = Both.many("f", 2)
+    rows, nodes = (eta(form, [eHit(1.0), eMeet("a")], [Both]) for form in (w, plain(w)))
+    assert sent(rows) == sent(nodes)
+
+
 # --- strings ---
 
 

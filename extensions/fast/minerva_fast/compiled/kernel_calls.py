@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.grammar.columns import Coded, Column, Columns, Rows
-from minerva_bus.grammar.events import Event, Events
+from minerva_bus.grammar.events import Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, Node, Scene
 from minerva_bus.grammar.vocabulary import receiver_ids
@@ -217,7 +217,7 @@ class KernelCall:
         ids = [Ids.of(self.codes.texts(column).tolist()) for column in codes]
         receivers = ids[0] if len(ids) == 1 else None
         senders = self._state.ids.take(rows)
-        events: Sequence[Event] | Events = Events(
+        events = Events(
             output.event_type,
             output.names,
             columns,
@@ -226,14 +226,15 @@ class KernelCall:
             senders,
             receivers,
         )
-        if len(ids) > 1:
-            # A column of receivers has one id for each event.
-            to = zip(*[column.texts() for column in ids], strict=True)
-            events = [
-                replace(event, receivers=receiver_ids(each))
-                for event, each in zip(events, to, strict=True)
-            ]
-        self._state.sent.append((rows, events))
+        if len(ids) <= 1:
+            self._state.sent.append((rows, events))
+            return
+        # A column of receivers has one id for each event.
+        to = zip(*[column.texts() for column in ids], strict=True)
+        self._state.sent += [
+            (row, replace(event, receivers=receiver_ids(each)))
+            for row, event, each in zip(rows.tolist(), events, to, strict=True)
+        ]
 
     def shown(self) -> Scene:
         """The figures of all rows as a string, those of one agent together."""
