@@ -12,7 +12,6 @@ from bisect import bisect_left
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from time import perf_counter
 from typing import Any, Final, ParamSpec, TypeVar
 
@@ -20,7 +19,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.world_state import Phase, WorldProgress
-from minerva_bus.grammar.events import AnyEvent, Event, single
+from minerva_bus.grammar.events import AnyEvent, Event, Events, single
 from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.pace import Pace
@@ -490,11 +489,11 @@ class EventLog:
         """Log a frame's events, in their order."""
         counts: Counter[str] = Counter()
         for batch in events:
-            room = MAX_PER_TYPE - counts[batch.type]
+            room = max(0, MAX_PER_TYPE - counts[batch.type])
             counts[batch.type] += len(batch)
-            # Iterating over a batch makes an event for each row, so only
-            # the rows that are logged are read.
-            for event in islice(batch, max(0, room)):
+            # The first event of a batch would make the texts of all of its ids.
+            logged = batch.take(slice(room)) if isinstance(batch, Events) else [batch][:room]
+            for event in logged:
                 self._add(number, event.type, _short(str(event), MAX_ENTRY_LENGTH))
         for event_type, count in sorted(counts.items()):
             if count > MAX_PER_TYPE:

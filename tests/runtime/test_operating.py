@@ -11,6 +11,9 @@ from running import World, eventually, here, write_world
 from minerva_bus.cli import operation as operating
 from minerva_bus.cli.options import WorldTarget
 from minerva_bus.errors import BusError, ProtocolError
+from minerva_bus.grammar.events import Events
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.runtime.metrics import EventLog
 from minerva_bus.wire.codec import Decoder
 
 MEMBERS = """
@@ -187,3 +190,14 @@ def test_top_as_json(world):
     answer = json.loads(told(world, "top", "--json"))
     assert answer["world"] == world.name
     assert answer["phases"]["frame"] > 0
+
+
+def test_the_log_reads_only_the_events_of_a_batch_that_it_keeps(monkeypatch):
+    texts, read = Ids.texts, []
+    monkeypatch.setattr(Ids, "texts", lambda ids: read.append(len(ids)) or texts(ids))
+    log = EventLog()
+    log.frame(3, [Events("eGo", (), (), 1000, receivers=Ids.numbered("a", range(1000)))])
+    assert [entry.text for entry in log.entries(0)] == [
+        "eGo to #a0", "eGo to #a1", "eGo: 1000 of them in this frame",
+    ]  # fmt: skip
+    assert max(read) == 2
