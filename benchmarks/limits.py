@@ -1,29 +1,34 @@
 """Frames, memory and start of worlds with one coordinator, from small ones to its limits.
 
-    python -m benchmarks.limits [--members 10 100 500 1000] [--agents 100000 1000000 2000000]
+    python -m benchmarks.limits [--members 10 100 500 1000] [--shared 10 100 500 1000]
+        [--agents 100000 1000000 2000000] [--sending 100000 1000000 2000000]
         [--in-process 100000 1000000 10000000] [--seconds 10] [--json]
 
 `members` do nothing, in step: each frame asks each of them and waits for its answer. They have
-processes of their own. `agents` are in columns on a host; each has one number, which changes in
-each frame. `in process` is that world without a bus. A size of 0 leaves a part out.
+processes of their own, and `shared` ones a process together. `agents` are in columns on a host;
+each has one number, which changes in each frame. `sending` ones also send an event to the next
+agent, which counts it. `in process` is the world of `agents` without a bus. A size of 0 leaves a
+part out.
 
 `start` is from the command to the end of the first frame. What follows is from --seconds after it:
 frames per second, CPU time of all processes per frame, and the bytes of its messages at the
 coordinator (median). `MB` is the memory of all processes at the end, with shared memory counted
-once, and for `in process`, which has no other figures, the peak. `load` is the number of programs
-that have wanted to run in the last minute, those of this benchmark as well.
+once, and for `in process` the peak. `numpy` is the time of the same change of one array. `load` is
+the number of programs that have wanted to run in the last minute, those of this benchmark as well.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,6 +39,7 @@ from minerva_bus import (
     Agent,
     BatchContext,
     Event,
+    EventBatch,
     EventType,
     Generator,
     Primitive,
@@ -43,6 +49,7 @@ from minerva_bus import (
     on,
 )
 from minerva_bus.errors import MinervaError
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.console import Console
 from minerva_bus.runtime.operator_client import Client
 
@@ -52,7 +59,8 @@ START_SECONDS: Final = 600.0
 END_SECONDS: Final = 120.0
 COLUMNS: Final = {
     "case": "<10", "size": ">10,", "start s": ">8.1f", "frames/s": ">9.2f", "CPU ms": ">9.1f",
-    "kB/frame": ">10,.1f", "MB": ">8,.0f", "bytes each": ">11,.0f", "load": ">6.1f",
+    "kB/frame": ">10,.1f", "MB": ">8,.0f", "bytes each": ">11,.0f", "numpy ms": ">9.2f",
+    "load": ">6.1f",
 }  # fmt: skip
 
 WORLD: Final = """
@@ -62,21 +70,27 @@ vocabulary = "benchmarks.limits:vocabulary"
 
 [options]
 agents = {agents}
+sends = {sends}
 """
 MEMBERS: Final = """
 [process.idle]
 service = "benchmarks.limits:Idle"
 processes = {size}
 """
+SHARED: Final = """
+[process.host]
+agents = "benchmarks.limits:Drop"
+processes = "auto"
+"""
 AGENTS: Final = """
 [process.clock]
 service = "benchmarks.limits:Clock"
 
 [process.host]
-agents = "benchmarks.limits:Drop"
+agents = ["benchmarks.limits:Drop", "benchmarks.limits:Sender"]
 """
 
-eStep = EventType("eStep")
+eStep, ePass = EventType("eStep"), EventType("ePass")
 
 
 class Drop(Agent, symbol="ADrop"):
@@ -87,6 +101,25 @@ class Drop(Agent, symbol="ADrop"):
     @on("eStep", population=True)
     def fall(self, step: Event, moment: BatchContext) -> None:
         self.x += 1.0
+
+
+class Sender(Drop, symbol="ASender"):
+    """A drop that also sends an event to the next one."""
+
+    @on("eStep", population=True)
+    def send(self, step: Event, moment: BatchContext) -> None:
+        self.x += 1.0
+        moment.emit(ePass(receivers=following(len(self))))
+
+    @on("ePass", together=True)
+    def count(self, passed: EventBatch, moment: BatchContext) -> None:
+        self.x += np.bincount(passed.row, minlength=len(self))
+
+
+@cache
+def following(count: int) -> Ids:
+    """The receivers of the events of agents that stand in a circle."""
+    return Ids.numbered("d", np.roll(np.arange(count), -1))
 
 
 class Clock(Generator, events=("eStep",)):
@@ -101,13 +134,13 @@ class Idle(Generator):
 
 
 PStone = Primitive("PStone")
-vocabulary = Vocabulary.of(PStone, eStep, Drop)
+vocabulary = Vocabulary.of(PStone, eStep, ePass, Drop, Sender)
 
 
 def drops(given: Mapping[str, Any]) -> Scene:
     """The initial string: agents in columns; without any a stone, as an empty world is over."""
-    agents = given["agents"]
-    return Drop.many("d", agents, x=np.zeros(agents)) if agents else PStone()
+    agents, kind = given["agents"], Sender if given["sends"] else Drop
+    return kind.many("d", agents, x=np.zeros(agents)) if agents else PStone()
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,11 +155,12 @@ class Row:
     kb_per_frame: float
     memory_mb: float
     load: float
+    numpy_ms: float | None = None
 
     def cells(self) -> tuple[Any, ...]:
         """What the table shows of it."""
-        *first, load = asdict(self).values()
-        return *first, 1e6 * self.memory_mb / self.size, load
+        *first, load, numpy_ms = asdict(self).values()
+        return *first, 1e6 * self.memory_mb / self.size, numpy_ms, load
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,8 +204,8 @@ class Running:
 
     def end(self) -> dict[str, Any]:
         """Stop the world; returns its summary."""
-        with self._client() as client:
-            client.ask("stop")
+        # Not by a question: a coordinator answers none while it decodes millions of events.
+        self.launcher.send_signal(signal.SIGTERM)
         return json.loads(self.launcher.communicate(timeout=END_SECONDS)[0])
 
     def _client(self) -> Client:
@@ -209,9 +243,11 @@ def proportional(pid: int) -> float:
 
 def on_bus(case: str, size: int, seconds: float, folder: Path) -> Row:
     """Run a world with processes for some seconds after its first frame."""
-    members = case == "members"
-    text = WORLD.format(agents=0 if members else size)
-    running = Running(folder, text + (MEMBERS.format(size=size) if members else AGENTS))
+    members, sends = case in ("members", "shared"), "true" if case == "sending" else "false"
+    text = WORLD.format(agents=0 if members else size, sends=sends)
+    text += MEMBERS.format(size=size) if members else AGENTS
+    # Services share a process in a world that leaves the number of processes to the launcher.
+    running = Running(folder, text + SHARED if case == "shared" else text)
     try:
         first = running.sample()
         time.sleep(seconds)
@@ -230,7 +266,7 @@ def on_bus(case: str, size: int, seconds: float, folder: Path) -> Row:
 def in_process(size: int, folder: Path) -> Row:
     """Run agents without a bus."""
     frames = min(1000, max(20, round(2e8 / size)))
-    words = command(folder, WORLD.format(agents=size) + AGENTS, "--in-process")
+    words = command(folder, WORLD.format(agents=size, sends="false") + AGENTS, "--in-process")
     process = subprocess.Popen(
         [*words, "--frames", str(frames)], cwd=ROOT, stdout=subprocess.PIPE, text=True
     )
@@ -238,8 +274,12 @@ def in_process(size: int, folder: Path) -> Row:
     summary = json.loads(process.stdout.read())
     _, _, used = os.wait4(process.pid, 0)
     start, rate = summary["first_frame_seconds"], summary["frames_per_second"]
-    load = os.getloadavg()[0]
-    return Row("in process", size, start, rate, 0.0, 0.0, used.ru_maxrss / 1000, load)
+    array, began = np.zeros(size), time.perf_counter()
+    for _ in range(frames):
+        array += 1.0
+    alone = 1e3 * (time.perf_counter() - began) / frames
+    load, peak = os.getloadavg()[0], used.ru_maxrss / 1000
+    return Row("in process", size, start, rate, 1e3 / rate, 0.0, peak, load, alone)
 
 
 def main() -> None:
@@ -247,11 +287,16 @@ def main() -> None:
     given = options(
         __doc__,
         members=[10, 100, 500, 1000],
+        shared=[10, 100, 500, 1000],
         agents=[100_000, 1_000_000, 2_000_000],
+        sending=[100_000, 1_000_000, 2_000_000],
         in_process=[100_000, 1_000_000, 10_000_000],
         seconds=10.0,
     )
-    sizes = {"members": given.members, "agents": given.agents, "in process": given.in_process}
+    sizes = {
+        "members": given.members, "shared": given.shared, "agents": given.agents,
+        "sending": given.sending, "in process": given.in_process,
+    }  # fmt: skip
     cases = [(case, size) for case, given in sizes.items() for size in given if size]
     table = Table(COLUMNS, as_json=given.json)
     console = Console(quiet=given.json)
