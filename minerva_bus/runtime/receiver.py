@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from threading import Lock
 from typing import TYPE_CHECKING, Final, TypeAlias
@@ -169,12 +169,10 @@ MAX_BEHIND: Final = 4
 
 
 def is_slow(body: bytes) -> bool:
-    """Whether to decode a message in a thread.
+    """Whether to decode a message of more than LARGE bytes in a thread.
 
     A new thread and its hand-over cost more than it takes to decode columns of this size.
     """
-    if len(body) <= LARGE:
-        return False
     return len(body) > IN_COLUMNS or values_in(body, MANY_VALUES) > MANY_VALUES
 
 
@@ -349,20 +347,25 @@ class Receiver:
         if not self._members.knows(member):
             self._receive_of_stranger(member, data)
             return
-        # Every message is charged, even one that then passes regardless of the limits.
-        room = self._admission.rules.has_room(member, len(data))
-        # The rest of a flood must cost next to nothing: replies wait behind it in the queue.
-        if not room and not self._algorithm.awaits(member):
-            self._drop(member)
-            return
-        if self._admission.keeps_out(member):
-            return
         wire = declaration(data, len(self._transport.stamp))
         # A reply that the frame waits for passes regardless of the limits: it can arrive only once
         # per frame, and the frame could not continue without it.
-        if not data or (wire.awaited and self._algorithm.awaits(member)):
-            self._decode(member, data)
-        elif not (room and self._within_limits(member, data, wire)):
+        if wire.awaited and self._algorithm.awaits(member):
+            if not self._admission.keeps_out(member):
+                self._decode(member, data)
+            # Charged like any other, but not before the frame continues.
+            self._admission.rules.has_room(member, len(data))
+        else:
+            self._receive_unasked(member, data, wire)
+
+    def _receive_unasked(self, member: str, data: bytes, wire: Wire) -> None:
+        """Process a message that no frame waits for, within the limits of its member."""
+        # First, because the rest of a flood must cost next to nothing: replies wait behind it.
+        if not self._admission.rules.has_room(member, len(data)):
+            self._drop(member)
+        elif self._admission.keeps_out(member) or not data:
+            return
+        elif not self._within_limits(member, data, wire):
             self._drop(member)
         # Nothing waits for this reply, so it is counted as late without the work of decoding it.
         elif wire.awaited and len(data) > LARGE:
@@ -470,7 +473,7 @@ class Receiver:
             body = data[len(stamp) :]
             # A small message behind a large one waits too, because
             # messages of a member keep their order.
-            if self._large.behind(member) or is_slow(body):
+            if self._large.behind(member) or (len(body) > LARGE and is_slow(body)):
                 self._decode_aside(member, body)
                 return
             message = self._metrics.timed("decode", self._decoder.from_member, member, body)
@@ -486,11 +489,12 @@ class Receiver:
         self._large.add(WaitingMessage(member, self._members.get(member).joins, body))
 
     def _pass_on(self, member: str, body: bytes, message: m.FromMember) -> None:
+        # Set in place: nothing else has the message yet, and `replace` would take as long as all
+        # else here.
         if isinstance(message, m.EvolveReply):
-            elapsed = self._clock() - self._transport.evolving_since
-            message = replace(message, elapsed=elapsed, received=body)
-        elif isinstance(message, m.TickReply):
-            message = replace(message, received=body)
+            message.elapsed = self._clock() - self._transport.evolving_since  # pyright: ignore
+        if isinstance(message, m.EvolveReply | m.TickReply):
+            message.received = body  # pyright: ignore
         reason = ""
         if isinstance(message, m.Hello):
             # A hello shows that the process runs, even if its roles are rejected.

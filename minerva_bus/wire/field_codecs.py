@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
@@ -34,6 +35,7 @@ from minerva_bus.wire.plain import (
     as_text,
     as_topic,
     check,
+    lists_in,
 )
 from minerva_bus.wire.strings_codec import Reader, plain_event_list, plain_scene
 from minerva_bus.wire.vocabulary_codec import (
@@ -303,9 +305,8 @@ def _vocabulary(_: DeclaredField) -> FieldCodec:
 
 def _single(plain: Any, what: str) -> list[list[Any]]:
     """The events of a list that are not in columns."""
-    items = [cast("list[Any]", item) for item in as_list(plain, what) if isinstance(item, list)]
     # Six items are a batch in columns.
-    return [item for item in items if len(item) != 6]
+    return [item for item in lists_in(as_list(plain, what)) if len(item) != 6]
 
 
 def _events(of: DeclaredField) -> FieldCodec:
@@ -329,18 +330,16 @@ def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
     """
     limits, single = reader.limits, _single(plain, of.what)
     check(of.message, len(single), limits.single_events, "single events", _ADVICE)
-    full = [item for item in single if len(item) == 5]
-    receivers = sum(len(cast("list[Any]", item[4])) for item in full if isinstance(item[4], list))
+    receivers = sum(map(len, lists_in([item[4] for item in single if len(item) == 5])))
     check(of.message, receivers, limits.receivers, "receivers of single events", _ADVICE)
     check(of.message, _characters([plain]), limits.conditions, _OF_CONDITIONS)
 
 
 def _characters(lists: Iterable[Any]) -> int:
     """The characters of the different conditions of events: equal ones are parsed once."""
-    events = [cast("list[Any]", each) for each in lists if isinstance(each, list)]
-    items = [cast("list[Any]", item) for each in events for item in each if isinstance(item, list)]
     # The third item from the end, of an event of five items and of a batch of six.
-    given = [item[-3] for item in items if len(item) > 4]
+    events = lists_in(chain.from_iterable(lists_in(lists)))
+    given = [item[-3] for item in events if len(item) > 4]
     return sum(map(len, {text for text in given if isinstance(text, str)}))
 
 

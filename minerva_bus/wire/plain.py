@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Annotated, Any, Final, cast, get_args, get_type_hints
+from typing import Annotated, Any, Final, get_args, get_type_hints
 
 import msgpack
 
@@ -423,6 +423,11 @@ def as_list(plain: Any, what: str) -> list[Any]:
     return plain  # pyright: ignore[reportUnknownVariableType]
 
 
+def lists_in(items: Iterable[Any]) -> list[list[Any]]:
+    """Those items that are lists."""
+    return [item for item in items if isinstance(item, list)]
+
+
 def as_items(plain: Any, what: str, count: int) -> list[Any]:
     """`plain` as a list of `count` items. Raises ProtocolError."""
     items = as_list(plain, what)
@@ -441,9 +446,10 @@ def as_pairs(plain: Any, what: str) -> list[tuple[Any, Any]]:
 
 def as_map(plain: Any, what: str) -> dict[str, Any]:
     """`plain` as a map with text keys. Raises ProtocolError."""
-    if not isinstance(plain, dict) or not _TEXT.issuperset(map(type, cast(Any, plain))):
+    # Without `cast`, whose calls would take longer than the check of an empty map.
+    if not isinstance(plain, dict) or not _TEXT.issuperset(map(type, plain)):  # pyright: ignore
         raise ProtocolError(f"{what} must be a map with text keys, not {name_of(plain)}")
-    return cast("dict[str, Any]", plain)
+    return plain  # pyright: ignore[reportUnknownVariableType]
 
 
 def as_text(plain: Any, what: str) -> str:

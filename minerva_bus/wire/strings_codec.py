@@ -400,8 +400,9 @@ class Reader(ColumnsReader):
 
 def _count(plain: Any) -> int:
     """The declared number of events of an item."""
-    items = cast("list[Any]", plain) if isinstance(plain, list) else []
-    return max(1, items[1]) if len(items) == 6 and type(items[1]) is int else 1
+    items = as_list(plain, "an event")
+    size = items[1] if len(items) == 6 else 1
+    return max(1, size) if type(size) is int else 1
 
 
 def _close(head: tuple[Any, ...], scope: Scene) -> Node:
