@@ -29,8 +29,11 @@ EDITABLE = "editables"
 
 IMAGE_EXTRAS = ("metrics", "record", "tls")
 RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest"}
-FAST = ("unit", "laws", "frame", "wire", "log", "paper", "fuzz", "api/test_collected.py", "views",
-        "study", "physics", "services", "bridges", "cosimulation", "rl", "cli")  # fmt: skip
+FAST = (
+    *("unit", "laws", "frame", "wire", "log", "paper", "fuzz", "api/test_collected.py", "views"),
+    *("physics", "services", "bridges", "cli", "../extensions/study/tests"),
+    *("../extensions/cosimulation/tests", "../extensions/learning/tests"),
+)
 """Tests that together import every dependency that does not need a device."""
 
 

@@ -54,7 +54,7 @@ def limits(path):
 
 def test_no_test_has_a_limit_in_bare_seconds():
     found = {}
-    folders = ("tests", "extensions/*/tests", "members/tests", "deploy/tests")
+    folders = ("tests", "extensions/*/tests", "agents/tests", "members/tests", "deploy/tests")
     for path in (path for folder in folders for path in ROOT.glob(f"{folder}/**/*.py")):
         if texts := list(limits(path)):
             found[str(path.relative_to(ROOT))] = texts
