@@ -119,17 +119,6 @@ def _end(member: Member, world: str, endpoint: str, failure: str) -> Done:
     return Done("\n".join(lines), {**fields, "ended": member.stopped, "failure": failure})
 
 
-def bridge_source(kind: str, source: str, join: JoinOptions, options: dict[str, str]) -> int:
-    """Connect a source to a running world until either ends, or Ctrl-C; returns the exit code."""
-    option = getattr(find_service(kind, Path.cwd()), "source_option", "")
-    if source and not option:
-        raise WorldFileError(f"{kind} takes no source; see its options")
-    if source:
-        path = Path(source)  # Not resolved: a link to a device may have another target later.
-        options = {**options, option: str(path.absolute()) if path.exists() else source}
-    return attach_member(kind, join, options)
-
-
 def leave_on_signals(member: MemberProcess) -> None:
     """Leave the world on a signal that ends a process; a second signal terminates at once."""
 

@@ -127,20 +127,6 @@ def members_to_attach(ctx: typer.Context, incomplete: str) -> Choices:
 
 
 @completer
-def bridges(ctx: typer.Context, incomplete: str) -> Choices:
-    """Services that connect sensors: all that are not views, physics or input of this package."""
-    from minerva_bus.entry_points import entries
-    from minerva_bus.launch.installed import SERVICES
-
-    others = ("minerva_services.views.", "minerva_services.physics.", "minerva_services.input.")
-    return [
-        (name, entry.value)
-        for name, entry in sorted(entries(SERVICES).items())
-        if not entry.value.startswith(others)
-    ]
-
-
-@completer
 def views(ctx: typer.Context, incomplete: str) -> Choices:
     """Services that are views."""
     from minerva_bus.entry_points import entries

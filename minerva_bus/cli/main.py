@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 COMMANDS: Final = {
-    "worlds": ("run", "worlds", "check", "attach", "bridge"),
+    "worlds": ("run", "worlds", "check", "attach"),
     "observing": ("list", "logs", "echo"),
     "operating": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "records": ("replay", "seek"),

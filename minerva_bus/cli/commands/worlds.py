@@ -177,37 +177,6 @@ def attach(
 
 
 @examples(
-    "minerva bridge rplidar /dev/ttyUSB0",
-    "minerva bridge carmen run.log --world robot",
-)
-@grouped
-def bridge(
-    context: typer.Context,
-    kind: Annotated[
-        str,
-        typer.Argument(
-            help="Name of a bridge: carmen, rosbag, rplidar, mqtt ...",
-            autocompletion=completing.bridges,
-        ),
-    ],
-    join: JoinOptions,
-    source: Annotated[str, typer.Argument(help="Its file, device, address or topic.")] = "",
-) -> None:
-    """Connect real or recorded sensors to a running world.
-
-    It stays until Ctrl-C. Other options are passed to the bridge, such as
-    `bridge carmen LOG --speed 4`; `minerva bridge NAME --help` lists them.
-    """
-    from minerva_bus.cli.attaching import bridge_source
-
-    words = context.args
-    # As in `run`: an unknown option may be in place of SOURCE.
-    if source.startswith("--"):
-        words, source = [source, *words], ""
-    raise typer.Exit(bridge_source(kind, source, join, options_of(words)))
-
-
-@examples(
     "minerva worlds",
     "minerva worlds --json",
 )
