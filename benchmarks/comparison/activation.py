@@ -29,7 +29,7 @@ from minerva_fast import (
     beside,
     rule,
 )
-from minerva_fast.space.rules import SpaceRule
+from minerva_fast.rules import SpaceRule
 
 STEPS = {"forest_fire": 20}
 COLUMNS = {"model": "<12", "activation": "<13", "statistic": "<9", "mean": ">9.3f", "±": ">8.3f"}
@@ -48,7 +48,7 @@ def burn_in_order(cell: int, forest: Cells, lattice: CellGrid):
 
 def in_order(space_rule: SpaceRule, order: Activation) -> SpaceRule:
     """The same rule with another order."""
-    return rule(order, births=space_rule.births)(space_rule.kernel.function)
+    return rule(order, births=space_rule.births)(space_rule.function)
 
 
 def variants() -> Iterator[tuple[str, str, dict[str, SpaceRule]]]:

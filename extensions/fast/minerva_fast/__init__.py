@@ -1,7 +1,7 @@
 """Machine code for agents: compiled methods and views, and spaces with compiled rules.
 
-    @on(..., compiled=True)     minerva_fast.compiled     extensions/fast/compile.md
-    class Meadow(Space): ...    minerva_fast.space        extensions/fast/space.md
+    @on(..., compiled=True)     extensions/fast/compile.md
+    class Meadow(Space): ...    extensions/fast/space.md
 
 The names that users of spaces need; see `Space` and `rule`. The kernel loads the accelerator of a
 class by its entry point.
@@ -11,7 +11,7 @@ from minerva_bus.public_names import imported_at_first_use
 
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
-    from minerva_fast.space.kernels import (
+    from minerva_fast.draws import (
         Draws,
         chance,
         exponential,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         shuffle,
         uniform,
     )
-    from minerva_fast.space.places import (
+    from minerva_fast.places import (
         CellGrid,
         Edges,
         FieldGrid,
@@ -42,21 +42,19 @@ if TYPE_CHECKING:
         remove,
         within,
     )
-    from minerva_fast.space.rules import ORDERED, SHUFFLED, SIMULTANEOUS, Activation, rule
-    from minerva_fast.space.space import Space
-    from minerva_fast.space.tables import Column, InField, OnLattice
+    from minerva_fast.rules import ORDERED, SHUFFLED, SIMULTANEOUS, Activation, rule
+    from minerva_fast.space import Space
+    from minerva_fast.tables import Column, InField, OnLattice
 
 _HOMES = {
-    "space.kernels": (
-        "Draws chance exponential integers interpreted kernel normal random shuffle uniform"
-    ),
-    "space.places": (
+    "draws": ("Draws chance exponential integers interpreted kernel normal random shuffle uniform"),
+    "places": (
         "CellGrid Edges FieldGrid beside copy degree edge go_to move_to near neighbour next_cell"
         " random_at random_free random_neighbour remove within"
     ),
-    "space.rules": "ORDERED SHUFFLED SIMULTANEOUS Activation rule",
-    "space.space": "Space",
-    "space.tables": "Column InField OnLattice",
+    "rules": "ORDERED SHUFFLED SIMULTANEOUS Activation rule",
+    "space": "Space",
+    "tables": "Column InField OnLattice",
 }
 
 __getattr__ = imported_at_first_use(__name__, _HOMES)

@@ -13,7 +13,7 @@ pytest.importorskip("numba")
 from twins import same
 
 from minerva_bus import EMPTY, Agent, EventType, on
-from minerva_fast.compiled import library
+from minerva_fast import library
 
 eDay = EventType("eDay", grass=float, count=int)
 STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
@@ -242,13 +242,13 @@ def test_numbers_that_may_be_ints_give_the_results_of_python_or_a_fault(name):
     if name == "power_mixed":
         pairs = [(a, b) for a, b in pairs if isinstance(b, int) and 0 <= b < 10]
     for a, b in pairs:
-        state = np.zeros(3)
-        result = function(state, float(a), float(b))
         try:
             expected = MIXED[name](a, b)
         except ArithmeticError:
             expected = None
-        if state[0]:
+        try:
+            result = function(float(a), float(b))
+        except ArithmeticError:
             faults += 1
             continue
         assert expected is not None, (a, b)

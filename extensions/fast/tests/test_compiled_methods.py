@@ -259,10 +259,10 @@ def test_all_events_of_a_type_in_one_call():
 
 
 def test_loops_that_are_longer_than_a_call_of_the_kernel(monkeypatch):
-    from minerva_fast.compiled import code_generation
+    from minerva_fast import printing, statements
 
-    monkeypatch.setattr(code_generation, "MOST_IN_CALL", 20)
-    monkeypatch.setattr(code_generation, "MOST_TURNS", 60)
+    monkeypatch.setattr(printing, "MOST_IN_CALL", 20)
+    monkeypatch.setattr(statements, "MOST_TURNS", 60)
 
     class Slow(Agent, symbol="ASlow"):
         n: int = 0

@@ -177,7 +177,7 @@ def test_only_a_class_with_compiled_methods_imports_the_extension(tmp_path, meth
 
 
 def test_without_numba_the_error_names_the_extra(world, monkeypatch):
-    from minerva_fast.compiled import machine_code
+    from minerva_fast import machine_code
 
     monkeypatch.setitem(sys.modules, "numba", None)
     machine_code.load_kernel.cache_clear()

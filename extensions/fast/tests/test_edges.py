@@ -52,8 +52,6 @@ def wrong(node: int, ill: Cells, contacts: Edges, case: int):
         ill[node] = degree(contacts, -1)
     elif case == 1:
         ill[node] = neighbour(contacts, 0, degree(contacts, 0))
-    elif case == 2:
-        ill[node] = contacts.ends[-1]
 
 
 class Epidemic(Space, symbol="AEpidemic"):
@@ -122,7 +120,7 @@ def test_a_compiled_graph_gives_the_string_of_an_interpreted_one():
 
 @pytest.mark.parametrize(
     ("case", "mistake"),
-    [(0, "a node is not in the graph"), (1, "no edge with this number"), (2, r"ends\[-1\]")],
+    [(0, "a node is not in the graph"), (1, "no edge with this number")],
 )
 def test_nodes_and_edges_that_do_not_exist_are_errors(case, mistake):
     with pytest.raises(IndexError, match=mistake):

@@ -16,13 +16,13 @@ from minerva_fast import (
     Space,
     beside,
     copy,
+    driving,
     go_to,
     kernel,
     near,
     random,
     rule,
 )
-from minerva_fast.space import compiling
 
 
 @kernel
@@ -134,8 +134,8 @@ def copies(i: int, birds: Bird):
 
 @pytest.mark.parametrize("each", [fly, spread, age, grow], ids=lambda each: each.name)
 def test_a_rule_of_its_own_row_is_independent(each):
-    assert each.independence.independent
-    assert each.independence.moves == (each is fly)
+    assert each.independent
+    assert each.moves == (each is fly)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,7 @@ def test_a_rule_of_its_own_row_is_independent(each):
     ids=lambda each: each.name,
 )  # fmt: skip
 def test_a_rule_that_other_rows_can_notice_is_dependent(each):
-    assert not each.independence.independent
+    assert not each.independent
 
 
 class Sky(Space, symbol="ASky"):
@@ -167,8 +167,8 @@ def sky(count=50):
 @pytest.fixture
 def threads(monkeypatch):
     """A function that sets the number of threads, also for few rows."""
-    monkeypatch.setattr(compiling, "_ROWS", 1)
-    return lambda count: monkeypatch.setenv(compiling.THREADS, str(count))
+    monkeypatch.setattr(driving, "_ROWS", 1)
+    return lambda count: monkeypatch.setenv(driving.THREADS, str(count))
 
 
 @pytest.mark.parametrize("make", [sky, meadow])

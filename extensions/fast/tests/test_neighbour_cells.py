@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from space_worlds import eStep, moment
+from space_worlds import eStep
 
 from minerva_bus import Reals, evolve, on
 from minerva_bus.grammar.scene import agents
@@ -75,16 +75,14 @@ def test_cells_beside_a_cell_are_those_of_the_definition(width, height, periodic
         assert stepped(grid, as_python=as_python).ravel().tolist() == expected
 
 
-@rule(ORDERED)
 def unpack(cell: int, total: Reals, lattice: CellGrid):
     width, _, _ = lattice  # pyright: ignore[reportAssignmentType]
     total[cell] = cell % width
 
 
 def test_a_lattice_that_is_unpacked_is_an_error_that_names_its_attributes():
-    grid = Grid("g", width=2, height=2, total=np.zeros((2, 2)))
     with pytest.raises(NotCompilable, match=r"lattice\.width") as caught:
-        grid.run(moment(), unpack)
+        rule(ORDERED)(unpack)
     assert "width, _, _ = lattice" in str(caught.value)
 
 

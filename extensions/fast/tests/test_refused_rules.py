@@ -1,6 +1,5 @@
 """Rules that cannot be compiled: the line, the place in it, and what to write instead."""
 
-import ast
 import importlib.util
 
 import pytest
@@ -9,8 +8,6 @@ from space_worlds import Sheep, meadow, moment
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast import ORDERED, interpreted, rule
-from minerva_fast.compiled.origin import EXPRESSIONS, STATEMENTS
-from minerva_fast.space import checking
 
 HEAD = """
 import random as dice
@@ -78,13 +75,12 @@ REFUSED = {
         "did you mean 'energy'",
         "enrgy: Column",
     ),
-    "plain function": ("sheep.energy[i] = plain(1)", "plain(1)", "the function plain", "@kernel"),
     "builtin": ("x = isinstance(i, int)", "isinstance(i, int)", "isinstance", "types"),
     "in a kernel": ("listed(3)", "[each for each in range(x)]", "comprehension", "for loop"),
     "arguments": (
         "x = normal(draws, 1, 2, 3)",
         "normal(draws, 1, 2, 3)",
-        "too many",
+        "expected mean, deviation",
         "normal(draws,",
     ),
     "numpy's random numbers": ("x = np.random.rand()", "np.random.rand()", "rand", "draws"),
@@ -93,26 +89,29 @@ REFUSED = {
     "clock": ("x = time.perf_counter()", "time.perf_counter()", "perf_counter", "moment.time"),
     "memory": ("x = np.empty(3)", "np.empty(3)", "np.empty", "np.zeros"),
     "method of draws": ("x = draws.integers(6)", "draws.integers", "no methods", "integers(draws"),
-    "power": ("x = sheep.energy[i] ** 0.5", "sheep.energy[i] ** 0.5", "a power", "math.sqrt"),
     "cell": ("sheep.cell[i] = 0", "sheep.cell[i]", "sheep.cell", "move_to(sheep, i, cell)"),
     "cell by another name": ("c = sheep.cell\nc[i] += 1", "c[i]", "to c", "move_to(sheep"),
-    "cell in a kernel": ("leap(sheep, i)", "animals.cell[row]", "animals.cell", "move_to(animals"),
+    "cell in a kernel": ("leap(sheep, i)", "animals.cell[row]", "animals.cell", "move_to(sheep"),
     "list of the search": ("sheep.nearby[0] = 1", "sheep.nearby[0]", "sheep.nearby", "columns"),
     "row": ("sheep[i].energy = 1", "sheep", "sheep as a whole", "sheep.energy[i]"),
     "rows": ("for k in sheep:\n    pass", "sheep", "sheep as a whole", "sheep.energy[k]"),
     "number of rows": ("x = len(sheep)", "sheep", "sheep as a whole", "sheep.energy"),
     "two indices": ("sheep.energy[0, 1] = 1", "sheep.energy[0, 1]", "not one number", "width"),
-    "itself": ("x = again(3)", "def again(x):", "calls itself", "write a loop"),
+    "itself": ("x = again(3)", "again(x)", "calls itself", "write a loop"),
     "unpacking": ("x, *y = (1, 2, 3)", "*y", "an argument with *", "each argument"),
-    "of a class": ("x = Limits.MOST", "Limits.MOST", "of a class", "MOST = Limits.MOST"),
-    "list of the module": ("x = LISTED[0]", "LISTED", "a list of the module", "a tuple"),
+    "list of the module": (
+        "x = LISTED[0]",
+        "LISTED[0]",
+        "an item of this value",
+        "a constant tuple",
+    ),
     "short items": ("x = SHORT[0]", "SHORT", "a constant of int16", "int64"),
     "array of short items": ("x = np.zeros(3, np.int8)", "np.int8", "an array of np.int8", "int"),
-    "method of an array": ("x = np.zeros(3).sum()", "np.zeros(3).sum()", "method sum", "for loop"),
-    "numpy's exp": ("x = np.exp(1.0)", "np.exp(1.0)", "np.exp", "write portable.exp"),
+    "method of an array": ("x = np.zeros(3).sum()", "np.zeros(3)", "np.zeros here", "a variable"),
+    "numpy's exp": ("x = np.exp(1.0)", "np.exp(1.0)", "np.exp", "use portable.exp"),
     "number of numpy": ("x = np.int32(i)", "np.int32(i)", "np.int32", "write int(...)"),
     "digits": ("x = round(1.25, 1)", "round(1.25, 1)", "digits", "round(100 * x) / 100"),
-    "least of a tuple": ("x = min((1, 2))", "min((1, 2))", "min of one value", "for loop"),
+    "least of a tuple": ("x = min((1, 2))", "(1, 2)", "a tuple here", "a variable for each"),
     "large int": ("x = i + 9223372036854775808", "9223372036854775808", "64 bits", "real number"),
     "item of draws": ("x = draws[0]", "draws[0]", "random stream", "random(draws)"),
     "divmod": ("x = divmod(i, 2)", "divmod(i, 2)", "divmod", "a // b"),
@@ -133,7 +132,7 @@ VALUES = {
     "a loop in its body": "for k in range(3):\n    x = k\n    sheep.energy[i] = x",
     "else of a loop": "for k in range(3):\n    x = k\nelse:\n    x = 1\nsheep.energy[i] = x",
     "a square": "sheep.energy[i] = sheep.energy[i] ** 2 + 10 ** 3",
-    "numpy's functions": "x = np.zeros(3)\nsheep.energy[i] = np.sqrt(2.0) + x[0]",
+    "numpy's functions": "x = np.zeros(3)\nsheep.energy[i] = np.pi + x[0]",
 }
 
 
@@ -181,7 +180,7 @@ def test_a_kernel_below_its_rule_is_checked_before_it_runs(tmp_path):
     path.write_text(HEAD + head + body)
     live = imported(path)
     with pytest.raises(NotCompilable, match="the function dice"):
-        live.drive.prepare()
+        live.prepare()
     with interpreted(), pytest.raises(NotCompilable, match="the function dice"):
         meadow().run(moment(), live)
 
@@ -205,15 +204,9 @@ def test_a_rule_needs_its_order_and_types():
             pass
 
 
-def test_rules_and_methods_refuse_constructs_with_the_same_words():
-    for node, words in {**STATEMENTS, **EXPRESSIONS}.items():
-        assert issubclass(node, ast.AST)
-        assert checking.REFUSED[node] is words
-
-
 def test_what_only_the_compiler_notices_has_its_line(tmp_path):
     live = declared(tmp_path, "x = 1\nsheep.energy[i] = wether")
-    with pytest.raises(NotCompilable, match="a name that is not defined") as error:
+    with pytest.raises(NotCompilable, match="wether is not defined when the rule is made") as error:
         meadow().run(moment(), live)
     assert str(error.value).splitlines()[2].strip() == "sheep.energy[i] = wether"
 
@@ -222,17 +215,8 @@ def test_a_rule_without_source_is_not_checked():
     code = compile("def live(i: int, sheep: Sheep):\n    x = {1: 2}\n", "<console>", "exec")
     scope = {"Sheep": Sheep}
     exec(code, scope)
-    assert rule(ORDERED)(scope["live"]).name == "live"
-
-
-def test_a_variable_of_an_enclosing_function_is_refused():
-    limit = moment().number
-
-    with pytest.raises(NotCompilable, match="limit, a variable of the function around it"):
-
-        @rule(ORDERED)
-        def live(i: int, sheep: Sheep):
-            sheep.energy[i] = limit
+    with pytest.warns(UserWarning, match="source is not available .* it runs as Python"):
+        assert rule(ORDERED)(scope["live"]).as_python
 
 
 def test_documentation_messages_of_errors_and_tuples_are_possible(tmp_path):

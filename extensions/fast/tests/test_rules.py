@@ -42,18 +42,16 @@ from minerva_fast import (
     interpreted,
     near,
     normal,
+    places,
     random,
     random_at,
     remove,
     rule,
     uniform,
 )
-from minerva_fast.compiled.machine_code import generated
-from minerva_fast.space import compiling, places
-from minerva_fast.space.compiling import new_progress
-from minerva_fast.space.kernels import key
-from minerva_fast.space.places import FieldGrid
-from minerva_fast.space.tables import Opened, _sharing
+from minerva_fast.draws import new_progress
+from minerva_fast.places import FieldGrid
+from minerva_fast.tables import Opened, _sharing
 
 
 @pytest.fixture
@@ -82,23 +80,15 @@ def test_compiled_rules_give_the_same_string_as_interpreted_ones(make):
     assert compiled.digest != make().string.digest
 
 
-def test_an_interpreted_rule_is_imported_once_and_does_not_need_numba(as_python, monkeypatch):
+def test_an_interpreted_rule_does_not_need_numba(as_python, monkeypatch):
     @rule(ORDERED)
     def fatten(i: int, sheep: Sheep):
         sheep.energy[i] += 1
 
-    imported = []
-
-    def counted(text, *parts):
-        imported.append(text)
-        return generated(text, *parts)
-
     monkeypatch.setitem(sys.modules, "numba", None)
-    monkeypatch.setattr(compiling, "generated", counted)
     space = meadow(sheep=3, wolves=0)
     space.run(moment(), fatten)
-    space.run(moment(), fatten)
-    assert imported.count(fatten.drive.source) == 1
+    assert Sheep.read(space.sheep).energy.tolist() == [3, 3, 3]
 
 
 def test_compiled_rules_without_numba_name_the_extra(monkeypatch):
@@ -109,7 +99,7 @@ def test_compiled_rules_without_numba_name_the_extra(monkeypatch):
         sheep.energy[i] += 1
 
     with pytest.raises(MinervaError, match=r"rules of a space need numba: .*minerva-bus\[fast\]"):
-        fatten.drive()
+        fatten.prepare()
 
 
 class Dots(OnLattice):
@@ -155,16 +145,6 @@ def test_an_int_of_an_empty_range_is_an_error(context):
     line = Line("l", births=1, table=Dots.many(1, cell=0, value=0))
     with context(), pytest.raises(ValueError, match="expected low < high"):
         line.run(moment(), none)
-
-
-def test_the_key_of_a_kernel_has_its_defaults():
-    def of(value):
-        def helper(i, step=value):
-            return i + step
-
-        return key(helper)
-
-    assert of(1) != of(2)
 
 
 @pytest.mark.parametrize("births", [0, 1])
@@ -427,7 +407,7 @@ def test_running_a_rule_keeps_no_references_to_its_arrays():
     grass, cells, draws = np.ones(16, np.int16), np.arange(16), np.zeros(1, np.uint64)
     before = sys.getrefcount(grass), sys.getrefcount(cells)
     for _ in range(10):
-        grow.drive(0, 16, cells, new_progress(), draws, grass)
+        grow.compiled()(0, 16, cells, new_progress(), draws, grass)
     assert (sys.getrefcount(grass), sys.getrefcount(cells)) == before
 
 

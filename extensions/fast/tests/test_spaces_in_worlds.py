@@ -5,10 +5,9 @@ from space_worlds import Flock, Meadow, eStep, graze, grow, hunt, meadow
 
 from minerva_bus import Vocabulary, World, each, on, run
 from minerva_bus.launch.process_specs import compile_classes
-from minerva_fast import Space, interpreted
-from minerva_fast.space.compiling import RuleLoop
-from minerva_fast.space.rules import loops_of
-from minerva_fast.space.space import rules_of
+from minerva_fast import Space, driving, interpreted, rules
+from minerva_fast.rules import loops_of
+from minerva_fast.space import rules_of
 
 
 def world(agents):
@@ -53,14 +52,16 @@ def test_rules_are_found_by_name_in_modules_tuples_and_functions():
 
 def test_rules_are_compiled_before_the_first_frame(monkeypatch):
     compiled, shown = [], []
-    monkeypatch.setattr(RuleLoop, "_compile", lambda loop: compiled.append(loop.name) or len)
+    for module in (driving, rules):
+        monkeypatch.setattr(module, "load_kernel", lambda text, _: compiled.append(text) or len)
     for loop in loops_of(rules_of(Flock)):  # also those of tables, which other rules share
         monkeypatch.setattr(loop, "_compiled", None)
     with interpreted():
         compile_classes([Flock], lambda *shown: None)
     assert compiled == []
     compile_classes([Flock], lambda *line: shown.append(line))
-    assert {"drift", "look"} <= set(compiled)
+    for name in ("drift, a rule", "look, a rule", "'locate'"):
+        assert any(name in text for text in compiled)
     names = [title for _, _, _, title in shown]
     assert "drift of Flock" in names
     assert [done for _, done, _, _ in shown] == list(range(len(shown)))

@@ -35,7 +35,7 @@ from minerva_fast import (
     uniform,
     within,
 )
-from minerva_fast.space.tables import Opened
+from minerva_fast.tables import Opened
 
 eStep = EventType("eStep", search=bool, risk=float, dx=int)
 

@@ -13,50 +13,62 @@ and the lists of the rows of each cell, which kernels make or sort.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from inspect import get_annotations
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Self, TypeAlias, cast
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.types import Reals
-from minerva_fast.space.compiling import RuleLoop, around
-from minerva_fast.space.kernels import kernel
-from minerva_fast.space.places import (
+from minerva_fast.draws import Guarded
+from minerva_fast.driving import Loop
+from minerva_fast.places import (
     ALIVE,
-    FIRST,
-    FREE,
+    FOUND,
     GONE,
     LATER,
-    NEXT,
-    PREVIOUS,
+    OUTSIDE,
     ROWS,
-    SLOT,
-    UNCOUNTED,
+    UNBORN,
     UNLISTED,
     VACANT,
     CellGrid,
+    CellLists,
     FieldGrid,
-    cell_of,
-    move_to,
+    enlist,
+    enter,
+    locate,
+    settle,
+    sharing,
+    sort_by_cell,
+    sort_by_number,
 )
+from minerva_fast.values import Grid, Items, Kind, Reference
 
 if TYPE_CHECKING:
-    from minerva_fast.space.space import Space
+    from minerva_fast.space import Space
 
 
+BEFORE: Final = "before"
+"""The parameter with the state of the subject before the rule."""
+_MOVES: Final = {
+    "cell": "move_to({table}, i, cell)",
+    "x": "go_to({table}, i, x, y)",
+    "y": "go_to({table}, i, x, y)",
+}
+"""How a rule changes what it may not assign to."""
 Column: TypeAlias = NDArray[np.float64]
 """A declared name of a table, shape (n,)."""
 Rows: TypeAlias = NDArray[np.int64]
 
 INDEX: Final = ("values", "links", "places", "counts", "births", "cell")
-"""Arrays of every table in a rule, before its columns (minerva_fast.space.places)."""
+"""Arrays of every table in a rule, before its columns (minerva_fast.places)."""
 
 
 class Inhabitants:
@@ -70,16 +82,13 @@ class Inhabitants:
     """Other arrays and structures that a rule sees, after the columns."""
     sorted_rows: ClassVar[tuple[str, ...]] = ()
     """Those of a table that does not change, in the order of its cells."""
+    found: ClassVar[tuple[str, ...]] = ("nearby",)
+    """Those with what the last search has found."""
 
     names: ClassVar[tuple[str, ...]] = ()
     """The rows of the matrix."""
     fixed: ClassVar[tuple[str, ...]] = ("id",)
     """Those to which a rule cannot assign."""
-    column_rows: ClassVar[tuple[int, ...]] = ()
-    """The rows of the matrix that a rule sees as columns."""
-    type: ClassVar[Any]
-    """The tuple that a rule sees."""
-
     id: Column
     cell: Rows
     values: Column
@@ -95,9 +104,6 @@ class Inhabitants:
         inherited = [name for name in cls.names if name not in ("id", *cls.position)]
         cls.names = ("id", *cls.position, *inherited, *own)
         cls.fixed = ("id", *cls.position)
-        cls.column_rows = tuple([cls.names.index(name) for name in columns_of(cls)])
-        fields = [(name, Any) for name in (*INDEX, *columns_of(cls), *cls.extra)]
-        cls.type = NamedTuple(cls.__name__, fields)  # pyright: ignore[reportArgumentType]
 
     @classmethod
     def many(cls, count: int, *, first: int = 0, **columns: Any) -> Reals:
@@ -135,6 +141,36 @@ class Inhabitants:
         return table
 
     @classmethod
+    def parts(cls, name: str, *, own: bool) -> dict[str, Reference]:
+        """What the attributes of a table are in a compiled rule.
+
+        Args:
+            name: the parameter of the rule.
+            own: whether it is the subject, or its state before the rule.
+
+        """
+        before = name == BEFORE
+        made: dict[str, Reference] = {}
+        for column in (*columns_of(cls), "cell", *cls.found):
+            moves = _MOVES.get(column, "keep other numbers in columns of the table")
+            fixed = "" if column in cls.names and column not in cls.fixed else f"write {moves}"
+            if before:
+                fixed = "change the subject of the rule: before is the state before it"
+            slot, ints = FOUND if column in cls.found else ROWS, column in ("cell", "nearby")
+            made[column] = Items(
+                f"c_{name}_{column}",
+                Kind.INT if ints else Kind.REAL,
+                f"n_{name}[{slot}]",
+                owner=name,
+                column=column,
+                item="" if ints else "real",
+                fixed=fixed.format(table=name),
+                own=own and slot == ROWS,
+            )
+        shape = FieldGrid if "x" in cls.position else CellGrid
+        return {**made, cls.extra[-1]: Grid(f"g_{name}", shape)}
+
+    @classmethod
     def check(cls, matrix: Reals) -> None:
         """Raise MisuseError if a matrix has not a row for each name."""
         if len(matrix) != len(cls.names):
@@ -162,8 +198,9 @@ class InField(Inhabitants):
     """
 
     position = ("x", "y")
-    sorted_rows = ("starts", "sorted", "sorted_x", "sorted_y")
+    sorted_rows: ClassVar[tuple[str, ...]] = ("starts", "sorted", "sorted_x", "sorted_y")
     extra = ("nearby", "dx", "dy", *sorted_rows, "field")
+    found = ("nearby", "dx", "dy")
     x: Column
     y: Column
     nearby: Rows
@@ -239,157 +276,10 @@ def is_constant(matrix: NDArray[Any]) -> bool:
     return plain and not matrix.flags.writeable
 
 
-ENTERED, UNBORN, OUTSIDE = 0, 1, 2
-EXACT: Final = 2.0**52
-"""From here on, reals have no fraction."""
-
-
-class CellLists(NamedTuple):
-    """The arrays of a table in which its rows have cells."""
-
-    cell: Rows
-    links: Rows
-    places: Rows
-    counts: Rows
-
-
-@kernel
-def enter(values: Column, cell: Rows, links: Rows, places: Rows, counts: Rows, births: Rows) -> int:
-    """Admit all rows of a lattice, and build the lists of its cells, unless it is to have none.
-
-    Returns ENTERED, UNBORN if an id is not below `births`, or OUTSIDE if a cell does not exist.
-    """
-    for i in range(counts[ROWS]):
-        if values[0, i] >= births[0]:
-            return UNBORN
-        if cell[i] < 0 or cell[i] >= places.shape[1]:
-            return OUTSIDE
-        links[ALIVE, i] = 1
-    if counts[VACANT] != UNLISTED:
-        enlist(cell, links, places, counts)
-    return ENTERED
-
-
-@kernel
-def locate(
-    values: Column, cell: Rows, links: Rows, births: Rows, x: Column, y: Column,
-    width: float, height: float, across: int, down: int,
-) -> int:  # fmt: skip
-    """Admit all rows of a field, whose cells are those of their positions; ENTERED or UNBORN."""
-    field = FieldGrid(width, height, False, across, down)
-    for i in range(len(x)):
-        if values[0, i] >= births[0]:
-            return UNBORN
-        cell[i] = cell_of(field, x[i], y[i])
-        links[ALIVE, i] = 1
-    return ENTERED
-
-
-@kernel
-def enlist(cell: Rows, links: Rows, places: Rows, counts: Rows) -> None:
-    """Build the lists of all cells; the rows of a cell are in the order of the table."""
-    for place in range(places.shape[1]):
-        places[FIRST, place] = -1
-    for i in range(counts[ROWS] - 1, -1, -1):
-        other = places[FIRST, cell[i]]
-        links[NEXT, i], links[PREVIOUS, i] = other, -1
-        places[FIRST, cell[i]] = i
-        if other >= 0:
-            links[PREVIOUS, other] = i
-    if counts[VACANT] == UNCOUNTED:
-        return
-    vacant = 0
-    for place in range(places.shape[1]):
-        if places[FIRST, place] < 0:
-            places[FREE, vacant], places[SLOT, place] = place, vacant
-            vacant += 1
-    counts[VACANT] = vacant
-
-
-@kernel
-def settle(
-    cell: Rows, links: Rows, places: Rows, counts: Rows, x: Column, y: Column,
-    width: float, height: float, periodic: bool, across: int, down: int,
-) -> None:  # fmt: skip
-    """Enter all rows into the lists of the cells of their positions."""
-    field, lists = (
-        FieldGrid(width, height, periodic, across, down),
-        CellLists(cell, links, places, counts),
-    )
-    for i in range(len(x)):
-        if links[ALIVE, i]:
-            move_to(lists, i, cell_of(field, x[i], y[i]))
-
-
-@kernel
-def sort_by_cell(
-    places: Rows, links: Rows, x: Column, y: Column,
-    starts: Rows, rows: Rows, sorted_x: Column, sorted_y: Column,
-) -> None:  # fmt: skip
-    """Write the rows of all lists, with their positions, one cell after another."""
-    count = 0
-    for cell in range(places.shape[1]):
-        starts[cell] = count
-        i = places[FIRST, cell]
-        while i >= 0:
-            rows[count], sorted_x[count], sorted_y[count] = i, x[i], y[i]
-            count, i = count + 1, links[NEXT, i]
-    starts[places.shape[1]] = count
-
-
-@kernel
-def sort_by_number(
-    cell: Rows, x: Column, y: Column,
-    starts: Rows, rows: Rows, sorted_x: Column, sorted_y: Column,
-) -> None:  # fmt: skip
-    """The same for rows in no lists yet, whose order in these would be that of the table."""
-    starts[:] = 0
-    for i in range(len(x)):
-        starts[cell[i] + 1] += 1
-    for place in range(1, len(starts)):
-        starts[place] += starts[place - 1]
-    for i in range(len(x)):
-        k = starts[cell[i]]
-        rows[k], sorted_x[k], sorted_y[k] = i, x[i], y[i]
-        starts[cell[i]] = k + 1
-    for place in range(len(starts) - 1, 0, -1):  # each was the end of its cell
-        starts[place] = starts[place - 1]
-    starts[0] = 0
-
-
-@kernel
-def sharing(
-    x: Column, y: Column, width: float, height: float, across: int, down: int, step: int,
-    known: Column, times: Rows,
-) -> int:  # fmt: skip
-    """The pairs of rows that share a cell, among each `step`-th row, each pair counted twice.
-
-    `known` and `times` are a hash table of cells with room for more cells than there are rows.
-    Positions outside have cells beyond the edges here.
-    """
-    for slot in range(len(times)):
-        times[slot] = 0
-    pairs = 0
-    for i in range(0, len(x), step):
-        cell = whole(x[i] / width * across) * down + whole(y[i] / height * down)
-        slot = int(abs(cell)) % len(times) if abs(cell) < EXACT else 0
-        while times[slot] and known[slot] != cell:
-            slot = slot + 1 if slot + 1 < len(times) else 0
-        pairs += 2 * times[slot]
-        known[slot], times[slot] = cell, times[slot] + 1
-    return pairs
-
-
-@kernel
-def whole(number: float) -> float:
-    """The largest integer that is not above a number, as a real of any size."""
-    return float(math.floor(number)) if abs(number) < EXACT else number
-
-
-_INTS: Final = "int64[::1]"
-_TABLE: Final = "int64[:, ::1]"
-_REALS: Final = "float64[::1]"
-_MATRIX: Final = "float64[:, ::1]"
+_INTS: Final = "cells(int64, 1, False)"
+_TABLE: Final = "cells(int64, 2, False)"
+_REALS: Final = "cells(float64, 1, False)"
+_MATRIX: Final = "cells(float64, 2, False)"
 _SIDES: Final = ("float64", "float64")
 _CELLS: Final = ("int64", "int64")
 _SORTED: Final = (_INTS, _INTS, _REALS, _REALS)
@@ -397,20 +287,19 @@ ENTERING: Final = ("values", "cell", "links", "places", "counts", "births")
 """The arrays of a table that ENTER takes."""
 LOCATING: Final = ("values", "cell", "links", "births")
 """The first ones that LOCATE takes."""
-ENTER: Final = around(enter, (_MATRIX, _INTS, _TABLE, _TABLE, _INTS, _INTS), result="int64")
-LOCATE: Final = around(
-    locate, (_MATRIX, _INTS, _TABLE, _INTS, _REALS, _REALS, *_SIDES, *_CELLS), result="int64"
+ENTER: Final = Loop(enter, _MATRIX, _INTS, _TABLE, _TABLE, _INTS, _INTS, result="int64")
+LOCATE: Final = Loop(
+    locate, _MATRIX, _INTS, _TABLE, _INTS, _REALS, _REALS, *_SIDES, *_CELLS, result="int64"
 )
-ENLIST: Final = around(enlist, (_INTS, _TABLE, _TABLE, _INTS))
-SETTLE: Final = around(
-    settle, (_INTS, _TABLE, _TABLE, _INTS, _REALS, _REALS, *_SIDES, "boolean", *_CELLS)
+ENLIST: Final = Loop(enlist, _INTS, _TABLE, _TABLE, _INTS)
+SETTLE: Final = Loop(
+    settle, _INTS, _TABLE, _TABLE, _INTS, _REALS, _REALS, *_SIDES, "boolean", *_CELLS
 )
-SORT: Final = around(sort_by_cell, (_TABLE, _TABLE, _REALS, _REALS, *_SORTED))
-SORT_BY_NUMBER: Final = around(sort_by_number, (_INTS, _REALS, _REALS, *_SORTED))
-SHARING: Final = around(
-    sharing, (_REALS, _REALS, *_SIDES, *_CELLS, "int64", _REALS, _INTS), result="int64"
+SORT: Final = Loop(sort_by_cell, _TABLE, _TABLE, _REALS, _REALS, *_SORTED)
+SORT_BY_NUMBER: Final = Loop(sort_by_number, _INTS, _REALS, _REALS, *_SORTED)
+SHARING: Final = Loop(
+    sharing, _REALS, _REALS, *_SIDES, *_CELLS, "int64", _REALS, _INTS, result="int64"
 )
-
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
@@ -601,17 +490,27 @@ class Opened:
             counts[LATER] = 1
             return replace(self, arrays={**self.arrays, "counts": counts}, passed=[]).arguments()
         if not self.passed:
-            columns = map(self.arrays["values"].__getitem__, self.kind.column_rows)
-            self.passed = [*_INDEX(self.arrays), *columns, *self._extra()]
+            capacity = len(self.arrays["cell"])
+            nearby, shape = np.empty(capacity, np.int64), self.shape
+            extra = [nearby, *shape[:3]]
+            if isinstance(shape, FieldGrid):
+                sorted_rows = _SORTED_ROWS(_UNSORTED | self.arrays)
+                extra = [nearby, *np.empty((2, capacity)), *sorted_rows, *shape]
+            self.passed = [*_INDEX(self.arrays), *extra]
         return self.passed
 
-    def _extra(self) -> list[Any]:
-        capacity = len(self.arrays["cell"])
-        nearby = np.empty(capacity, np.int64)
-        if isinstance(self.shape, CellGrid):
-            return [nearby, *self.shape[:3]]
-        sorted_rows = _SORTED_ROWS(_UNSORTED | self.arrays)
-        return [nearby, *np.empty((2, capacity)), *sorted_rows, *self.shape]
+    def table(self, name: str) -> SimpleNamespace:
+        """What a rule sees that runs as Python; `name` is the parameter."""
+        arrays = dict(zip((*INDEX, *self.kind.extra), self.arguments(), strict=False))
+        for row, column in enumerate(self.kind.names):
+            if column not in ("id", "cell"):
+                arrays[column] = arrays["values"][row]
+        counts = arrays["counts"]
+        slots = dict.fromkeys(self.kind.names, ROWS) | dict.fromkeys(self.kind.found, FOUND)
+        for column, slot in slots.items():
+            if column != "id":
+                arrays[column] = Guarded(f"{name}.{column}", arrays[column], counts, slot)
+        return SimpleNamespace(**arrays | {self.kind.extra[-1]: self.shape})
 
     def close(self) -> Reals:
         """The matrix of the remaining rows and of newborns, in their order; ends its use here."""
@@ -668,7 +567,7 @@ def _sharing(field: FieldGrid, x: Column, y: Column) -> float:
     return len(x) * SHARING(x, y, width, height, across, down, step, *table) / pairs
 
 
-def loops_of_table(kind: type[Inhabitants]) -> tuple[RuleLoop, ...]:
+def loops_of_table(kind: type[Inhabitants]) -> tuple[Loop, ...]:
     """The loops that open a table."""
     in_field = SHARING, LOCATE, ENLIST, SETTLE, SORT, SORT_BY_NUMBER
     return in_field if issubclass(kind, InField) else (ENTER,)

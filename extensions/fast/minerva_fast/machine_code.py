@@ -16,12 +16,10 @@ from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FunctionType, ModuleType
-from typing import Any, Final, TypeGuard
+from types import ModuleType
+from typing import Any, Final
 
-from minerva_bus import portable
 from minerva_bus.errors import MisuseError
-from minerva_bus.portable import trigonometry
 from minerva_bus.wording import install
 
 Kernel = Callable[..., int]
@@ -36,24 +34,22 @@ Without numba's runtime (NRT), code cannot create arrays and does not count refe
 inlined function counted those to all of its arrays, which took up to six times as long as its
 work."""
 
-ALLOCATING: Final[Mapping[str, Any]] = {**NUMBA_OPTIONS, "_nrt": True}
-"""For functions that create arrays, which the runtime has to release."""
-
 
 @cache
-def load_kernel(text: str) -> Kernel:
-    """The kernel of a generated module. Raises MisuseError without numba."""
-    return generated(text, versions("compiled methods")).run
+def load_kernel(text: str, purpose: str) -> Kernel:
+    """The function `run` of a generated module. Raises MisuseError without numba.
 
+    Args:
+        text: of the module.
+        purpose: what needs numba, such as "compiled methods".
 
-def generated(text: str, *parts: str) -> ModuleType:
-    """A module with this text, imported in each call.
-
-    `parts` are what its machine code depends on besides the text. The name of its file is a hash of
-    all.
     """
-    key = "\n".join([*parts, text])
-    name = "minerva_" + blake2b(key.encode(), digest_size=16).hexdigest()
+    return _generated(text, _versions(purpose)).run
+
+
+def _generated(text: str, versions: str) -> ModuleType:
+    """A module with this text, imported."""
+    name = "minerva_" + blake2b(f"{versions}\n{text}".encode(), digest_size=16).hexdigest()
     path = _written(cache_folder() / f"{name}.py", text)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
@@ -65,25 +61,14 @@ def generated(text: str, *parts: str) -> ModuleType:
     return module
 
 
-def numba_library(purpose: str) -> Any:
-    """The library numba, for a purpose such as "compiled methods". Raises MisuseError."""
+def _versions(purpose: str) -> str:
+    """The versions that machine code depends on. Raises MisuseError without numba."""
     # SVML has other last bits than the C library. numba reads the variable when it is imported.
     os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")
     try:
         import numba  # pyright: ignore[reportMissingTypeStubs]
     except ImportError:
         raise MisuseError(f"{purpose} need numba: {install('fast')}") from None
-    return numba
-
-
-def versions(purpose: str) -> str:
-    """The versions that machine code depends on. Raises MisuseError without numba.
-
-    Args:
-        purpose: what needs numba, for the message.
-
-    """
-    numba = numba_library(purpose)
     import numpy as np
 
     import minerva_bus
@@ -133,34 +118,3 @@ def cache_folder() -> Path:
 
 _temporary: list[TemporaryDirectory[str]] = []
 """Kept, because such a folder is removed with its object."""
-
-
-class PortableForms:
-    """Compiled forms for one number of functions of `portable`, each made once."""
-
-    def __init__(self, compiled: Callable[..., Any], far: Callable[..., Any]) -> None:
-        """Create the forms.
-
-        Args:
-            compiled: numba's decorator with its options.
-            far: in place of the reduction of huge angles, which needs ints of any length.
-
-        """
-        self._compiled = compiled
-        self._made: dict[FunctionType, Any] = {trigonometry.far: compiled(far)}
-
-    def of(self, function: Any) -> Any:
-        """A function of `portable` and the functions of `portable` that it calls, compiled."""
-        form: FunctionType = getattr(function, "one", function)
-        if form not in self._made:
-            scope = dict(form.__globals__)
-            for name in form.__code__.co_names:
-                if is_portable(scope.get(name)):
-                    scope[name] = self.of(scope[name])
-            self._made[form] = self._compiled(FunctionType(form.__code__, scope, form.__name__))
-        return self._made[form]
-
-
-def is_portable(value: Any) -> TypeGuard[FunctionType]:
-    """Whether an object is a function of `portable`."""
-    return isinstance(value, FunctionType) and value.__module__.startswith(portable.__name__)

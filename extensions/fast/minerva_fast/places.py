@@ -12,14 +12,14 @@ are in a fixed order: at the start of a frame that of the table, later the last 
 from __future__ import annotations
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Reals
-from minerva_fast.space.kernels import Draws, integers, kernel, unchecked
+from minerva_fast.draws import Draws, integers
 
 
 class CellGrid(NamedTuple):
@@ -35,24 +35,43 @@ class CellGrid(NamedTuple):
     inner: int = -1
 
 
+Numbers: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+
+
+def sure(index: int) -> int:
+    """An index that is known to exist, which machine code does not count from the end."""
+    return index
+
+
+class LatticeRows(NamedTuple):
+    """What machine code sees of a table in a lattice, besides its columns."""
+
+    values: Numbers
+    links: Ints
+    places: Ints
+    counts: Ints
+    births: Ints
+    cell: Ints
+    nearby: Ints
+    lattice: CellGrid
+
+
 NO_CELL = "a cell is outside of the lattice, as -1 of `beside` or `random_free` is; test it before"
 
 
-@kernel
 def inside(lattice: CellGrid, cell: int) -> None:
     """Raise IndexError if there is no such cell."""
     if not 0 <= cell < lattice.width * lattice.height:
         raise IndexError(NO_CELL)
 
 
-@kernel
 def row_of(lattice: CellGrid, cell: int) -> int:
     """The row y of a cell."""
     # Division of 64-bit ints takes several times as long, and most time of a cellular automaton.
     return int(np.uint32(cell) // np.uint32(lattice.width))
 
 
-@kernel
 def surrounded(lattice: CellGrid, cell: int) -> bool:
     """Whether a cell, from 0, has 8 neighbours without a way across an edge."""
     if lattice.width < 3 or lattice.height < 3:
@@ -61,7 +80,6 @@ def surrounded(lattice: CellGrid, cell: int) -> bool:
     return 0 < row < lattice.height - 1 and 0 < cell - row * lattice.width < lattice.width - 1
 
 
-@kernel
 def beside(lattice: CellGrid, cell: int, dx: int, dy: int) -> int:
     """The cell at a distance of dx columns and dy rows; -1 if it is outside."""
     if 0 <= cell == lattice.inner and -1 <= dx <= 1 and -1 <= dy <= 1:
@@ -78,7 +96,6 @@ def beside(lattice: CellGrid, cell: int, dx: int, dy: int) -> int:
     return y % lattice.height * lattice.width + x % lattice.width
 
 
-@kernel
 def next_cell(lattice: CellGrid, cell: int, draws: Draws) -> int:
     """A random one of the (up to) 8 cells around a cell."""
     while True:
@@ -107,7 +124,6 @@ TOO_MANY = "one activation made more copies than `births` of the rule allows"
 REMOVED = "a row that was removed cannot move or be removed again"
 
 
-@kernel
 def place(table: Any, i: int, cell: int) -> None:
     """Enter row i into the list of a cell."""
     if not 0 <= cell < table.places.shape[1]:
@@ -130,7 +146,6 @@ def place(table: Any, i: int, cell: int) -> None:
     table.counts[VACANT] = last
 
 
-@kernel
 def take_out(table: Any, i: int) -> None:
     """Remove row i from the list of its cell."""
     # First, because it refuses an index that is no row: links beyond the rows have any value.
@@ -152,7 +167,6 @@ def take_out(table: Any, i: int) -> None:
         table.counts[VACANT] = last + 1
 
 
-@kernel
 def move_to(table: Any, i: int, cell: int) -> None:
     """Move row i to a cell."""
     if cell != table.cell[i]:
@@ -160,7 +174,6 @@ def move_to(table: Any, i: int, cell: int) -> None:
         place(table, i, cell)
 
 
-@kernel
 def remove(table: Any, i: int) -> None:
     """Remove row i from the space; it takes part in no further rule."""
     take_out(table, i)
@@ -168,7 +181,6 @@ def remove(table: Any, i: int) -> None:
     table.counts[GONE] += 1
 
 
-@kernel
 def copy(table: Any, i: int) -> int:
     """Add a copy of row i in its cell, with a new id; returns its row."""
     j, cell = table.counts[ROWS], table.cell[i]
@@ -184,7 +196,6 @@ def copy(table: Any, i: int) -> int:
     return int(j)
 
 
-@kernel
 def random_at(table: Any, cell: int, draws: Draws) -> int:
     """A random row of a cell; -1 if there is none. Draws only if there are several."""
     if not 0 <= cell < table.places.shape[1]:
@@ -201,7 +212,6 @@ def random_at(table: Any, cell: int, draws: Draws) -> int:
     return int(row)
 
 
-@kernel
 def random_free(table: Any, draws: Draws) -> int:
     """A random cell without rows of this table; -1 if there is none."""
     if not table.counts[VACANT]:
@@ -209,7 +219,6 @@ def random_free(table: Any, draws: Draws) -> int:
     return int(table.places[FREE, integers(draws, 0, table.counts[VACANT])])
 
 
-@kernel
 def within(table: Any, cell: int, radius: int) -> int:
     """Find the rows within a Chebyshev distance of a cell, including its own.
 
@@ -224,21 +233,18 @@ def within(table: Any, cell: int, radius: int) -> int:
     x = cell - y * lattice.width
     left, right = span(x, radius, lattice.width, lattice.periodic)
     top, bottom = span(y, radius, lattice.height, lattice.periodic)
-    # Unchecked, because these cells exist, and each has rows that no other one has.
-    firsts, following = unchecked(table.places[FIRST]), unchecked(table.links[NEXT])
-    nearby = unchecked(table.nearby)
+    firsts, following, nearby = table.places[FIRST], table.links[NEXT], table.nearby
     for v in range(top, bottom):
         line = connected(v, lattice.height) * lattice.width
         for u in range(left, right):
-            j = firsts[line + connected(u, lattice.width)]
+            j = firsts[sure(line + connected(u, lattice.width))]
             while j >= 0:
-                nearby[count] = j
-                count, j = count + 1, following[j]
+                nearby[sure(count)] = j
+                count, j = count + 1, following[sure(j)]
     table.counts[FOUND] = count
     return count
 
 
-@kernel
 def span(middle: int, radius: int, size: int, periodic: bool) -> tuple[int, int]:
     """The first and the one after the last of the cells around one; each cell occurs once."""
     if not periodic:
@@ -247,7 +253,6 @@ def span(middle: int, radius: int, size: int, periodic: bool) -> tuple[int, int]
     return middle - width // 2, middle - width // 2 + width
 
 
-@kernel
 def connected(number: int, size: int) -> int:
     """A column or row less than one size beyond an edge, as the one on the other side."""
     # A remainder takes several times as long as these comparisons.
@@ -256,6 +261,7 @@ def connected(number: int, size: int) -> int:
     return number - size if number >= size else number
 
 
+NO_POSITION = "a position in a field must be a finite number"
 MARGIN: Final = 1e-9
 FAR: Final = 1e15
 """A number of cells beyond which reals are not exact enough for the cells of a search."""
@@ -280,15 +286,47 @@ class FieldGrid(NamedTuple):
     down: int
 
 
-@kernel
+class FieldRows(NamedTuple):
+    """What machine code sees of a table in a field, besides its columns.
+
+    The table `before` of a rule has its rows by cell, so that a search reads memory in its order:
+    those of a cell are `sorted[starts[cell]:starts[cell + 1]]`, at `sorted_x` and `sorted_y`. In a
+    table whose rows move these arrays are empty.
+    """
+
+    values: Numbers
+    links: Ints
+    places: Ints
+    counts: Ints
+    births: Ints
+    cell: Ints
+    nearby: Ints
+    dx: Numbers
+    dy: Numbers
+    starts: Ints
+    sorted: Ints
+    sorted_x: Numbers
+    sorted_y: Numbers
+    x: Numbers
+    y: Numbers
+    field: FieldGrid
+
+
 def cell_of(field: FieldGrid, x: float, y: float) -> int:
     """The cell that contains a position; positions outside belong to the nearest cell."""
-    column = min(max(int(x / field.width * field.across), 0), field.across - 1)
-    row = min(max(int(y / field.height * field.down), 0), field.down - 1)
-    return column * field.down + row
+    column = part_of(x / field.width * field.across, field.across)
+    return column * field.down + part_of(y / field.height * field.down, field.down)
 
 
-@kernel
+def part_of(number: float, size: int) -> int:
+    """The one of `size` parts that contains a number; the nearest one for others."""
+    if not math.isfinite(number):
+        raise ValueError(NO_POSITION)
+    if not number > 0.0:
+        return 0
+    return int(number) if number < size else size - 1
+
+
 def wrapped(number: float, size: float) -> float:
     """A coordinate within [0, size) of a periodic field."""
     # The usual case: a remainder takes many times as long as these comparisons.
@@ -298,7 +336,6 @@ def wrapped(number: float, size: float) -> float:
     return inside if inside < size else 0.0
 
 
-@kernel
 def go_to(table: Any, i: int, x: float, y: float) -> None:
     """Move row i to a position; beyond a periodic edge it enters on the other side."""
     field = table.field
@@ -311,7 +348,6 @@ def go_to(table: Any, i: int, x: float, y: float) -> None:
         move_to(table, i, cell)
 
 
-@kernel
 def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     """Find the rows within a Euclidean distance of a position, without row `other_than`.
 
@@ -330,54 +366,52 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     )
     count = 0
     table.counts[FOUND] = table.values.shape[1]
-    # Unchecked, because these cells exist, and each has rows that no other one has.
-    starts, order = unchecked(table.starts), unchecked(table.sorted)
-    sorted_x, sorted_y = unchecked(table.sorted_x), unchecked(table.sorted_y)
-    firsts, following = unchecked(table.places[FIRST]), unchecked(table.links[NEXT])
-    row_x, row_y = unchecked(table.x), unchecked(table.y)
+    starts, order = table.starts, table.sorted
+    sorted_x, sorted_y = table.sorted_x, table.sorted_y
+    firsts, following = table.places[FIRST], table.links[NEXT]
+    row_x, row_y = table.x, table.y
+    nearby, apart_x, apart_y = table.nearby, table.dx, table.dy
     for _ in range(columns):
-        if len(table.starts):
+        if len(starts):
             # Two parts if the cells continue at the other edge.
             first, beyond = u * field.down, max(top + rows - field.down, 0)
-            k, end = starts[first + top], starts[first + top + rows - beyond]
+            k, end = starts[sure(first + top)], starts[sure(first + top + rows - beyond)]
             while True:
                 while k < end:
-                    dx, dy = sorted_x[k] - x, sorted_y[k] - y
-                    count += meet(table, count, order[k], dx, dy, radius, other_than, wraps)
+                    j, dx, dy = order[sure(k)], sorted_x[sure(k)] - x, sorted_y[sure(k)] - y
+                    if wraps:
+                        dx, dy = shortest(dx, field.width), shortest(dy, field.height)
+                    # Without a branch: a processor cannot foresee which of the rows are near.
+                    nearby[sure(count)] = j
+                    apart_x[sure(count)], apart_y[sure(count)] = dx, dy
+                    count += is_near(j, dx, dy, radius, other_than)
                     k += 1
                 if not beyond:
                     break
-                k, end, beyond = starts[first], starts[first + beyond], 0
+                k, end, beyond = starts[sure(first)], starts[sure(first + beyond)], 0
         else:
             v = top
             for _ in range(rows):
-                j = firsts[u * field.down + v]
+                j = firsts[sure(u * field.down + v)]
                 while j >= 0:
-                    dx, dy = row_x[j] - x, row_y[j] - y
-                    count += meet(table, count, j, dx, dy, radius, other_than, wraps)
-                    j = following[j]
+                    dx, dy = row_x[sure(j)] - x, row_y[sure(j)] - y
+                    if wraps:
+                        dx, dy = shortest(dx, field.width), shortest(dy, field.height)
+                    nearby[sure(count)] = j
+                    apart_x[sure(count)], apart_y[sure(count)] = dx, dy
+                    count += is_near(j, dx, dy, radius, other_than)
+                    j = following[sure(j)]
                 v = v + 1 if v + 1 < field.down else 0
         u = u + 1 if u + 1 < field.across else 0
     table.counts[FOUND] = count
     return count
 
 
-@kernel
-def meet(
-    table: Any, count: int, j: int, dx: float, dy: float, radius: float, other_than: int,
-    wraps: bool,
-) -> int:  # fmt: skip
-    """Write row j at `count` of `nearby`; 1 if it is near, else 0."""
-    field = table.field
-    if wraps:
-        dx, dy = shortest(dx, field.width), shortest(dy, field.height)
-    # Without a branch, because a processor cannot foresee which of the rows are near.
-    nearby, apart_x, apart_y = unchecked(table.nearby), unchecked(table.dx), unchecked(table.dy)
-    nearby[count], apart_x[count], apart_y[count] = j, dx, dy
+def is_near(j: int, dx: float, dy: float, radius: float, other_than: int) -> int:
+    """1 if a row at these differences is near, else 0."""
     return int(j != other_than) & int(dx * dx + dy * dy <= radius * radius)
 
 
-@kernel
 def reaches_no_edge(center: float, radius: float, size: float, cells: int) -> bool:
     """Whether an interval meets no cell at an edge, so that no way across edges is shorter.
 
@@ -387,7 +421,6 @@ def reaches_no_edge(center: float, radius: float, size: float, cells: int) -> bo
     return margin < center and center < size - margin
 
 
-@kernel
 def shortest(difference: float, size: float) -> float:
     """A difference of coordinates, across connected edges if this is shorter."""
     if difference > 0.5 * size:
@@ -397,7 +430,6 @@ def shortest(difference: float, size: float) -> float:
     return difference
 
 
-@kernel
 def cells_between(
     low: float, high: float, size: float, cells: int, periodic: bool
 ) -> tuple[int, int]:
@@ -475,7 +507,6 @@ def opened_edges(name: str, matrix: NDArray[Any], nodes: int) -> Edges:
     return Edges(starts, ends)
 
 
-@kernel
 def degree(edges: Edges, node: int) -> int:
     """The number of edges from a node."""
     if not 0 <= node < len(edges.starts) - 1:
@@ -483,7 +514,6 @@ def degree(edges: Edges, node: int) -> int:
     return edges.starts[node + 1] - edges.starts[node]
 
 
-@kernel
 def edge(edges: Edges, node: int, k: int) -> int:
     """The column of the k-th edge from a node, at which other matrices have numbers for it."""
     if not 0 <= k < degree(edges, node):
@@ -491,16 +521,174 @@ def edge(edges: Edges, node: int, k: int) -> int:
     return edges.starts[node] + k
 
 
-@kernel
 def neighbour(edges: Edges, node: int, k: int) -> int:
     """The node at the other end of the k-th edge from a node."""
     return edges.ends[edge(edges, node, k)]
 
 
-@kernel
 def random_neighbour(edges: Edges, node: int, draws: Draws) -> int:
     """The node at the other end of a random edge from a node; -1 if it has none."""
     count = degree(edges, node)
     if not count:
         return -1
     return neighbour(edges, node, integers(draws, 0, count))
+
+
+SEARCHES: Final = (near, within, random_at, random_free)
+CHANGES: Final = (go_to, move_to, remove, copy)
+READING: Final = (near, within, beside, degree, edge, neighbour)
+"""Functions that change nothing except the list of rows that a search has found."""
+FUNCTIONS: Final = (
+    *SEARCHES,
+    *CHANGES,
+    beside,
+    next_cell,
+    degree,
+    edge,
+    neighbour,
+    random_neighbour,
+)
+"""Functions for rules."""
+
+
+# --- tables: their lists at the start of a frame ---
+
+ENTERED, UNBORN, OUTSIDE = 0, 1, 2
+EXACT: Final = 2.0**52
+"""From here on, reals have no fraction."""
+
+
+class CellLists(NamedTuple):
+    """The arrays of a table in which its rows have cells."""
+
+    cell: Ints
+    links: Ints
+    places: Ints
+    counts: Ints
+
+
+def enter(
+    values: Numbers, cell: Ints, links: Ints, places: Ints, counts: Ints, births: Ints
+) -> int:
+    """Admit all rows of a lattice, and build the lists of its cells, unless it is to have none.
+
+    Returns ENTERED, UNBORN if an id is not below `births`, or OUTSIDE if a cell does not exist.
+    """
+    for i in range(counts[ROWS]):
+        if values[0, i] >= births[0]:
+            return UNBORN
+        if cell[i] < 0 or cell[i] >= places.shape[1]:
+            return OUTSIDE
+        links[ALIVE, i] = 1
+    if counts[VACANT] != UNLISTED:
+        enlist(cell, links, places, counts)
+    return ENTERED
+
+
+def locate(
+    values: Numbers, cell: Ints, links: Ints, births: Ints, x: Numbers, y: Numbers,
+    width: float, height: float, across: int, down: int,
+) -> int:  # fmt: skip
+    """Admit all rows of a field, whose cells are those of their positions; ENTERED or UNBORN."""
+    field = FieldGrid(width, height, False, across, down)
+    for i in range(len(x)):
+        if values[0, i] >= births[0]:
+            return UNBORN
+        cell[i] = cell_of(field, x[i], y[i])
+        links[ALIVE, i] = 1
+    return ENTERED
+
+
+def enlist(cell: Ints, links: Ints, places: Ints, counts: Ints) -> None:
+    """Build the lists of all cells; the rows of a cell are in the order of the table."""
+    for place in range(places.shape[1]):
+        places[FIRST, place] = -1
+    for i in range(counts[ROWS] - 1, -1, -1):
+        other = places[FIRST, cell[i]]
+        links[NEXT, i], links[PREVIOUS, i] = other, -1
+        places[FIRST, cell[i]] = i
+        if other >= 0:
+            links[PREVIOUS, other] = i
+    if counts[VACANT] == UNCOUNTED:
+        return
+    vacant = 0
+    for place in range(places.shape[1]):
+        if places[FIRST, place] < 0:
+            places[FREE, vacant], places[SLOT, place] = place, vacant
+            vacant += 1
+    counts[VACANT] = vacant
+
+
+def settle(
+    cell: Ints, links: Ints, places: Ints, counts: Ints, x: Numbers, y: Numbers,
+    width: float, height: float, periodic: bool, across: int, down: int,
+) -> None:  # fmt: skip
+    """Enter all rows into the lists of the cells of their positions."""
+    field, lists = (
+        FieldGrid(width, height, periodic, across, down),
+        CellLists(cell, links, places, counts),
+    )
+    for i in range(len(x)):
+        if links[ALIVE, i]:
+            move_to(lists, i, cell_of(field, x[i], y[i]))
+
+
+def sort_by_cell(
+    places: Ints, links: Ints, x: Numbers, y: Numbers,
+    starts: Ints, rows: Ints, sorted_x: Numbers, sorted_y: Numbers,
+) -> None:  # fmt: skip
+    """Write the rows of all lists, with their positions, one cell after another."""
+    count = 0
+    for cell in range(places.shape[1]):
+        starts[cell] = count
+        i = places[FIRST, cell]
+        while i >= 0:
+            rows[count], sorted_x[count], sorted_y[count] = i, x[i], y[i]
+            count, i = count + 1, links[NEXT, i]
+    starts[places.shape[1]] = count
+
+
+def sort_by_number(
+    cell: Ints, x: Numbers, y: Numbers,
+    starts: Ints, rows: Ints, sorted_x: Numbers, sorted_y: Numbers,
+) -> None:  # fmt: skip
+    """The same for rows in no lists yet, whose order in these would be that of the table."""
+    starts[:] = 0
+    for i in range(len(x)):
+        starts[cell[i] + 1] += 1
+    for place in range(1, len(starts)):
+        starts[place] += starts[place - 1]
+    for i in range(len(x)):
+        k = starts[cell[i]]
+        rows[k], sorted_x[k], sorted_y[k] = i, x[i], y[i]
+        starts[cell[i]] = k + 1
+    for place in range(len(starts) - 1, 0, -1):  # each was the end of its cell
+        starts[place] = starts[place - 1]
+    starts[0] = 0
+
+
+def sharing(
+    x: Numbers, y: Numbers, width: float, height: float, across: int, down: int, step: int,
+    known: Numbers, times: Ints,
+) -> int:  # fmt: skip
+    """The pairs of rows that share a cell, among each `step`-th row, each pair counted twice.
+
+    `known` and `times` are a hash table of cells with room for more cells than there are rows.
+    Positions outside have cells beyond the edges here.
+    """
+    for slot in range(len(times)):
+        times[slot] = 0
+    pairs = 0
+    for i in range(0, len(x), step):
+        cell = whole(x[i] / width * across) * down + whole(y[i] / height * down)
+        slot = int(abs(cell)) % len(times) if abs(cell) < EXACT else 0
+        while times[slot] and known[slot] != cell:
+            slot = slot + 1 if slot + 1 < len(times) else 0
+        pairs += 2 * times[slot]
+        known[slot], times[slot] = cell, times[slot] + 1
+    return pairs
+
+
+def whole(number: float) -> float:
+    """The largest integer that is not above a number, as a real of any size."""
+    return float(math.floor(number)) if abs(number) < EXACT else number

@@ -19,6 +19,14 @@ from minerva_bus.world.class_declaration import REMEDY, NotCompilable
 MISSING: Final = object()
 
 
+class Undefined(NotCompilable):
+    """A name is not defined yet."""
+
+
+class Unreadable(NotCompilable):
+    """The source of a function is not available."""
+
+
 @dataclass(frozen=True, slots=True)
 class Origin:
     """A function with its syntax tree; lines and columns of the tree are those of the file."""
@@ -47,7 +55,7 @@ class Origin:
         try:
             lines, first = inspect.getsourcelines(code)
         except (OSError, TypeError):
-            raise NotCompilable(
+            raise Unreadable(
                 f"{name} cannot be compiled: its source is not available ({code.co_filename});"
                 " define the class in a file"
             ) from None

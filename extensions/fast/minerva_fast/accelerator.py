@@ -18,11 +18,11 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.class_declaration import IF_POSSIBLE, Mode, NotCompilable, takes_batch
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import PopulationState, Turn
-from minerva_fast.compiled.code_generation import FAULT, GONE, written
-from minerva_fast.compiled.form import Emission, Newborn, Program
-from minerva_fast.compiled.kernel_calls import KernelCall
-from minerva_fast.compiled.machine_code import Kernel, load_kernel
-from minerva_fast.compiled.programs import CheckedMethod, checked_methods, checked_views
+from minerva_fast.calls import KernelCall
+from minerva_fast.machine_code import Kernel, load_kernel
+from minerva_fast.methods import CheckedMethod, checked_methods, checked_views
+from minerva_fast.printing import FAULT, GONE, Program
+from minerva_fast.values import Emission, Newborn
 
 Functions = Mapping[str, Callable[..., Any]]
 Check = Callable[[Any, Functions], dict[str, CheckedMethod]]
@@ -121,7 +121,7 @@ class _CheckedCode:
 
     def program(self, event_type: str) -> Program:
         """The checked form of the function for an event type. Raises NotCompilable."""
-        if not all(checked.current for checked in self._checked.values()):
+        if not all(checked.method.current() for checked in self._checked.values()):
             self._checked = self._check()
             self._kernels = {}
         return self._checked[event_type].program
@@ -134,5 +134,5 @@ class _CheckedCode:
         program = self.program(event_type)
         kernel = self._kernels.get(event_type)
         if kernel is None:
-            kernel = self._kernels[event_type] = load_kernel(written(program))
+            kernel = self._kernels[event_type] = load_kernel(program.text, "compiled methods")
         return program, kernel

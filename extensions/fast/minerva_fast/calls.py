@@ -18,9 +18,10 @@ from minerva_bus.grammar.vocabulary import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import Birth, PopulationState, Turn, child_ids
 from minerva_bus.world.visualization import one_each
-from minerva_fast.compiled.code_generation import cells
-from minerva_fast.compiled.form import Emission, Figure, Newborn, Output, Program, Shown, ValueKind
-from minerva_fast.compiled.machine_code import Kernel
+from minerva_fast.draws import PLACE, new_progress
+from minerva_fast.machine_code import Kernel
+from minerva_fast.printing import FAULT, Program, cells
+from minerva_fast.values import Emission, Figure, Kind, Newborn, Output, Shown
 
 
 class TextCodes:
@@ -54,12 +55,12 @@ class TextCodes:
         return Coded(self._parts[0], codes)
 
 
-_DTYPES: Final[dict[ValueKind, Any]] = {
-    ValueKind.INT: np.int64,
-    ValueKind.REAL: np.float64,
-    ValueKind.MIXED: np.float64,
-    ValueKind.BOOL: np.bool_,
-    ValueKind.TEXT: np.int64,
+_DTYPES: Final[dict[Kind, Any]] = {
+    Kind.INT: np.int64,
+    Kind.REAL: np.float64,
+    Kind.MIXED: np.float64,
+    Kind.BOOL: np.bool_,
+    Kind.TEXT: np.int64,
 }
 _LEAST_ROWS: Final = 64
 _PART: Final = 8
@@ -95,10 +96,10 @@ class KernelCall:
                 array = event.data(slot.name)
             else:
                 array = Column.of([event.values[event.names.index(slot.name)]]).array
-            wanted = np.object_ if slot.kind is ValueKind.TEXT else _DTYPES[slot.kind]
+            wanted = np.object_ if slot.kind is Kind.TEXT else _DTYPES[slot.kind]
             if array.dtype != wanted:
                 return None
-            if slot.kind is ValueKind.TEXT:
+            if slot.kind is Kind.TEXT:
                 array = self.codes.of(array)
             made.append(self._spread(array))
         return made
@@ -123,21 +124,33 @@ class KernelCall:
         ends = _NOTHING if self.turn.ends is None else self.turn.ends
         spread = (np.broadcast_to(_NOTHING, len(rows)),) * 2
         ranges = spread if self.turn.begins is None else (begins, ends)
+        progress, saved = new_progress(), np.zeros(len(self.program.outputs) + 1, np.int64)
         fixed = [
-            *(rows, outcomes, self._counts, np.zeros(3), words),
+            *(rows, outcomes, self._counts, progress, saved, words),
             *columns,
             *self._given_data,
             *(self._given(slot.name, frame) for slot in self.program.given),
             *ranges,
+            *(np.empty(items.size, _DTYPES[items.kind]) for items in self.program.lists),
         ]
         start = 0
         # The kernel returns early if an output is full, and after long loops, for signals.
-        while True:
+        while start < len(rows):
             flat = [array for arrays in self._outputs for array in arrays]
-            before, start = start, kernel(start, *fixed, *flat)
-            if start == len(rows):
-                return outcomes
-            self._enlarge(every=start == before)
+            before = start
+            try:
+                start = kernel(start, *fixed, *flat)
+            except Exception:  # a fault of one row, which is undone
+                start = int(progress[PLACE])
+                outcomes[start] = FAULT
+                self._counts[: len(saved) - 1] = saved[:-1]
+                if self.program.draws:
+                    words[rows[start]] = saved[-1:].view(np.uint64)[0]
+                start += 1
+                continue
+            if start < len(rows):
+                self._enlarge(every=start == before)
+        return outcomes
 
     def _column(self, name: str) -> NDArray[Any]:
         state = self._state
@@ -212,14 +225,15 @@ class KernelCall:
             return
         rows = self.turn.rows[place]
         given = self._decoded(output, values)
-        columns = tuple(Column(given[name]) for name in output.names)
+        names = tuple([slot.name for slot in output.slots])
+        columns = tuple(Column(given[name]) for name in names)
         codes = values[len(output.slots) :]
         ids = [Ids.of(self.codes.texts(column).tolist()) for column in codes]
         receivers = ids[0] if len(ids) == 1 else None
         senders = self._state.ids.take(rows)
         events = Events(
             output.event_type,
-            output.names,
+            names,
             columns,
             len(rows),
             output.condition,
@@ -275,7 +289,7 @@ class KernelCall:
         """The values of an output by name, texts decoded."""
         pairs = zip(output.slots, values, strict=False)
         return {
-            slot.name: self.codes.texts(array) if slot.kind is ValueKind.TEXT else array
+            slot.name: self.codes.texts(array) if slot.kind is Kind.TEXT else array
             for slot, array in pairs
         }
 

@@ -9,7 +9,7 @@
             self.run(moment, graze, grow)
 
 The inhabitants are state of the space, in the string like all state: matrices of tables
-(`minerva_fast.space.tables`). λ of the space applies rules to them, each as one compiled function.
+(`minerva_fast.tables`). λ of the space applies rules to them, each as one compiled function.
 
 The rules that a method names are found in its code, so that they can be compiled before it runs.
 """
@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
-from minerva_fast.compiled.origin import MISSING, lookup
-from minerva_fast.space.compiling import PLACE, new_progress, parts_of, run_parts
-from minerva_fast.space.kernels import Draws, interpreted, interpreting
-from minerva_fast.space.places import ROWS, UNCOUNTED, UNLISTED, CellGrid, Edges, opened_edges
-from minerva_fast.space.rules import BEFORE, SHUFFLED, RuleParameter, SpaceRule, loops_of
-from minerva_fast.space.tables import Matrices, Opened
+from minerva_fast.draws import ALL, PLACE, Draws, Guarded, interpreted, interpreting, new_progress
+from minerva_fast.driving import parts_of, run_parts
+from minerva_fast.origin import MISSING, lookup
+from minerva_fast.places import ROWS, UNCOUNTED, UNLISTED, CellGrid, Edges, opened_edges
+from minerva_fast.rules import BEFORE, SHUFFLED, RuleParameter, SpaceRule, loops_of
+from minerva_fast.tables import Matrices, Opened
 
 
 class Space(Agent):
@@ -148,7 +148,7 @@ def _names(code: CodeType) -> Iterator[str]:
 
 _TAKES_FREE_CELLS: Final = attrgetter("takes_free_cells")
 _SEARCHES: Final = attrgetter("searches")
-_BIRTHS: Final = attrgetter("births")
+_ROOM: Final = attrgetter("room")
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,18 +218,19 @@ class OpenedSpace:
         self._check_data()
         for number, rule in enumerate(self._rules):
             self._progress[PLACE] = 0
+            before = self._as_python.get(number)
             try:
-                started = self._apply(rule, self._as_python.get(number))
+                started = self._apply(rule, before)
             except MinervaError:
                 raise
             except Exception:
-                if self._python or number in self._as_python:
+                if self._python or rule.as_python or before is not None:
                     raise
                 return Failure(number, int(self._progress[PLACE]))
-            if number in self._as_python:
+            if before is not None:
                 # Machine code has neither lines nor ints of any length.
                 with interpreted():
-                    self._activate(started, self._as_python[number], started.count)
+                    self._activate(started, before, started.count)
         return None
 
     def _check_data(self) -> None:
@@ -249,9 +250,9 @@ class OpenedSpace:
     def _apply(self, rule: SpaceRule, end: int | None) -> _Started:
         """Run a rule for the rows that exist at its start, or for those before a place."""
         started = self._start(rule)
-        in_turn = end is not None or self._python or not rule.independence.independent
+        in_turn = end is not None or self._python or not rule.independent
         # Few cells of a matrix need no threads.
-        if in_turn or (rule.subject.matrix and parts_of(started.count) == 1):
+        if in_turn or (rule.subject.item and parts_of(started.count) == 1):
             self._activate(started, 0, started.count if end is None else end)
         else:
             self._share(started, parts_of(started.count))
@@ -261,18 +262,20 @@ class OpenedSpace:
         """Run an independent rule in threads; raises the error of the first row."""
         subject = started.rule.subject
         for parameter in started.rule.tables:
-            self._table(parameter).reserve(started.rule.births)
+            self._table(parameter).reserve(started.rule.room)
         arguments = [self._all_arguments(started, shared=True) for _ in range(parts)]
 
+        run_rows = started.rule.compiled()
+
         def run(part: int, begin: int, end: int, progress: NDArray[np.int64]) -> None:
-            rule, rows = started.rule, started.rows
-            rule.drive(begin, end, rows, progress, self._draws, *arguments[part])
+            while begin < end:
+                begin = run_rows(begin, end, started.rows, progress, self._draws, *arguments[part])
 
         failed = run_parts(run, started.count, parts)
         if failed is not None:
             self._progress[PLACE], error = failed
             raise error
-        if started.rule.independence.moves:
+        if started.rule.moves:
             self._table(subject).moved = True
 
     def _start(self, rule: SpaceRule) -> _Started:
@@ -285,10 +288,13 @@ class OpenedSpace:
         """Run a rule for the rows at these places of its order."""
         rule = started.rule
         while begin < end:
-            for parameter in rule.tables if rule.births else ():
-                self._table(parameter).reserve(rule.births)
-            arguments = self._all_arguments(started)
-            begin = rule.drive(begin, end, started.rows, self._progress, self._draws, *arguments)
+            for parameter in rule.tables if rule.room else ():
+                self._table(parameter).reserve(rule.room)
+            given = begin, end, started.rows, self._progress, self._draws
+            if rule.as_python:
+                begin = rule.interpret(*given, self._seen_by_python(started))
+            else:
+                begin = rule.compiled()(*given, *self._all_arguments(started))
 
     def close(self) -> None:
         """Write everything back to the space and its stream."""
@@ -327,12 +333,12 @@ class OpenedSpace:
                 arguments.append(self._number(parameter))
             else:
                 arguments += self._arguments(parameter, started.rule)
-        return arguments
+        return [*arguments, *started.rule.lists()]
 
     def _arguments(self, parameter: RuleParameter, rule: SpaceRule) -> list[Any]:
         """The arguments for a parameter that is neither a table nor a number."""
         if parameter.draws:
-            return [self._draws]
+            return []
         if parameter.type is CellGrid:
             return [*self._lattice[:3]]
         if parameter.type is Edges:
@@ -341,6 +347,37 @@ class OpenedSpace:
         only_read = parameter.name in rule.only_read
         matrices = self._matrices
         return [(matrices.to_read if only_read else matrices.to_change)(parameter.name)]
+
+    def _seen_by_python(self, started: _Started) -> list[Any]:
+        """The arguments of a rule that runs as Python."""
+        arguments: list[Any] = []
+        for parameter in started.rule.parameters:
+            name = parameter.name
+            if parameter.draws:
+                arguments.append(self._draws)
+            elif parameter.number:
+                arguments.append(self._number(parameter))
+            elif parameter.type is CellGrid:
+                arguments.append(self._lattice)
+            elif parameter.type is Edges:
+                edges = zip(Edges._fields, self._opened_edges(parameter), strict=True)
+                arguments.append(Edges(*[_guarded(f"{name}.{part}", a) for part, a in edges]))
+            elif parameter.table is not None:
+                table = started.before if name == BEFORE else self._table(parameter)
+                assert isinstance(table, Opened)
+                if name != BEFORE:
+                    table.enlist()
+                arguments.append(table.table(name))
+            elif name == BEFORE:
+                assert isinstance(started.before, list)
+                arguments.append(_guarded(name, started.before[0]))
+            else:
+                (array,) = self._arguments(parameter, started.rule)
+                if name in started.rule.only_read:
+                    array = array.view()
+                    array.flags.writeable = False
+                arguments.append(_guarded(name, array))
+        return arguments
 
     def _number(self, parameter: RuleParameter) -> Any:
         """The number for a parameter, passed to `run` or of the space."""
@@ -380,7 +417,7 @@ class OpenedSpace:
             vacant = None
             if not any(map(_TAKES_FREE_CELLS, self._rules)):
                 vacant = UNCOUNTED if any(map(_SEARCHES, self._rules)) else UNLISTED
-            room = max(map(_BIRTHS, self._rules))
+            room = max(map(_ROOM, self._rules))
             opened = Opened.of(
                 kind, matrix, self._lattice, extent, self._births, vacant=vacant, room=room
             )
@@ -397,3 +434,8 @@ class OpenedSpace:
         if parameter.array and not isinstance(value, np.ndarray):
             raise MisuseError(f"{self._space.kind.name}.{parameter.name} must be a matrix")
         return value  # pyright: ignore[reportUnknownVariableType]
+
+
+def _guarded(name: str, array: Any) -> Any:
+    """A whole array as a rule sees it that runs as Python."""
+    return Guarded(name, array, np.empty(0, np.int64), ALL)

@@ -1,1 +1,0 @@
-"""Methods for one agent as machine code: checks of their form, generated modules, their cache."""

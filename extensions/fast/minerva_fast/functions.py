@@ -1,0 +1,381 @@
+"""Functions that compiled code may call: builtins, `math`, `portable`, draws, and those of spaces.
+
+Each entry prints a call. Functions of `math` are those of the C library, as in Python; those of
+`portable` and of spaces are the project's own, compiled from the same source.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import numpy as np
+
+from minerva_bus import portable
+from minerva_bus.errors import nearest
+from minerva_fast import draws, places
+from minerva_fast.origin import CHOICES, FUNCTIONS_INSTEAD
+from minerva_fast.values import Chance, Grid, Kind, Table, Value, constant
+
+if TYPE_CHECKING:
+    from minerva_fast.expressions import Expressions
+
+Checked: TypeAlias = Callable[["Expressions", ast.Call, Sequence[Value]], Value]
+
+
+# --- draws ---
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """A method of `moment.chance`: its arguments, their defaults, and the kind of its results."""
+
+    kind: Kind
+    names: tuple[str, ...] = ()
+    defaults: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+DISTRIBUTIONS: Final = {
+    "random": Distribution(Kind.REAL),
+    "uniform": Distribution(Kind.REAL, ("low", "high"), {"low": 0.0, "high": 1.0}),
+    "integers": Distribution(Kind.INT, ("low", "high")),
+    "chance": Distribution(Kind.BOOL, ("probability",)),
+    "exponential": Distribution(Kind.REAL, ("mean",), {"mean": 1.0}),
+    "normal": Distribution(Kind.REAL, ("mean", "deviation"), {"mean": 0.0, "deviation": 1.0}),
+}
+
+
+def draw(check: Expressions, node: ast.Call, name: str, given: Sequence[ast.expr]) -> Value:
+    """A call of `moment.chance`, or of the same as a function for rules."""
+    known = DISTRIBUTIONS.get(name)
+    if known is None:
+        hint = nearest(name, list(DISTRIBUTIONS))
+        raise check.problem(node, f"moment.chance has no {name}{hint}", CHOICES.get(name, ""))
+    values = _arguments(check, node, name, known, given)
+    check.method.draws = True
+    if name == "exponential":
+        # As in Python: the negative of an int 0 is 0, which a conversion before would change.
+        values = [check.negative(node, values[0])]
+    texts = [
+        f"bound({each.text})" if name == "integers" else check.as_mixed(each).text
+        for each in values
+    ]
+    return Value(known.kind, f"draw_{name}({', '.join(['words', 'i', *texts])})")
+
+
+def _arguments(
+    check: Expressions,
+    node: ast.Call,
+    name: str,
+    known: Distribution,
+    arguments: Sequence[ast.expr],
+) -> list[Value]:
+    left = known.names[len(arguments) :]
+    named = [str(keyword.arg) for keyword in node.keywords]
+    if len(arguments) > len(known.names) or not {*named} <= {*left}:
+        listed = ", ".join(known.names)
+        what = f"these arguments; expected {listed}"
+        raise check.problem(node, what, f"write {name}(draws, {listed})" * check.method.rule)
+    # Arguments may draw, and Python evaluates them in the order in which they are written.
+    if named != sorted(named, key=left.index):
+        instead = f"write them as {', '.join(left)}"
+        raise check.problem(node, "named arguments in another order", instead)
+    given: dict[str, ast.expr] = dict(zip(known.names, arguments, strict=False))
+    given |= {str(keyword.arg): keyword.value for keyword in node.keywords}
+    values = {each: check.as_number(nodes, check.value(nodes)) for each, nodes in given.items()}
+    if known.kind is Kind.INT:
+        if any(value.kind is not Kind.INT for value in values.values()):
+            raise check.problem(node, "bounds that are not ints", "convert with int(...)")
+        if "high" not in values and "low" in values:
+            values = {"low": constant(Kind.INT, 0), "high": values["low"]}
+    for each, default in known.defaults.items():
+        values.setdefault(each, constant(Kind.REAL, default))
+    missing = [each for each in known.names if each not in values]
+    if missing:
+        raise check.problem(node, f"the argument {missing[0]} is missing")
+    return [values[each] for each in known.names]
+
+
+# --- functions of numbers ---
+
+
+def _numbers(
+    check: Expressions, node: ast.Call, arguments: Sequence[Value], least: int, most: int
+) -> list[Value]:
+    if not least <= len(arguments) <= most:
+        wanted = f"{least}" if least == most else f"{least} to {most}"
+        raise check.problem(node, f"{len(arguments)} arguments; expected {wanted}")
+    return [check.as_number(node, argument) for argument in arguments]
+
+
+def _reals(count: int, function: str, kind: Kind = Kind.REAL) -> Checked:
+    """A function of reals."""
+
+    def checked(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
+        reals = map(check.as_real, _numbers(check, node, arguments, count, count))
+        return Value(kind, f"{function}({', '.join([each.text for each in reals])})")
+
+    return checked
+
+
+def _times(factor: float) -> Checked:
+    def checked(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
+        (value,) = _numbers(check, node, arguments, 1, 1)
+        return Value(Kind.REAL, f"({check.as_real(value).text} * {factor!r})")
+
+    return checked
+
+
+def _whole(function: str) -> Checked:
+    """A conversion of a real to an int; an int stays as it is."""
+
+    def checked(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
+        (value,) = _numbers(check, node, arguments, 1, 1)
+        return value if value.kind is Kind.INT else Value(Kind.INT, f"{function}({value.text})")
+
+    return checked
+
+
+def _round(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
+    if len(arguments) != 1:
+        instead = "round(100 * x) / 100, if that is precise enough"
+        raise check.problem(node, "round with a number of digits", instead)
+    return _whole("round_real")(check, node, arguments)
+
+
+def _real(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
+    (value,) = _numbers(check, node, arguments, 1, 1)
+    return Value(Kind.REAL, f"float64({value.text})")
+
+
+def _bool(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
+    if len(arguments) != 1:
+        raise check.problem(node, f"{len(arguments)} arguments; expected 1")
+    return check.as_truth(arguments[0])
+
+
+def _absolute(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
+    (value,) = _numbers(check, node, arguments, 1, 1)
+    function = "absolute" if value.kind is Kind.INT else "math.fabs"
+    return Value(value.kind, f"{function}({value.text})")
+
+
+def _extreme(function: str) -> Checked:
+    """`min` or `max` of several numbers; as in Python, the first one of equals or of nans."""
+
+    def checked(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
+        if len(arguments) < 2:
+            instead = "write a for loop, or name two values or more"
+            raise check.problem(node, f"{function} of one value", instead)
+        if any(argument.kind is Kind.BOOL for argument in arguments):
+            raise check.problem(node, f"{function} of bools", "write `and` or `or`")
+        kind, values = check.alike(node, _numbers(check, node, arguments, 2, 100))
+        chosen = values[0].text
+        for value in values[1:]:
+            chosen = f"{function}imum({chosen}, {value.text})"
+        return Value(kind, chosen)
+
+    return checked
+
+
+OF_MATH: Final = (
+    "acos", "asin", "atan", "cos", "cosh", "exp", "expm1", "log", "log10", "log1p", "sin", "sinh",
+    "sqrt", "tan", "tanh",
+)  # fmt: skip
+"""Functions of `math` of one real, with a finite result for a finite argument or an error."""
+
+OF_PORTABLE: Final = (
+    "acos", "asin", "atan", "cos", "exp", "expm1", "log", "log10", "log1p", "log2", "sin", "tan",
+    "tanh",
+)  # fmt: skip
+
+FUNCTIONS: Final[dict[Any, Checked]] = {
+    abs: _absolute,
+    bool: _bool,
+    float: _real,
+    int: _whole("truncate"),
+    max: _extreme("max"),
+    min: _extreme("min"),
+    round: _round,
+    math.atan2: _reals(2, "math_atan2"),
+    math.ceil: _whole("ceiling"),
+    math.copysign: _reals(2, "math.copysign"),
+    math.degrees: _times(180.0 / math.pi),
+    math.fabs: _reals(1, "math.fabs"),
+    math.floor: _whole("floor"),
+    math.fmod: _reals(2, "math_fmod"),
+    math.isfinite: _reals(1, "math.isfinite", Kind.BOOL),
+    math.isinf: _reals(1, "math.isinf", Kind.BOOL),
+    math.isnan: _reals(1, "math.isnan", Kind.BOOL),
+    math.radians: _times(math.pi / 180.0),
+    math.trunc: _whole("truncate"),
+    portable.atan2: _reals(2, "portable_atan2"),
+    portable.hypot: _reals(2, "portable_hypot"),
+    portable.power: _reals(2, "portable_power"),
+    **{getattr(math, name): _reals(1, f"math_{name}") for name in OF_MATH},
+    **{getattr(portable, name): _reals(1, f"portable_{name}") for name in OF_PORTABLE},
+}
+
+
+# --- functions of spaces ---
+
+OfRules: TypeAlias = Callable[["Expressions", ast.Call], tuple[Kind | None, str, bool]]
+_KINDS: Final[Mapping[str, Kind | None]] = {
+    "int": Kind.INT, "float": Kind.REAL, "bool": Kind.BOOL, "None": None
+}  # fmt: skip
+_SHAPES: Final = {"CellGrid": "the shape of a lattice", "Edges": "a graph"}
+
+
+def _draws(name: str) -> OfRules:
+    """A draw as a function, whose first argument is the stream."""
+
+    def checked(check: Expressions, node: ast.Call) -> tuple[Kind | None, str, bool]:
+        if not node.args or not isinstance(check.reference(node.args[0]), Chance):
+            instead = f"write {name}(draws, ...)"
+            raise check.problem(node, f"{name} without the parameter of type Draws", instead)
+        made = draw(check, node, name, node.args[1:])
+        return made.kind, made.text, False
+
+    return checked
+
+
+def _shuffle(check: Expressions, node: ast.Call) -> tuple[Kind | None, str, bool]:
+    items = check.items(node.args[1]) if len(node.args) == 2 else None
+    if items is None or items.owner or items.kind is not Kind.INT:
+        raise check.problem(node, "these arguments of shuffle", "write shuffle(draws, rows)")
+    check.use(items.text)
+    check.method.draws = True
+    check.method.called[draws.shuffle] = None
+    return None, f"shuffle(words, {items.text})", False
+
+
+def _of_space(function: FunctionType) -> OfRules:
+    """A function of `places`, with arguments as its annotations say."""
+    signature = inspect.signature(function)
+
+    def checked(check: Expressions, node: ast.Call) -> tuple[Kind | None, str, bool]:
+        try:
+            given = signature.bind(*node.args, **{str(w.arg): w.value for w in node.keywords})
+        except TypeError as error:
+            called = f"{function.__name__}({', '.join(signature.parameters)})"
+            raise check.problem(node, f"this call: {error}", f"write {called}") from None
+        table, own, texts = None, False, list[str]()
+        for name, argument in given.arguments.items():
+            wanted = str(signature.parameters[name].annotation)
+            if wanted == "Any":
+                table = _table(check, node, argument)
+                texts.append(f"t_{table.name}")
+            elif name == "i" and table is not None:
+                value = _number(check, argument, wanted)
+                own = value.text == "v_own"
+                texts.append(_row(check, table, value))
+            else:
+                texts.append(_argument(check, argument, wanted))
+        if table is not None:
+            _note(check, node, function, table, own=own)
+        check.method.called[function] = None
+        result = _KINDS[str(signature.return_annotation)]
+        return result, f"{function.__name__}({', '.join(texts)})", function is places.copy
+
+    return checked
+
+
+def _table(check: Expressions, node: ast.AST, argument: ast.expr) -> Table:
+    table = check.reference(argument) if isinstance(argument, ast.Name) else None
+    if not isinstance(table, Table):
+        raise check.problem(argument, "this argument", "name the parameter that is a table")
+    check.use(f"t_{table.name}")
+    return table
+
+
+def _row(check: Expressions, table: Table, value: Value) -> str:
+    """A row of a table, which must exist."""
+    if value.text == "v_own":
+        return value.text
+    check.use(f"n_{table.name}")
+    return f"int64(existing({value.text}, n_{table.name}[{places.ROWS}]))"
+
+
+def _number(check: Expressions, argument: ast.expr, wanted: str) -> Value:
+    value = check.as_number(argument, check.value(argument))
+    if wanted == "float":
+        return check.as_real(value)
+    if value.kind is not Kind.INT:
+        raise check.problem(argument, f"{value.kind.value} here", "write int(...)")
+    return value
+
+
+def _argument(check: Expressions, argument: ast.expr, wanted: str) -> str:
+    if wanted == "Draws":
+        if not isinstance(check.reference(argument), Chance):
+            raise check.problem(argument, "this argument", "name the parameter of type Draws")
+        check.method.draws = True
+        return "words"
+    if wanted in _SHAPES:
+        shape = check.reference(argument)
+        if not isinstance(shape, Grid) or shape.type.__name__ != wanted:
+            what = f"this argument, in place of {_SHAPES[wanted]}"
+            raise check.problem(argument, what, f"name a parameter of type {wanted}")
+        return check.use(shape.text).text
+    return _number(check, argument, wanted).text
+
+
+def _note(
+    check: Expressions, node: ast.AST, function: FunctionType, table: Table, *, own: bool
+) -> None:
+    """Note what a function does with the positions of a table."""
+    writes = function in places.CHANGES
+    if writes and table.name == "before":
+        instead = "change the subject of the rule: before is the state before it"
+        raise check.problem(node, f"{function.__name__} of `before`", instead)
+    for column in ("cell", "x", "y"):
+        check.note(node, table.name, column, own=own, writes=writes)
+    if writes and not own:
+        # The row may have been activated before, or may be activated later.
+        check.note(node, table.name, ANY, own=False)
+
+
+ANY: Final = "*"
+"""In place of a column: all of them."""
+ARRAYS: Final = (np.zeros, np.ones, np.full)
+"""Functions that make a list of numbers."""
+FUNCTIONS_OF_RULES: Final[dict[Any, OfRules]] = {
+    draws.shuffle: _shuffle,
+    **{getattr(draws, name): _draws(name) for name in DISTRIBUTIONS},
+    **{function: _of_space(function) for function in places.FUNCTIONS},
+}
+
+
+def instead_of(name: str, rule: bool, function: Any = None) -> str:
+    """What to write in place of a function that has no machine code."""
+    last = name.rpartition(".")[2]
+    if rule and _is_random(function):
+        return "draw numbers from the parameter of type Draws: random(draws), integers(draws, 6)"
+    if last in FUNCTIONS_INSTEAD:
+        return FUNCTIONS_INSTEAD[last]
+    if last in ("power", "float_power"):
+        return "write portable.power(x, y)"
+    if getattr(function, "__module__", "") == "time":
+        return FUNCTIONS_INSTEAD["time"]
+    if isinstance(function, type) and issubclass(function, np.generic):
+        return "write int(...) or float(...)"
+    if last.startswith("empty"):
+        return "write np.zeros(n): an empty array has any values"
+    renamed = f"a{last[3:]}" if last.startswith("arc") else last
+    for module in (portable, math, builtins):
+        if getattr(module, renamed, None) in FUNCTIONS:
+            owner = "" if module is builtins else f"{module.__name__.rpartition('.')[2]}."
+            return f"use {owner}{renamed}"
+    return "compute it with numbers and operators"
+
+
+def _is_random(function: Any) -> bool:
+    owner: object = getattr(function, "__self__", None)
+    modules = str(getattr(function, "__module__", "")), type(owner).__module__
+    return any(each.startswith(("random", "numpy.random", "secrets")) for each in modules)

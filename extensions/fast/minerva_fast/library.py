@@ -1,0 +1,504 @@
+"""Arithmetic, functions and draws that generated modules use, compiled by numba.
+
+They raise an error, a fault, where Python raises one or has a result that machine code cannot hold.
+A number that is an int in one case and a real in another is held as a real: results are equal in
+both cases, or a fault. `portable`, the draws and the functions of spaces are compiled from their
+own source. Imports numba, so only generated modules import this one.
+"""
+
+# numba has no types of its own.
+# pyright: basic
+# pyright: reportAttributeAccessIssue=false, reportMissingTypeStubs=false
+
+from __future__ import annotations
+
+import math
+from types import FunctionType
+from typing import Any, Final
+
+import numpy as np
+from numba import (  # (names of generated modules)
+    boolean,  # noqa: F401
+    float64,  # noqa: F401
+    int16,  # noqa: F401
+    int64,  # noqa: F401
+    njit,
+    types,
+    uint8,  # noqa: F401
+    uint64,  # noqa: F401
+)
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from minerva_bus import portable
+from minerva_bus.portable import distributions, exponentials, logarithms, trigonometry
+from minerva_fast import draws, places
+from minerva_fast.functions import OF_MATH
+from minerva_fast.machine_code import NUMBA_OPTIONS
+from minerva_fast.places import CellGrid, Edges, FieldGrid, FieldRows, LatticeRows  # noqa: F401
+
+compiled: Any = njit(**NUMBA_OPTIONS)
+inlined: Any = njit(**NUMBA_OPTIONS, forceinline=True)
+
+NAN: Final = math.nan
+INFINITY: Final = math.inf
+LEAST_INT: Final = -(2**63)
+_EXACT: Final = 2**53
+_TOP: Final = 9223372036854775808.0
+
+
+def kernel(signature: Any) -> Any:
+    """Compile a kernel for one signature, and keep the machine code beside its module."""
+    return njit(signature, cache=True, nogil=True, **NUMBA_OPTIONS)
+
+
+def read_only(item: Any) -> Any:
+    """The type of an array of one dimension that the kernel only reads, of any layout."""
+    return types.Array(item, 1, "A", readonly=True)
+
+
+def cells(item: Any, dimensions: int, only_read: bool) -> Any:
+    """The type of an array of a space."""
+    return types.Array(item, dimensions, "C", readonly=only_read)
+
+
+# --- indices and ints: an instruction and a branch, without a call ---
+
+
+def _leave_if(context: Any, builder: Any, fault: Any, error: type[Exception]) -> None:
+    with cgutils.if_unlikely(builder, fault):
+        context.call_conv.return_user_exc(builder, error, ("no result in machine code",))
+
+
+def _with_overflow(instruction: str) -> Any:
+    @intrinsic
+    def operate(_: Any, a: Any, b: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            made = getattr(builder, instruction)(*arguments)
+            _leave_if(context, builder, builder.extract_value(made, 1), OverflowError)
+            return builder.extract_value(made, 0)
+
+        return types.int64(types.int64, types.int64), generate
+
+    return operate
+
+
+add: Final = _with_overflow("sadd_with_overflow")
+subtract: Final = _with_overflow("ssub_with_overflow")
+multiply: Final = _with_overflow("smul_with_overflow")
+
+
+@intrinsic
+def _existing(_: Any, index: Any, length: Any) -> Any:
+    """An index from 0 to `length` - 1, unsigned, so that it is not counted from the end."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        index, length = arguments
+        _leave_if(context, builder, builder.icmp_unsigned(">=", index, length), IndexError)
+        return index
+
+    return types.uint64(types.int64, types.int64), generate
+
+
+existing: Any = _existing
+
+
+@intrinsic
+def sure(_: Any, index: Any) -> Any:
+    """An index that is known to exist."""
+    return types.uint64(types.int64), lambda context, builder, signature, arguments: arguments[0]
+
+
+@inlined
+def place(index: int, length: int) -> Any:
+    """An index of a list, counted from its start."""
+    return existing(index + length if index < 0 else index, length)
+
+
+@intrinsic
+def short(_: Any, number: Any) -> Any:
+    """An int that fits into a cell."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = context.cast(builder, arguments[0], types.int64, types.int16)
+        back = context.cast(builder, made, types.int16, types.int64)
+        lost = builder.icmp_signed("!=", back, arguments[0])
+        _leave_if(context, builder, lost, OverflowError)
+        return made
+
+    return types.int16(types.int64), generate
+
+
+@inlined
+def exact(number: int) -> float:
+    """An int as a real of the same value."""
+    if not -_EXACT <= number <= _EXACT:
+        raise OverflowError
+    return float(number)
+
+
+@inlined
+def bound(number: int) -> int:
+    """An int below 2^53, as bounds of draws are."""
+    if not -_EXACT <= number <= _EXACT:
+        raise OverflowError
+    return number
+
+
+@inlined
+def turns(progress: Any, start: int, stop: int, step: int, most: int) -> None:
+    """Count the turns of a loop."""
+    count = (float(stop) - float(start)) / step
+    if count > 0:
+        progress[draws.TURNS] += int(min(count, 1e18))
+        if progress[draws.TURNS] > most:
+            raise RuntimeError
+
+
+@compiled
+def floor_divide(a: int, b: int) -> int:
+    """`a // b`."""
+    if b == 0 or (b == -1 and a == LEAST_INT):
+        raise ZeroDivisionError
+    return a // b
+
+
+@compiled
+def modulo(a: int, b: int) -> int:
+    """`a % b`."""
+    if b == 0:
+        raise ZeroDivisionError
+    return a % b if b != -1 else 0
+
+
+@compiled
+def power_of_ints(base: int, exponent: int) -> int:
+    """`base ** exponent` with an exponent from 0 up, within 64 bits."""
+    result = 1
+    for _ in range(min(exponent, 64 + exponent % 2) if -1 <= base <= 1 else exponent):
+        result = multiply(result, base)
+    return result
+
+
+@compiled
+def shift_left(number: int, bits: int) -> int:
+    """`number << bits` within 64 bits."""
+    if not (0 <= bits < 62 and -(1 << (62 - bits)) <= number < (1 << (62 - bits))):
+        raise OverflowError
+    return number << bits
+
+
+@compiled
+def shift_right(number: int, bits: int) -> int:
+    """`number >> bits`."""
+    if bits < 0:
+        raise ValueError
+    return number >> min(bits, 63)
+
+
+@inlined
+def absolute(number: int) -> int:
+    """`abs(number)`."""
+    return subtract(0, number) if number < 0 else number
+
+
+# --- reals ---
+
+
+@compiled
+def floor_divide_reals(a: float, b: float) -> float:
+    """`a // b`, by the steps of CPython's `float_divmod`."""
+    if b == 0.0 or not (math.isfinite(a) and math.isfinite(b)):
+        raise ZeroDivisionError
+    rest = np.fmod(a, b)
+    quotient = (a - rest) / b
+    if rest != 0.0 and (b < 0.0) != (rest < 0.0):
+        quotient -= 1.0
+    if quotient == 0.0:
+        return math.copysign(0.0, a / b)
+    whole = np.floor(quotient)
+    return whole + 1.0 if quotient - whole > 0.5 else whole
+
+
+@compiled
+def modulo_reals(a: float, b: float) -> float:
+    """`a % b`, by the steps of CPython's `float_rem`."""
+    if b == 0.0 or not (math.isfinite(a) and math.isfinite(b)):
+        raise ZeroDivisionError
+    rest = np.fmod(a, b)
+    if rest == 0.0:
+        return math.copysign(0.0, b)
+    return rest + b if (b < 0.0) != (rest < 0.0) else rest
+
+
+@compiled
+def power(base: float, exponent: float) -> float:
+    """`base ** exponent` by the C library."""
+    # The product is 0, which the compiler does not know: it would replace x ** 2.0 by x * x, which
+    # may differ in the last bit. Without its bits, infinity and nan are faults.
+    result = math.pow(base, exponent + base * 0.0)
+    if not math.isfinite(result) or (base == 0.0 and exponent < 0.0):
+        raise OverflowError
+    return result
+
+
+@inlined
+def whole_number(number: float) -> float:
+    """A real that an int of 64 bits can hold, without its fraction."""
+    if not -_TOP < number < _TOP:
+        raise OverflowError
+    return number
+
+
+@inlined
+def truncate(number: float) -> int:
+    """`int(number)`."""
+    return int(whole_number(number))
+
+
+@inlined
+def floor(number: float) -> int:
+    """`math.floor(number)`."""
+    return int(np.floor(whole_number(number)))
+
+
+@inlined
+def ceiling(number: float) -> int:
+    """`math.ceil(number)`."""
+    return int(np.ceil(whole_number(number)))
+
+
+@compiled
+def round_real(number: float) -> int:
+    """`round(number)`: to the nearest int, and of two to the even one."""
+    whole = np.floor(whole_number(number))
+    rest = number - whole
+    if rest > 0.5 or (rest == 0.5 and whole % 2.0 != 0.0):
+        whole += 1.0
+    return int(whole)
+
+
+@inlined
+def minimum(a: Any, b: Any) -> Any:
+    """`min(a, b)`: also with nan the argument that Python chooses."""
+    return b if b < a else a
+
+
+@inlined
+def maximum(a: Any, b: Any) -> Any:
+    """`max(a, b)`."""
+    return b if b > a else a
+
+
+@inlined
+def within(number: float, least: float, most: float) -> bool:
+    """Whether a number may be stored: finite and in the range of its type."""
+    return math.isfinite(number) and least <= number <= most
+
+
+# --- numbers that are an int in one case and a real in another ---
+
+
+@compiled
+def is_real(number: float) -> bool:
+    """Whether a number that may be an int held as a real is certainly a real."""
+    negative_zero = number == 0.0 and math.copysign(1.0, number) < 0.0
+    return negative_zero or not abs(number) <= _EXACT or number != np.floor(number)
+
+
+@compiled
+def either(result: float, a: float, b: float) -> float:
+    """The result of an operator on `a` and `b`, which must be that of ints, too, if both may be.
+
+    Ints have no -0.0, and further digits where reals are rounded.
+    """
+    negative_zero = result == 0.0 and math.copysign(1.0, result) < 0.0
+    if (negative_zero or abs(result) >= _EXACT) and not (is_real(a) or is_real(b)):
+        raise OverflowError
+    return result
+
+
+@compiled
+def add_mixed(a: float, b: float) -> float:
+    """`a + b`."""
+    return either(a + b, a, b)
+
+
+@compiled
+def subtract_mixed(a: float, b: float) -> float:
+    """`a - b`."""
+    return either(a - b, a, b)
+
+
+@compiled
+def multiply_mixed(a: float, b: float) -> float:
+    """`a * b`."""
+    return either(a * b, a, b)
+
+
+@compiled
+def floor_divide_mixed(a: float, b: float) -> float:
+    """`a // b`."""
+    return either(floor_divide_reals(a, b), a, b)
+
+
+@compiled
+def modulo_mixed(a: float, b: float) -> float:
+    """`a % b`."""
+    return either(modulo_reals(a, b), a, b)
+
+
+@compiled
+def power_mixed(base: float, exponent: float) -> float:
+    """`base ** exponent` with an exponent from 0 up; the C library has exact powers of ints."""
+    return either(power(base, exponent), base, exponent)
+
+
+# --- functions of `math` and `portable` ---
+
+
+def _of_math(function: Any) -> Any:
+    """A function of `math`; a result or argument that is not finite is a fault."""
+
+    @compiled
+    def call(number: float) -> float:
+        # Outside its domain Python raises an error, where the C library returns nan or infinity.
+        result = function(number) if math.isfinite(number) else math.nan
+        if not math.isfinite(result):
+            raise ValueError
+        return result
+
+    return call
+
+
+globals().update({f"math_{name}": _of_math(getattr(math, name)) for name in OF_MATH})
+
+
+@inlined
+def math_sqrt(number: float) -> float:
+    """`math.sqrt(number)`."""
+    if not 0.0 <= number < math.inf:
+        raise ValueError
+    return math.sqrt(number)
+
+
+@compiled
+def math_atan2(y: float, x: float) -> float:
+    """`math.atan2(y, x)`."""
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError
+    return math.atan2(y, x)
+
+
+@compiled
+def math_fmod(x: float, y: float) -> float:
+    """`math.fmod(x, y)`."""
+    if y == 0.0 or not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError
+    return np.fmod(x, y)
+
+
+@compiled
+def _too_far(x: float) -> tuple[int, float, float]:
+    """In place of the reduction of huge angles, which needs ints of any length."""
+    raise ValueError
+
+
+_OURS: Final = (portable.__name__, places.__name__, draws.__name__)
+_forms: dict[Any, Any] = {trigonometry.far: _too_far, places.sure: sure}
+
+
+def form(function: Any) -> Any:
+    """A function of this project, and those of it that it calls, compiled for one number."""
+    one: FunctionType = getattr(function, "one", function)
+    if one not in _forms:
+        scope = dict(one.__globals__)
+        for name in one.__code__.co_names:
+            value = scope.get(name)
+            if isinstance(value, FunctionType) and value.__module__.startswith(_OURS):
+                scope[name] = form(value)
+        # Calls of functions of spaces would pass each array of a table as seven numbers.
+        compile_ = compiled if one.__module__.startswith(portable.__name__) else inlined
+        _forms[one] = compile_(FunctionType(one.__code__, scope, one.__name__, one.__defaults__))
+    return _forms[one]
+
+
+def of_space(name: str) -> Any:
+    """The form of a function for rules."""
+    return form(getattr(places, name, None) or getattr(draws, name))
+
+
+def _within(function: Any, least: float, most: float) -> Any:
+    """A function of `portable` for arguments in an open interval; others are faults."""
+    inner = form(function)
+
+    @compiled
+    def call(number: float) -> float:
+        if not least < number < most:
+            raise ValueError
+        return inner(number)
+
+    return call
+
+
+_FAR: Final = 1.6e6
+_BIG: Final = 1.7e308
+_ONE: Final = math.nextafter(1.0, 2.0)
+_atan2: Final = form(portable.atan2)
+_hypot: Final = form(portable.hypot)
+_power: Final = form(portable.power)
+portable_acos: Final = _within(trigonometry.acos_one, -_ONE, _ONE)
+portable_asin: Final = _within(trigonometry.asin_one, -_ONE, _ONE)
+portable_atan: Final = _within(trigonometry.atan_one, -_BIG, _BIG)
+portable_cos: Final = _within(trigonometry.cos_one, -_FAR, _FAR)
+portable_exp: Final = _within(exponentials.exp_one, -740.0, 709.0)
+portable_expm1: Final = _within(exponentials.expm1_one, -740.0, 709.0)
+portable_log: Final = _within(logarithms.log_one, 0.0, _BIG)
+portable_log10: Final = _within(logarithms.log10_one, 0.0, _BIG)
+portable_log1p: Final = _within(logarithms.log1p_one, -1.0, _BIG)
+portable_log2: Final = _within(logarithms.log2_one, 0.0, _BIG)
+portable_sin: Final = _within(trigonometry.sin_one, -_FAR, _FAR)
+portable_tan: Final = _within(trigonometry.tan_one, -_FAR, _FAR)
+portable_tanh: Final = _within(exponentials.tanh_one, -_BIG, _BIG)
+
+
+@compiled
+def portable_atan2(y: float, x: float) -> float:
+    """`portable.atan2(y, x)`."""
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError
+    return _atan2(y, x)
+
+
+@compiled
+def portable_hypot(x: float, y: float) -> float:
+    """`portable.hypot(x, y)`."""
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError
+    return _hypot(x, y)
+
+
+@compiled
+def portable_power(base: float, exponent: float) -> float:
+    """`portable.power(base, exponent)`, for positive bases and results of usual size."""
+    if not (0.0 < base < math.inf and abs(exponent) * abs(math.log(base)) < 700.0):
+        raise ValueError
+    return _power(base, exponent)
+
+
+# --- draws: the next number of word `i` of a stream ---
+
+draw_random: Final = form(distributions.draw_random)
+draw_uniform: Final = form(distributions.draw_uniform)
+draw_chance: Final = form(distributions.draw_chance)
+draw_exponential: Final = form(distributions.draw_exponential)
+draw_normal: Final = form(distributions.draw_normal)
+_integers: Final = form(distributions.draw_integers)
+
+
+@inlined
+def draw_integers(words: Any, i: int, low: int, high: int) -> int:
+    """An int in [low, high)."""
+    if high <= low:
+        raise ValueError
+    return _integers(words, i, low, high)

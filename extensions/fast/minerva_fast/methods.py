@@ -1,0 +1,202 @@
+"""The checked form of a method or view for one agent: from its function to a `Program`.
+
+Where every result of one form of a view has the same attribute or id as a parameter, its column is
+that of the agents, so the kernel does not append it, and does not get it if nothing else in the
+view depends on it.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import EventType
+from minerva_bus.user_code import variables_of
+from minerva_bus.world.class_declaration import NotCompilable
+from minerva_fast.origin import Origin
+from minerva_fast.printing import Program, printed
+from minerva_fast.results import MethodResults, ViewResults
+from minerva_fast.statements import Results, Statements
+from minerva_fast.values import (
+    DECLARED,
+    AgentItself,
+    Append,
+    Attribute,
+    EventItself,
+    Kind,
+    Line,
+    Method,
+    Moment,
+    Output,
+    Reference,
+    Scope,
+    Shown,
+    Slot,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedMethod:
+    """A program, and what was collected of its method."""
+
+    program: Program
+    method: Method
+
+
+def checked_methods(
+    cls: Any, methods: Mapping[str, Callable[..., Any]], together: frozenset[str]
+) -> dict[str, CheckedMethod]:
+    """The programs of a class's compiled methods by event type. Raises NotCompilable.
+
+    Args:
+        cls: the agent class; its `kind` has the attributes.
+        methods: by event type.
+        together: event types whose method takes all events of an agent in a frame at once.
+
+    """
+    types = {field.name: field.type for field in cls.kind.fields.all}
+    kinds, int_lines = _kinds_of_attributes(cls, types), dict[str, int]()
+    while True:
+        before, checked = dict(kinds), dict[str, CheckedMethod]()
+        for event_type, function in sorted(methods.items()):
+            declared = _event_type_of(function, event_type)
+            method = Method(cls, types, kinds, declared, int_lines)
+            meanings = AgentItself(), EventItself(event_type in together), Moment()
+            made = _checked(method, event_type, function, meanings, MethodResults())
+            checked[event_type] = made
+        # A method has set a real attribute to an int: those before it must know.
+        if kinds == before:
+            return checked
+
+
+def checked_views(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> dict[str, CheckedMethod]:
+    """The programs of a class's compiled views by event type. Raises NotCompilable."""
+    types = {field.name: field.type for field in cls.kind.fields.all}
+    checked = dict[str, CheckedMethod]()
+    for event_type, function in sorted(methods.items()):
+        kinds = _kinds_of_attributes(cls, types)
+        method = Method(cls, types, kinds, _event_type_of(function, event_type))
+        meanings = AgentItself(), EventItself()
+        checked[event_type] = _checked(method, event_type, function, meanings, ViewResults())
+    return checked
+
+
+def _kinds_of_attributes(cls: Any, types: Mapping[str, Type]) -> dict[str, Kind]:
+    """The kinds of a class's attributes. Raises NotCompilable."""
+    for name, declared in types.items():
+        if declared.kind not in DECLARED:
+            raise NotCompilable(
+                f"{cls.__name__} has compiled methods, so its attributes must be numbers, bools or"
+                f" texts; {name} is a {declared}"
+            )
+    return {name: DECLARED[declared.kind] for name, declared in types.items()}
+
+
+def _event_type_of(function: Callable[..., Any], name: str) -> EventType | None:
+    """The event type of a name in the module of a function, which has the types of its data."""
+    scope: Mapping[str, Any] = getattr(function, "__globals__", {})
+    for value in (*scope.values(), *variables_of(function).values()):
+        if isinstance(value, EventType) and value.name == name:
+            return value
+    return None
+
+
+_PARAMETERS: Final = ("self", "event", "moment")
+
+
+def _checked(
+    method: Method,
+    event_type: str,
+    function: Callable[..., Any],
+    meanings: Sequence[Reference],
+    results: Results,
+) -> CheckedMethod:
+    origin = Origin.of(function)
+    names = [
+        parameter.name
+        for parameter in inspect.signature(origin.function).parameters.values()
+        if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
+    ]
+    if len(names) != len(meanings):
+        what = f"parameters other than ({', '.join(_PARAMETERS[: len(meanings)])})"
+        raise origin.problem(origin.tree, what, f"take exactly these {len(meanings)}")
+    scope = Scope(origin, dict(zip(names, meanings, strict=True)))
+    body = Statements(method, scope, results).function()
+    body, outputs = _with_shared(body, method.outputs)
+    program = _program(f"{origin.name} at {event_type}", method, body, outputs)
+    return CheckedMethod(replace(program, text=printed(program, method, body)), method)
+
+
+def _program(
+    title: str, method: Method, body: Sequence[Line], outputs: Sequence[Output]
+) -> Program:
+    """What was collected of a method, without its text."""
+    used = set(re.findall(r"\b[ag]_\w+", str([*body, *method.helpers.values()])))
+    attributes = {
+        name: Attribute(
+            name,
+            method.kinds[name],
+            method.types[name],
+            tuple([method.code(w) for w in method.types[name].words or ()]),
+        )
+        for name in sorted(method.reads)
+        if f"a_{name}" in used or name in method.writes
+    }
+    return Program(
+        title=title,
+        text="",
+        reads=tuple(attributes.values()),
+        writes=tuple([attributes[name] for name in sorted(method.writes)]),
+        data=tuple([Slot(*each) for each in sorted(method.data.items())]),
+        given=tuple(
+            [Slot(*each) for each in sorted(method.given.items()) if f"g_{each[0]}" in used]
+        ),
+        draws=method.draws,
+        outputs=tuple(outputs),
+        lists=tuple(method.lists.values()),
+        texts=tuple(method.texts),
+    )
+
+
+def _with_shared(
+    body: Sequence[Line], outputs: Sequence[Output]
+) -> tuple[list[Line], list[Output]]:
+    """The lines and outputs of a view whose outputs share the columns of attributes."""
+    shared = {
+        index: _same(output, [e for e in body if isinstance(e, Append) and e.output == index])
+        for index, output in enumerate(outputs)
+        if isinstance(output, Shown)
+    }
+    made = list[Line]()
+    for line in body:
+        if isinstance(line, Append) and line.output in shared:
+            names = [slot.name for slot in outputs[line.output].slots]
+            pairs = zip(names, line.values, strict=True)
+            kept = [value for name, value in pairs if name not in shared[line.output]]
+            line = replace(line, values=tuple(kept))
+        made.append(line)
+    return made, [_sharing(output, shared.get(at, {})) for at, output in enumerate(outputs)]
+
+
+def _sharing(output: Output, shared: Mapping[str, str]) -> Output:
+    if not isinstance(output, Shown):
+        return output
+    slots = tuple([slot for slot in output.slots if slot.name not in shared])
+    return replace(output, slots=slots, shared=tuple(shared.items()))
+
+
+def _same(output: Shown, appended: Sequence[Append]) -> dict[str, str]:
+    """The slots that have the same attribute or id in all results."""
+    same = dict[str, str]()
+    for at, slot in enumerate(output.slots):
+        names = {line.values[at].variable for line in appended}
+        name = names.pop() if len(names) == 1 else ""
+        if name.startswith("a_"):
+            same[slot.name] = name.removeprefix("a_")
+        elif name == "g_id":
+            same[slot.name] = "id"
+    return same

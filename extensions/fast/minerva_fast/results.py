@@ -1,0 +1,476 @@
+"""What methods of agents, views and rules return, and the statements that only they have.
+
+A value of a field of a newborn or an emitted event is checked against its declared type. The result
+of a view is a string of primitives and transformations: each `return` has a *template*, a string
+whose parameters are values of the row, which rows append to the output of the template.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, cast
+
+from minerva_bus.grammar.fields import Field, Fields
+from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import AgentKind, EventType, Primitive, Transformation
+from minerva_fast.expressions import is_empty
+from minerva_fast.statements import FAULT, Statements
+from minerva_fast.values import (
+    DECLARED,
+    AgentItself,
+    Append,
+    Emission,
+    Figure,
+    Finish,
+    Kind,
+    Known,
+    Line,
+    Moment,
+    Newborn,
+    Output,
+    Shown,
+    Slot,
+    Value,
+    constant,
+    indented,
+    variable,
+)
+
+_BIRTHS: Final = variable(Kind.INT, "a_births")
+
+
+# --- values of declared types ---
+
+
+def declared(check: Statements, node: ast.AST, name: str, type_: Type, value: Value) -> Value:
+    """A value converted to a declared type, as where a string is made."""
+    kind = DECLARED.get(type_.kind)
+    if kind is Kind.REAL and value.kind.number:
+        return check.expressions.as_real(value)
+    if kind is not value.kind:
+        whole = kind is Kind.INT and value.kind.number
+        instead = "write int(...)" if whole else "convert it"
+        instead = "compare: x != 0" if kind is Kind.BOOL else instead
+        what = f"{name} is declared as {type_}, and this is {value.kind.value}"
+        raise check.problem(node, what, instead)
+    if type_.words and value.constant is not None:
+        text = list(check.method.texts)[int(value.constant)]
+        if text not in type_.words:
+            instead = f"use one of {', '.join(type_.words)}"
+            raise check.problem(node, f"{name} must not be {text!r}", instead)
+    return value
+
+
+def fitting(type_: Type, name: str, words: Sequence[int]) -> str | None:
+    """A test whether a variable fits its declared type; None if every value does."""
+    if words:
+        return " or ".join([f"{name} == {code}" for code in words])
+    if type_.kind == "real" or type_.range is not None:
+        limits = (type_.range.least, type_.range.most) if type_.range else (-_INFINITY, _INFINITY)
+        ends = ", ".join([constant(Kind.REAL, end).text for end in limits])
+        number = name if type_.kind == "real" else f"exact({name})"
+        return f"within({number}, {ends})"
+    return None
+
+
+_INFINITY: Final = float("inf")
+
+
+def given_values(
+    check: Statements,
+    node: ast.Call,
+    owner: str,
+    fields: Fields,
+    positional: Sequence[ast.expr],
+    named: Mapping[str, ast.expr],
+) -> tuple[list[Line], dict[str, Value]]:
+    """The values of the fields that a call gives, held in variables, and checked."""
+    if any(isinstance(argument, ast.Starred) for argument in node.args) or "None" in named:
+        raise check.problem(node, "arguments with *", "write each argument")
+    if len(positional) > len(fields.names):
+        raise check.problem(node, f"{owner} takes {len(fields.names)} values")
+    given = dict(zip(fields.names, positional, strict=False))
+    for name in given.keys() & named.keys():
+        raise check.problem(node, f"two values of {name} for {owner}", "leave out one of them")
+    given |= named
+    types = {each.name: each.type for each in fields.all}
+    made, values = list[Line](), dict[str, Value]()
+    for name, argument in given.items():  # in the order in which Python evaluates them
+        if name not in types:
+            listed = ", ".join(fields.names) or "none"
+            raise check.problem(node, f"{owner} has no {name}", f"it has {listed}")
+        value = declared(check, argument, name, types[name], check.value(argument))
+        values[name], lines = check.held(value)
+        made += [*lines, *_checked(check, types[name], values[name])]
+    return made, values
+
+
+def _checked(check: Statements, type_: Type, value: Value) -> list[Line]:
+    """A fault if a value is not of its type: not finite, out of range or another word."""
+    words = [check.method.code(word) for word in type_.words or ()]
+    test = fitting(type_, value.text, words)
+    return [] if test is None else [f"if not ({test}):", *indented([FAULT])]
+
+
+def _all_values(
+    check: Statements, node: ast.Call, owner: str, fields: Fields, named: Mapping[str, ast.expr]
+) -> tuple[list[Line], list[Value]]:
+    """The values of all fields in order."""
+    positional = node.args if owner[:1] == "e" else node.args[1:]
+    made, values = given_values(check, node, owner, fields, positional, named)
+    return made, [
+        values[each.name] if each.name in values else _default(check, node, owner, each)
+        for each in fields.all
+    ]
+
+
+def _default(check: Statements, node: ast.AST, owner: str, field: Field) -> Value:
+    known = None if field.default is None else check.expressions.constant_of(field.default)
+    if known is None:
+        raise check.problem(node, f"{owner} needs a value for {field.name} ({field.type})")
+    # Defaults have the types of their fields, but an int may be the default of a real.
+    real = field.type.kind == "real" and known.kind is Kind.INT
+    return check.expressions.as_real(known) if real else known
+
+
+def _summands(node: ast.AST, value: ast.expr | None) -> list[ast.expr]:
+    """The parts of a sum, from left to right; `return` alone is None."""
+    if value is None:
+        return [ast.copy_location(ast.Constant(None), node)]
+    if isinstance(value, ast.BinOp) and isinstance(value.op, ast.Add):
+        return [*_summands(node, value.left), *_summands(node, value.right)]
+    return [value]
+
+
+def _is_epsilon(check: Statements, node: ast.expr) -> bool:
+    named = isinstance(node, ast.Name | ast.Attribute)
+    reference = check.expressions.reference(node) if named else None
+    return isinstance(reference, Known) and is_empty(reference.value)
+
+
+def _is_of_agent(check: Statements, node: ast.expr, name: str) -> bool:
+    """Whether an expression is `self.name`."""
+    return (
+        isinstance(node, ast.Attribute)
+        and node.attr == name
+        and isinstance(check.expressions.reference(node.value), AgentItself)
+    )
+
+
+def _is_child(check: Statements, node: ast.expr) -> bool:
+    return isinstance(node, ast.Call) and _is_of_agent(check, node.func, "child")
+
+
+def _add(outputs: list[Output], output: Output) -> int:
+    """The number of an output, which is added unless it exists."""
+    if output not in outputs:
+        outputs.append(output)
+    return outputs.index(output)
+
+
+def _choice(results: Any, check: Statements, node: ast.Return, value: ast.IfExp) -> list[Line]:
+    """`return a if test else b` is a branch with two results."""
+    yes, no = (ast.copy_location(ast.Return(each), node) for each in (value.body, value.orelse))
+    return check.branch(
+        value.test, lambda: results.returned(check, yes), lambda: results.returned(check, no)
+    )
+
+
+class MethodResults:
+    """A method of an agent: changes of its attributes, its string with newborns, and events."""
+
+    def __init__(self) -> None:
+        self._repeated: set[int] = set()
+        """Outputs of newborns in loops."""
+
+    def begin(self) -> None:
+        """Forget the outputs of a former pass."""
+        self._repeated = set()
+
+    def end(self, check: Statements) -> list[Line]:
+        """The agent stays."""
+        return [Finish(True, ())]
+
+    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
+        """Whether the agent stays, and the outputs with the newborns that it returns."""
+        if isinstance(node.value, ast.IfExp):
+            return _choice(self, check, node, node.value)
+        made, stays, placed = list[Line](), False, list[int]()
+        for index, part in enumerate(_summands(node, node.value)):
+            none = isinstance(part, ast.Constant) and part.value is None
+            if _is_of_agent(check, part, "string") or (none and not index):
+                if index:
+                    instead = "return self.string + self.child(...)"
+                    raise check.problem(part, "self.string after newborns", instead)
+                stays = True
+            elif isinstance(part, ast.Name) and part.id in check.scope.litters:
+                placed += check.scope.litters[part.id]
+            elif _is_child(check, part):
+                lines, output = self._child(check, cast("ast.Call", part))
+                made += lines
+                placed.append(output)
+            elif not _is_epsilon(check, part):
+                instead = "return None, EMPTY, self.string, or self.string + self.child(...)"
+                raise check.problem(part, "this result", instead)
+        if len(set(placed)) != len(placed) or placed != sorted(placed):
+            what = "newborns in another order"
+            raise check.problem(node, what, "return them in their order")
+        check.scope.assigned = None
+        return [*made, Finish(stays, tuple(placed))]
+
+    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
+        """An attribute of the agent; it is MIXED once it is set to an int."""
+        name, method = target.attr, check.method
+        if not isinstance(check.expressions.reference(target.value), AgentItself):
+            instead = "change attributes of self only"
+            raise check.problem(target, "an assignment to this", instead)
+        if name not in method.types:
+            if name.startswith("_"):
+                raise check.problem(target, "a temporary attribute", "use a local variable")
+            check.value(target)
+            raise check.problem(target, f"an assignment to self.{name}", "declare the attribute")
+        method.writes[name] = method.reads[name] = None
+        check.expressions.use(f"a_{name}", method.kinds[name])
+        type_ = method.types[name]
+        if type_.kind == "real" and value.kind.number:
+            if value.kind is not Kind.REAL:
+                # Python keeps the int until the end of the frame.
+                method.kinds[name] = Kind.MIXED
+                method.int_lines.setdefault(f"a_{name}", target.lineno)
+            value = check.expressions.as_mixed(value)
+        else:
+            value = declared(check, target, name, type_, value)
+        return [f"a_{name} = {value.text}"]
+
+    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
+        """Emitted events, and newborns that are collected in a variable."""
+        match node:
+            case ast.Expr(value=ast.Call(func=ast.Attribute(attr="emit") as function) as call):
+                if isinstance(check.expressions.reference(function.value), Moment):
+                    return self._emit(check, call)
+            case ast.Assign(targets=[ast.Name() as target], value=value):
+                first = _summands(node, value)[0]
+                collects = isinstance(first, ast.Name) and first.id in check.scope.litters
+                if collects or _is_child(check, first) or _is_epsilon(check, first):
+                    return self._collect(check, target, value)
+            case ast.AugAssign(target=ast.Name() as target) if target.id in check.scope.litters:
+                whole = ast.BinOp(ast.Name(target.id, ast.Load()), node.op, node.value)
+                return self._collect(check, target, ast.copy_location(whole, node))
+            case _:
+                pass
+        return None
+
+    # --- events ---
+
+    def _emit(self, check: Statements, node: ast.Call) -> list[Line]:
+        event = node.args[0] if len(node.args) == 1 and not node.keywords else None
+        known = check.expressions.reference(event.func) if isinstance(event, ast.Call) else None
+        if not (
+            isinstance(event, ast.Call)
+            and isinstance(known, Known)
+            and isinstance(known.value, EventType)
+        ):
+            instead = "call an event type: moment.emit(eCall(loud=1.0))"
+            raise check.problem(node, "this argument of emit", instead)
+        return self._emitted(check, event, known.value)
+
+    def _emitted(self, check: Statements, node: ast.Call, event_type: EventType) -> list[Line]:
+        named = {str(keyword.arg): keyword.value for keyword in node.keywords}
+        receivers, condition = named.pop("receivers", None), named.pop("condition", None)
+        named.pop("sender", None)  # the agent is the sender, whatever the event has
+        constant_text = isinstance(condition, ast.Constant) and isinstance(condition.value, str)
+        if condition is not None and not constant_text:
+            raise check.problem(condition, "a computed condition", "write a constant text")
+        name, fields, method = event_type.name, event_type.fields, check.method
+        made, values = _all_values(check, node, name, fields, named)
+        slots = [Slot(n, v.kind) for n, v in zip(fields.names, values, strict=True)]
+        for receiver in self._receivers(check, receivers):
+            held, lines = check.held(receiver)
+            empty = f"{held.text} == {check.expressions.text('').text}"
+            made += [*lines, f"if {empty}:", *indented([FAULT])]
+            values.append(held)
+        shown = "" if condition is None else str(cast("ast.Constant", condition).value)
+        output = Emission(name, tuple(slots), len(values) - len(slots), shown)
+        for other in method.outputs:
+            if isinstance(other, Emission) and other.event_type == name and other != output:
+                what = f"{name} emitted with other numbers of receivers, or two conditions"
+                raise check.problem(node, what, "emit events of one type in one form")
+        return [*made, Append(_add(method.outputs, output), tuple(values))]
+
+    def _receivers(self, check: Statements, node: ast.expr | None) -> list[Value]:
+        if node is None:
+            return []
+        if not isinstance(node, ast.List | ast.Tuple):
+            instead = "list them: receivers=[self.mother, self.father]"
+            raise check.problem(node, "computed receivers", instead)
+        values = [check.value(each) for each in node.elts]
+        for each, value in zip(node.elts, values, strict=True):
+            if value.kind is not Kind.TEXT:
+                raise check.problem(each, f"{value.kind.value} as a receiver", "use an id")
+        return values
+
+    # --- newborns ---
+
+    def _collect(self, check: Statements, target: ast.Name, node: ast.expr) -> list[Line]:
+        """`litter = EMPTY`, `litter = litter + self.child(...)`, `litter += self.child(...)`."""
+        name, made, scope = target.id, list[Line](), check.scope
+        if name in scope.kinds or name in scope.references:
+            raise check.problem(target, f"another value for {name}", "use another variable")
+        if len(scope.litters | {name: []}) > 1:
+            raise check.problem(target, "two variables with newborns", "use one for all")
+        parts = _summands(node, node)
+        adds = isinstance(parts[0], ast.Name) and parts[0].id == name
+        if name in scope.litters and not adds:
+            raise check.problem(target, f"{name} set again", f"write {name} += self.child(...)")
+        outputs = scope.litters.setdefault(name, [])
+        if scope.loops and not adds:
+            what = "a first assignment of newborns in a loop"
+            raise check.problem(target, what, f"write {name} = EMPTY before")
+        for part in parts[adds:]:
+            if _is_epsilon(check, part):
+                continue
+            if not _is_child(check, part):
+                what = "this added to newborns"
+                raise check.problem(part, what, "add self.child(...) only")
+            lines, output = self._child(check, cast("ast.Call", part))
+            # An output per call: in a loop, the order of two calls would be lost.
+            if scope.loops and self._repeated:
+                raise check.problem(part, "two calls of child in loops", "use one call")
+            if scope.loops:
+                self._repeated.add(output)
+            outputs.append(output)
+            made += lines
+        return made
+
+    def _child(self, check: Statements, node: ast.Call) -> tuple[list[Line], int]:
+        """A newborn: its values, the parent's number of births, and the output it goes to."""
+        method = check.method
+        cls = self._child_class(check, node)
+        kind = method.cls.kind if cls is None else cls.kind
+        if "births" not in method.types or method.types["births"].kind != "int":
+            instead = "declare `births: int = 0` in the class"
+            raise check.problem(node, "child without births", instead)
+        named = {str(keyword.arg): keyword.value for keyword in node.keywords}
+        named.pop("kind", None)
+        made, values = _all_values(check, node, kind.name, kind.fields, named)
+        method.reads["births"] = method.writes["births"] = None
+        slots = [Slot(n, v.kind) for n, v in zip(kind.fields.names, values, strict=True)]
+        method.outputs.append(Newborn(cls, tuple(slots)))
+        output = len(method.outputs) - 1
+        made += ["a_births = add(a_births, 1)", Append(output, (_BIRTHS, *values))]
+        return made, output
+
+    def _child_class(self, check: Statements, node: ast.Call) -> Any:
+        """The class of a newborn; None: that of its parent."""
+        named = [keyword.value for keyword in node.keywords if keyword.arg == "kind"]
+        given = [*node.args[:1], *named]
+        if len(node.args) > 1 or len(given) > 1:
+            instead = "write child(Kind, x=...)"
+            raise check.problem(node, "these arguments of child", instead)
+        reference = check.expressions.reference(given[0]) if given else None
+        cls = reference.value if isinstance(reference, Known) else None
+        if not given or cls is check.method.cls:
+            return None
+        if not isinstance(getattr(cls, "kind", None), AgentKind):
+            raise check.problem(given[0], "this kind of child", "name an agent class")
+        return cls
+
+
+_FIGURES: Final = "return EMPTY, or primitives in transformations: TAt(self.x, self.y)(PSpot())"
+
+
+class ViewResults:
+    """A view of an agent: a string of figures."""
+
+    def begin(self) -> None: ...
+
+    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
+        """No other statements."""
+        return None
+
+    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
+        """A view changes nothing."""
+        raise check.problem(target, "a view that changes attributes", "use a local variable")
+
+    def end(self, check: Statements) -> list[Line]:
+        """Each path has a result."""
+        instead = "return EMPTY to show nothing"
+        raise check.problem(check.scope.origin.tree, "a path without a result", instead)
+
+    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
+        """The figures of the agent."""
+        if isinstance(node.value, ast.IfExp):
+            return _choice(self, check, node, node.value)
+        made, values, figures = list[Line](), list[Value](), list[Figure]()
+        for part in _summands(node, node.value):
+            if not _is_epsilon(check, part):
+                figures.append(self._figure(check, part, made, values))
+        if len({bool(figure.width) for figure in figures}) > 1:
+            what = "a sum of figures with and without parameters"
+            raise check.problem(node, what, "give each a parameter")
+        if figures:
+            slots = [Slot(str(at), value.kind) for at, value in enumerate(values)]
+            output = _add(check.method.outputs, Shown(tuple(figures), tuple(slots)))
+            made.append(Append(output, tuple(values)))
+        check.scope.assigned = None
+        return [*made, Finish(True, ())]
+
+    def _figure(
+        self, check: Statements, node: ast.expr, made: list[Line], values: list[Value]
+    ) -> Figure:
+        """A primitive, or a transformation with one figure in its scope."""
+        if not isinstance(node, ast.Call):
+            raise check.problem(node, "this result of a view", _FIGURES)
+        inner = isinstance(node.func, ast.Call)
+        head = cast("ast.Call", node.func) if inner else node
+        reference = check.expressions.reference(head.func)
+        symbol = reference.value if isinstance(reference, Known) else None
+        if not inner and not isinstance(symbol, Primitive):
+            raise check.problem(node, "this result of a view", _FIGURES)
+        if inner and (
+            not isinstance(symbol, Transformation) or len(node.args) > 1 or node.keywords
+        ):
+            instead = "write one figure in it, and add further ones: a + b"
+            raise check.problem(node, "this scope", instead)
+        symbol = cast("Primitive | Transformation", symbol)
+        named = {str(keyword.arg): keyword.value for keyword in head.keywords}
+        lines, known = given_values(check, head, symbol.name, symbol.fields, head.args, named)
+        made += lines
+        values += known.values()
+        if inner and not known:
+            what = f"{symbol.name} without parameters"
+            raise check.problem(head, what, "give it one, such as its default")
+        inside = [self._figure(check, each, made, values) for each in node.args] if inner else []
+        return Figure(symbol, tuple(known), tuple(inside))
+
+
+class RuleResults:
+    """A rule of a space: it changes tables and matrices, and returns nothing."""
+
+    def begin(self) -> None: ...
+
+    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
+        """No other statements."""
+        return None
+
+    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
+        """Only items of arrays change."""
+        if not isinstance(target.value, ast.Name):
+            check.value(target.value)  # which may have a more precise error
+        instead = f"change an item: {ast.unparse(target)}[i] = ..."
+        raise check.problem(target, "an assignment to an attribute", instead)
+
+    def end(self, check: Statements) -> list[Line]:
+        """Nothing is left to do."""
+        return []
+
+    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
+        """The end of the activation."""
+        none = node.value is None or (
+            isinstance(node.value, ast.Constant) and node.value.value is None
+        )
+        if not none:
+            raise check.problem(node, "a rule that returns a value", "change a column or cell")
+        check.scope.assigned = None
+        return ["return"]

@@ -1,0 +1,575 @@
+"""Rules: functions for one inhabitant or cell, which run for all of them in a declared order.
+
+A parameter of a rule is an attribute of the space or a number. The checker notes what an activation
+reads and changes. A SIMULTANEOUS rule whose result depends on the order of its activations is
+refused: what such a rule reads of its subject it must read from `before`, unless no activation
+changes it. Several threads may share the activations of an *independent* rule. It has no draws,
+writes only to its own row or cell (`birds.vx[i]`), and reads other rows only in what it does not
+change.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from types import FunctionType
+from typing import Any, Final, cast, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.types import Cells, Reals
+from minerva_fast.draws import PLACE, TURNS, TURNS_IN_CALL, Draws, interpreting, shuffle
+from minerva_fast.driving import PURPOSE, Loop
+from minerva_fast.functions import ANY
+from minerva_fast.machine_code import Kernel, load_kernel
+from minerva_fast.origin import Origin, Undefined, Unreadable
+from minerva_fast.places import (
+    ALIVE,
+    READING,
+    ROWS,
+    SEARCHES,
+    TOO_MANY,
+    CellGrid,
+    Edges,
+    FieldGrid,
+    beside,
+    copy,
+    go_to,
+    random_free,
+)
+from minerva_fast.printing import MOST_IN_CALL, printed_functions
+from minerva_fast.results import RuleResults
+from minerva_fast.statements import Statements, stored
+from minerva_fast.tables import BEFORE, InField, Inhabitants, columns_of, loops_of_table
+from minerva_fast.values import (
+    STEP,
+    Access,
+    Chance,
+    Grid,
+    Items,
+    Kind,
+    Method,
+    OwnRow,
+    Reference,
+    Scope,
+    Table,
+    indented,
+)
+
+
+class Activation(Enum):
+    """The order in which a rule runs for the inhabitants of a table, or for the cells of a matrix.
+
+    - SIMULTANEOUS: each sees the state before the rule, as the parameter `before`.
+    - ORDERED: one after another, by row; each sees what the earlier ones have changed.
+    - SHUFFLED: one after another, in an order that the frame's random stream decides.
+    """
+
+    SIMULTANEOUS = "simultaneous"
+    ORDERED = "ordered"
+    SHUFFLED = "shuffled"
+
+
+SIMULTANEOUS, ORDERED, SHUFFLED = Activation
+
+
+@dataclass(frozen=True)
+class CheckedRule:
+    """A rule that can be compiled.
+
+    Attributes:
+        text: of the generated module.
+        method: what was collected of the rule.
+        only_read: the matrices that it does not change, and `before`.
+        independent: whether its activations may run in several threads, with the same result.
+
+    """
+
+    text: str
+    method: Method
+    only_read: frozenset[str]
+    independent: bool
+
+    def calls(self, functions: Iterable[Any]) -> bool:
+        """Whether the rule, or a function that it calls, calls one of these functions."""
+        return not self.method.called.keys().isdisjoint(functions)
+
+
+class SpaceRule:
+    """A rule with its parameters; see `rule`."""
+
+    def __init__(self, function: Callable[..., None], order: Activation, births: int) -> None:
+        self.name = function.__qualname__
+        self.order = order
+        self.function = cast("FunctionType", function)
+        self.__doc__ = function.__doc__
+        self.parameters = parameters_of(function, self.name)
+        self.subject = self.parameters[0]
+        """The table or matrix for whose rows or cells it runs."""
+        self.sees_before = any(p.name == BEFORE for p in self.parameters)
+        self.births = births
+        """The most copies that one activation may make in a table."""
+        self._compiled: Kernel | None = None
+        self._checked: CheckedRule | None = None
+        self._readable = True
+        try:
+            self._check()
+        except Undefined:  # such as a function below the rule
+            pass
+        except Unreadable as error:
+            self._readable = False
+            warnings.warn(f"{error}; it runs as Python", stacklevel=4)
+
+    def _check(self) -> CheckedRule:
+        self._checked = checked_rule(self)
+        return self._checked
+
+    @property
+    def checked(self) -> CheckedRule:
+        """The rule as it can be compiled. Raises NotCompilable."""
+        return self._checked or self._check()
+
+    @property
+    def as_python(self) -> bool:
+        """Whether it runs as Python."""
+        return interpreting() or not self._readable
+
+    @property
+    def room(self) -> int:
+        """The room that a table needs for the newborns of one activation."""
+        makes_none = self._readable and not self.checked.calls([copy])
+        return 0 if makes_none else self.births
+
+    @property
+    def takes_free_cells(self) -> bool:
+        """Whether it calls `random_free`."""
+        return not self._readable or self.checked.calls([random_free])
+
+    @property
+    def searches(self) -> bool:
+        """Whether it searches for the rows of cells."""
+        return not self._readable or self.checked.calls(SEARCHES)
+
+    @property
+    def independent(self) -> bool:
+        """Whether its activations may run in several threads, with the same result."""
+        return self._readable and self.checked.independent
+
+    @property
+    def moves(self) -> bool:
+        """Whether an activation moves its row in a field."""
+        return self._readable and self.checked.calls([go_to])
+
+    @property
+    def only_read(self) -> frozenset[str]:
+        """The matrices that it does not change, and `before`."""
+        return self.checked.only_read if self._readable else frozenset([BEFORE])
+
+    @cached_property
+    def tables(self) -> tuple[RuleParameter, ...]:
+        """The parameters that are tables of the space as it is."""
+        return tuple([p for p in self.parameters if p.table and p.name != BEFORE])
+
+    def lists(self) -> list[NDArray[Any]]:
+        """New arrays for its local lists."""
+        lists = self.checked.method.lists.values()
+        return [np.empty(each.size, _DTYPES[each.kind]) for each in lists]
+
+    def prepare(self) -> None:
+        """Compile it now, unless it is to run as Python. Raises MisuseError."""
+        if not self.as_python:
+            if not self.checked.method.current():  # such as a constant of a notebook
+                self._check()
+                self._compiled = None
+            self.compiled()
+
+    def compiled(self) -> Kernel:
+        """The machine code: `run(begin, end, rows, progress, draws, *arguments)`.
+
+        `rows` are all rows, which it puts into their order; unless it does, it needs none. Raises
+        MisuseError.
+        """
+        if self._compiled is None:
+            self._compiled = load_kernel(self.checked.text, PURPOSE)
+        return self._compiled
+
+    def interpret(
+        self,
+        begin: int,
+        end: int,
+        rows: NDArray[np.int64],
+        progress: NDArray[np.int64],
+        draws: Draws,
+        arguments: Sequence[Any],
+    ) -> int:
+        """The same as Python; stops early if a table has too little room for newborns."""
+        if self._readable:
+            self.checked  # noqa: B018  (raises NotCompilable)
+        tables = [a for p, a in zip(self.parameters, arguments, strict=True) if p in self.tables]
+        subject = arguments[0]
+        if begin == 0 and self.order is SHUFFLED:
+            shuffle(draws, rows)
+        for k in range(begin, end):
+            # An int of Python, since one of numpy has other arithmetic.
+            i = int(rows[k]) if self.order is SHUFFLED else k
+            progress[PLACE] = k
+            if self.subject.table is not None and not subject.links[ALIVE, i]:
+                continue
+            counts = [int(table.counts[ROWS]) for table in tables]
+            room = [t.links.shape[1] - n for t, n in zip(tables, counts, strict=True)]
+            if self.room and min(room) < self.room:
+                return k
+            self.function(i, *arguments)
+            for table, count in zip(tables, counts, strict=True):
+                if table.counts[ROWS] > count + self.births:
+                    raise IndexError(TOO_MANY)
+        return end
+
+
+def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]], SpaceRule]:
+    """Mark a function `(i, subject, ...)` as a rule of a space, run by `Space.run`.
+
+    `i` is a row of `subject`, a table, or a cell of it, a matrix. Other parameters are, by name and
+    annotation: tables and matrices (`Cells`, `Reals`: arrays of shape (cells,)) of the space,
+    `Edges` (a `Reals` of the space, made by `Edges.of`), `CellGrid`, `Draws`, and numbers, from
+    attributes of the space or from `Space.run`. With SIMULTANEOUS, the parameter `before` is the
+    subject as it was before the rule.
+
+    Args:
+        order: the order of activation.
+        births: the most copies that one activation may make in a table.
+
+    Raises:
+        MisuseError: a parameter has no annotation, or one that a rule cannot have.
+        NotCompilable: the rule uses something that cannot be compiled.
+
+    Example:
+        >>> @rule(SHUFFLED)
+        ... def graze(i: int, sheep: Sheep, grass: Cells, draws: Draws):
+        ...     move_to(sheep, i, next_cell(sheep.lattice, sheep.cell[i], draws))
+
+    """
+    # A type checker knows this; people who have none read the message.
+    if not isinstance(order, Activation):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError("a rule needs its order of activation: write @rule(SHUFFLED)")
+
+    def mark(function: Callable[..., None]) -> SpaceRule:
+        return SpaceRule(function, order, births)
+
+    return mark
+
+
+def loops_of(rules: Iterable[SpaceRule]) -> list[SpaceRule | Loop]:
+    """Rules and the loops that open their tables, each once."""
+    loops: dict[SpaceRule | Loop, None] = {}
+    for each in rules:
+        for parameter in each.parameters:
+            if parameter.table is not None:
+                loops |= dict.fromkeys(loops_of_table(parameter.table))
+        loops[each] = None
+    return list(loops)
+
+
+# --- parameters ---
+
+_NUMBERS: Final[Mapping[Any, Kind]] = {int: Kind.INT, float: Kind.REAL, bool: Kind.BOOL}
+_DTYPES: Final[Mapping[Kind, Any]] = {
+    Kind.BOOL: np.bool_,
+    Kind.INT: np.int64,
+    Kind.REAL: np.float64,
+}
+_MATRICES: Final = ((Cells, "int16"), (Reals, "float64"))
+_INDEX: Final = (
+    "cells(int64, 2, False)", "cells(int64, 2, False)", "cells(int64, 1, False)",
+    "cells(int64, 1, False)", "cells(int64, 1, False)", "cells(int64, 1, False)",
+)  # fmt: skip
+"""The types of a table's arrays from `links` to `nearby`."""
+_IN_FIELD: Final = (
+    "cells(float64, 1, False)", "cells(float64, 1, False)", "cells(int64, 1, False)",
+    "cells(int64, 1, False)", "cells(float64, 1, False)", "cells(float64, 1, False)",
+)  # fmt: skip
+"""Those from `dx` to `sorted_y`."""
+_SHAPES: Final = {
+    CellGrid: ("int64", "int64", "boolean"),
+    FieldGrid: ("float64", "float64", "boolean", "int64", "int64"),
+    Edges: ("cells(int64, 1, False)", "cells(int64, 1, False)"),
+}
+"""The types of the arguments for shapes and graphs."""
+
+
+@dataclass(frozen=True)
+class RuleParameter:
+    """A parameter of a rule: an attribute of the space, or a number, by its name."""
+
+    name: str
+    type: Any
+
+    @cached_property
+    def table(self) -> type[Inhabitants] | None:
+        """The class of a table."""
+        if isinstance(self.type, type) and issubclass(self.type, Inhabitants):
+            return self.type
+        return None
+
+    @cached_property
+    def item(self) -> str:
+        """The type of the items of a matrix, of which a rule sees the cells in one dimension."""
+        return next((item for matrix, item in _MATRICES if self.type == matrix), "")
+
+    @cached_property
+    def number(self) -> bool:
+        """Whether it is a number."""
+        return self.type in (int, float, bool)
+
+    @cached_property
+    def array(self) -> bool:
+        """Whether the space must have an array for it."""
+        return self.table is not None or bool(self.item) or self.type is Edges
+
+    @cached_property
+    def draws(self) -> bool:
+        """Whether it is the random stream."""
+        return self.type == Draws
+
+    def reference(self, subject: str) -> Reference | None:
+        """What it is in a compiled rule; None for a number."""
+        own = self.name in (subject, BEFORE)
+        if self.table is not None:
+            return Table(self.name, self.table, own)
+        if self.draws:
+            return Chance()
+        if self.item:
+            before = self.name == BEFORE
+            fixed = f"change the subject of the rule: {self.name} is the state before it" * before
+            text, cells = f"m_{self.name}", self.item == "int16"
+            kind = Kind.INT if cells else Kind.REAL
+            item = self.item if cells else "real"
+            return Items(text, kind, f"len({text})", 0, self.name, "", item, fixed, own)
+        return None if self.number else Grid(f"g_{self.name}", self.type)
+
+    def types(self, *, only_read: bool) -> Sequence[str]:
+        """The types of the arguments that it consists of, as names of `library`.
+
+        Args:
+            only_read: whether machine code must change no number of it, so that it may have the
+                memory of the string.
+
+        """
+        if self.table is not None:
+            field = issubclass(self.table, InField)
+            extra = (*_IN_FIELD, *_SHAPES[FieldGrid]) if field else _SHAPES[CellGrid]
+            return [f"cells(float64, 2, {only_read})", *_INDEX, *extra]
+        if self.item:
+            return [f"cells({self.item}, 1, {only_read})"]
+        if self.draws:
+            return []
+        return _SHAPES.get(self.type) or [_NUMBERS[self.type].machine]
+
+    def made(self, given: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """The variables that a rule may use of it, with their texts; `given` are its arguments."""
+        name = self.name
+        if self.number:
+            yield f"v_{name}", given[0]
+        elif self.item:
+            yield f"m_{name}", given[0]
+        elif self.table is None and not self.draws:
+            end = ", -1" * (self.type is CellGrid)
+            yield f"g_{name}", f"{self.type.__name__}({', '.join(given)}{end})"
+        elif self.table is not None:
+            yield from self._made_table(self.table, given)
+
+    def _made_table(
+        self, table: type[Inhabitants], given: Sequence[str]
+    ) -> Iterator[tuple[str, str]]:
+        name, rows = self.name, table.names.index
+        if issubclass(table, InField):
+            x, y = (f"{given[0]}[{rows(each)}]" for each in table.position)
+            yield f"g_{name}", f"FieldGrid({', '.join(given[-5:])})"
+            yield f"t_{name}", f"FieldRows({', '.join(given[:-5])}, {x}, {y}, g_{name})"
+        else:
+            yield f"g_{name}", f"CellGrid({', '.join(given[-3:])}, -1)"
+            yield f"t_{name}", f"LatticeRows({', '.join(given[:-3])}, g_{name})"
+        yield f"n_{name}", f"{given[3]}"
+        for column in columns_of(table):
+            yield f"c_{name}_{column}", f"{given[0]}[{rows(column)}]"
+        for column in ("cell", *table.found):
+            yield f"c_{name}_{column}", f"t_{name}.{column}"
+
+
+def parameters_of(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:
+    """The parameters of a rule after the row. Raises MisuseError."""
+    hints = get_type_hints(function)
+    names = list(inspect.signature(function).parameters)
+    parameters = tuple([RuleParameter(each, hints.get(each)) for each in names[1:]])
+    if not parameters or not (parameters[0].table or parameters[0].item):
+        raise MisuseError(
+            f"{name}: expected (i: int, subject, ...), where the subject is a table, Cells or Reals"
+        )
+    known = (Draws, CellGrid, Edges, Cells, Reals, *_NUMBERS)
+    for parameter in parameters:
+        if parameter.type is None:
+            raise MisuseError(
+                f"{name}: {parameter.name} has no type; write one, as in {parameter.name}: int"
+            )
+        if parameter.table is None and not any(parameter.type == each for each in known):
+            raise MisuseError(
+                f"{name}: {parameter.name} must be a table, Cells, Reals, Draws, CellGrid,"
+                f" Edges, int, float or bool, not {parameter.type}"
+            )
+        if parameter.name == BEFORE and parameter.type != parameters[0].type:
+            raise MisuseError(f"{name}: `before` must have the type of {parameters[0].name}")
+    return parameters
+
+
+# --- checks ---
+
+
+def checked_rule(made: SpaceRule) -> CheckedRule:
+    """Check a rule. Raises NotCompilable."""
+    origin = Origin.of(made.function)
+    row, method = next(iter(inspect.signature(made.function).parameters)), Method()
+    known = {p.name: p.reference(made.subject.name) for p in made.parameters}
+    references = {name: each for name, each in known.items() if each is not None}
+    kinds = {p.name: _NUMBERS[p.type] for p in made.parameters if p.number}
+    again = row in stored(origin.tree)
+    if again:  # another row from some place on
+        kinds[row] = Kind.INT
+    else:
+        references[row] = OwnRow()
+    scope = Scope(origin, references, kinds, assigned=set(kinds))
+    lines = Statements(method, scope, RuleResults()).function()
+    if again:
+        lines = [f"v_{row} = v_own", *lines]
+        del kinds[row]
+    subject, changed = made.subject.name, {a.owner for a in scope.accesses if a.writes}
+    if made.order is SIMULTANEOUS:
+        _check_simultaneous(subject, scope.accesses, sees_before=made.sees_before)
+    only_read = {p.name for p in made.parameters if p.item and p.name not in changed} | {BEFORE}
+    given = sorted(scope.reads) + [f"v_{p.name}" for p in made.parameters if p.number]
+    given = ["v_own", *[name for name in given if name != "v_own"]]
+    body = [STEP + str(line) for line in lines or ["pass"]]
+    head = f"def rule({', '.join(['progress', 'words', 'i', *given])}):"
+    text = printed_functions(f"{origin.name}, a rule", method, ["@inlined", head, *body])
+    loop = "\n".join(_loop(made, method, only_read, given, "turns(" in text))
+    dependent = made.order is SHUFFLED or method.draws or not _independent(subject, scope, method)
+    return CheckedRule(f"{text}\n\n{loop}\n", method, frozenset(only_read), not dependent)
+
+
+def _check_simultaneous(subject: str, accesses: Sequence[Access], *, sees_before: bool) -> None:
+    """Raise NotCompilable if a rule reads of its subject what other activations change."""
+    own = [access for access in accesses if access.owner == subject]
+    changed = {access.column for access in own if access.writes}
+    elsewhere = {access.column for access in own if access.writes and not access.own}
+    for access in own:
+        among = elsewhere if access.own else changed
+        if not access.writes and (access.column in among or (access.column == ANY and changed)):
+            shown = "before" if sees_before else f"a parameter `before` of the type of {subject}"
+            raise access.origin.problem(
+                access.node,
+                f"a read of {subject} that depends on the order of a SIMULTANEOUS rule",
+                f"read it from {shown}, the state before the rule, or declare ORDERED",
+            )
+
+
+def _independent(subject: str, scope: Scope, method: Method) -> bool:
+    """Whether no activation depends on another, as far as is known."""
+    for access in scope.accesses:
+        # The cell of a row changes later, if several threads move rows.
+        alone = access.owner == subject and access.own and access.column != "cell"
+        moved = access.owner == subject and access.own and isinstance(access.node, ast.Call)
+        if (access.writes or access.owner == subject) and not (alone or moved):
+            return False
+    moves = [
+        a for a in scope.accesses if a.writes and a.column == "x" and isinstance(a.node, ast.Call)
+    ]
+    # A second move would change the order of a cell's rows, unless it happens at once.
+    once = len(moves) <= 1 and not any(access.looped for access in moves)
+    return once and method.called.keys() <= {go_to, *READING}
+
+
+# --- the loop ---
+
+
+def _loop(
+    made: SpaceRule, method: Method, only_read: set[str], given: Sequence[str], counted: bool
+) -> Iterator[str]:
+    """The loop over the rows of a rule."""
+    heads, types, variables = list[str](), list[str](), dict[str, str]()
+    for number, parameter in enumerate(made.parameters):
+        arguments = parameter.types(only_read=parameter.name in only_read)
+        names = [f"a{number}_{part}" for part in range(len(arguments))]
+        heads += names
+        types += arguments
+        variables |= dict(parameter.made(names))
+    lists = [*method.lists.values()]
+    heads += [each.text for each in lists]
+    types += [f"cells({each.kind.machine}, 1, False)" for each in lists]
+    first = ["int64", "int64", *["cells(int64, 1, False)"] * 2, "cells(uint64, 1, False)"]
+    yield f"@kernel(int64({', '.join([*first, *types])}))"
+    yield f"def run({', '.join(['begin', 'end', 'rows', 'progress', 'words', *heads])}):"
+    for name, text in variables.items():
+        yield f"{STEP}{name} = {text}"
+    if made.order is SHUFFLED:
+        yield from [f"{STEP}if begin == 0:", f"{STEP * 2}shuffle(words, rows)"]
+    yield f"{STEP}for k in range(begin, end):"
+    for line in indented([*_activation(made, method, given, counted)]):
+        yield STEP + str(line)
+    yield f"{STEP}return end"
+
+
+def _activation(
+    made: SpaceRule, method: Method, given: Sequence[str], counted: bool
+) -> Iterator[str]:
+    """The lines for one row."""
+    tables = [p.name for p in made.parameters if p.table and p.name != BEFORE]
+    copies = copy in method.called
+    yield "v_own = rows[k]" if made.order is SHUFFLED else "v_own = k"
+    yield f"progress[{PLACE}] = k"
+    if counted:
+        yield f"progress[{TURNS}] = 0"
+    if made.subject.table is not None:
+        yield f"if not t_{made.subject.name}.links[{ALIVE}, v_own]:"
+        yield f"{STEP}continue"
+    if copies:
+        limit = made.births
+        room = [f"t_{name}.links.shape[1] - n_{name}[{ROWS}] < {limit}" for name in tables]
+        yield from [f"if {' or '.join(room)}:", f"{STEP}return k"] if limit else []
+        yield from [f"u_{name} = n_{name}[{ROWS}]" for name in tables]
+    yield from _calls(made, method, given)
+    if copies:
+        over = [f"n_{name}[{ROWS}] > u_{name} + {made.births}" for name in tables]
+        yield from [f"if {' or '.join(over)}:", f"{STEP}raise IndexError"]
+    if counted:
+        yield f"progress[{TURNS_IN_CALL}] += progress[{TURNS}]"
+        yield f"if progress[{TURNS_IN_CALL}] > {MOST_IN_CALL}:"
+        yield f"{STEP}progress[{TURNS_IN_CALL}] = 0"
+        yield f"{STEP}return k + 1"
+
+
+def _calls(made: SpaceRule, method: Method, given: Sequence[str]) -> Iterator[str]:
+    """The call of the rule, and in front of it that for a cell with 8 neighbours.
+
+    `beside` is an addition there, so half of the time of a cellular automaton is saved.
+    """
+    grids = [
+        f"g_{p.name}" for p in made.parameters if p.type is CellGrid and f"g_{p.name}" in given
+    ]
+    call = f"rule({', '.join(['progress', 'words', '0', *given])})"
+    if not (grids and made.subject.item and beside in method.called):
+        yield call
+        return
+    inner = [
+        f"CellGrid({name}.width, {name}.height, {name}.periodic, v_own)" if name in grids else name
+        for name in given
+    ]
+    yield f"if surrounded({grids[0]}, v_own):"
+    yield f"{STEP}rule({', '.join(['progress', 'words', '0', *inner])})"
+    yield "else:"
+    yield STEP + call

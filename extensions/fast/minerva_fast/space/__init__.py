@@ -1,1 +1,0 @@
-"""Spaces: lattices, fields and graphs with compiled rules; see `Space` and `rule`."""

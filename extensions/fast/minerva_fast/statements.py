@@ -1,0 +1,684 @@
+"""Statements of compiled functions: assignments, loops, branches, and calls of user code.
+
+What a function returns, and what else it may do, depends on whether it is a method, a view, a rule
+or a helper: `results`. A function of user code that is called becomes a helper.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from types import FunctionType
+from typing import Any, Final, Protocol, TypeAlias, cast
+
+import numpy as np
+
+from minerva_bus.world.class_declaration import NotCompilable
+from minerva_fast.expressions import Expressions
+from minerva_fast.functions import ARRAYS
+from minerva_fast.origin import EXPRESSIONS, STATEMENTS, Origin
+from minerva_fast.values import (
+    EventItself,
+    Grid,
+    Helper,
+    Items,
+    Kind,
+    Known,
+    Line,
+    Method,
+    OwnRow,
+    Reference,
+    Scope,
+    Slot,
+    Table,
+    Value,
+    both,
+    constant,
+    indented,
+    joined,
+    variable,
+)
+
+MAX_ITEMS: Final = 1_000
+"""Maximum length of a local list."""
+MOST_TURNS: Final = 100_000_000
+"""Turns of loops in a row, some tenths of a second, after which it runs in Python, which Ctrl-C can
+interrupt."""
+FAULT: Final = "raise ArithmeticError"
+_UNCOUNTED: Final = 1000
+"""Turns of a loop that take no time."""
+_VARIABLE: Final = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
+_ZERO: Final = constant(Kind.INT, 0)
+_LIST_TYPES: Final = {
+    float: Kind.REAL, int: Kind.INT, bool: Kind.BOOL,
+    np.float64: Kind.REAL, np.int64: Kind.INT, np.bool_: Kind.BOOL,
+}  # fmt: skip
+Taken: TypeAlias = tuple[ast.expr, Value]
+"""A name of a loop, and the value that it takes in each turn."""
+
+
+class Results(Protocol):
+    """What a kind of function returns and may do."""
+
+    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
+        """The lines of a `return`."""
+        ...
+
+    def end(self, check: Statements) -> list[Line]:
+        """The lines of the end of the source, which can be reached."""
+        ...
+
+    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
+        """The lines of an assignment to an attribute."""
+        ...
+
+    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
+        """The lines of a statement that only this kind has; None for others."""
+        ...
+
+    def begin(self) -> None:
+        """Forget what a former pass over the function has noted."""
+        ...
+
+
+class Statements:
+    """Checks and prints the statements of one function."""
+
+    def __init__(self, method: Method, scope: Scope, results: Results) -> None:
+        self.method = method
+        self.scope = scope
+        self.results = results
+        self.expressions = Expressions(method, scope, self._helper)
+        self.problem = self.expressions.problem
+        self.value = self.expressions.value
+        self._breaks: list[set[str] | None] = []
+        """Of each loop around a statement, the variables that have a value at its breaks."""
+        self._checks: Mapping[type[ast.stmt], Callable[[Any], list[Line]]] = {
+            ast.Assign: self._assign,
+            ast.AugAssign: self._augmented,
+            ast.AnnAssign: self._annotated,
+            ast.Expr: self._expression,
+            ast.If: self._if,
+            ast.While: self._while,
+            ast.For: self._for,
+            ast.Return: lambda node: self.results.returned(self, node),
+            ast.Pass: lambda node: ["pass"],
+            ast.Break: lambda node: self._jump("break"),
+            ast.Continue: lambda node: self._jump("continue"),
+            # The row runs in Python again, which raises the error with its usual message.
+            ast.Raise: lambda node: self._jump(FAULT),
+            ast.Assert: lambda node: self.fault_unless(self.expressions.truth(node.test)),
+        }
+
+    # --- blocks and branches ---
+
+    def function(self) -> list[Line]:
+        """The lines of the function, once the kinds of its variables are known."""
+        scope, method = self.scope, self.method
+        parameters = set(scope.assigned or ())
+        while True:  # It ends, because a kind only changes to MIXED, and then stays.
+            known = dict(scope.kinds), scope.result, dict(method.kinds), dict(scope.rows)
+            scope.assigned, scope.names = set(parameters), iter(range(1_000_000))
+            scope.litters, scope.accesses = {}, []
+            outputs = len(method.outputs)
+            self.results.begin()
+            checked = self.block(scope.origin.tree.body)
+            if known == (scope.kinds, scope.result, method.kinds, scope.rows):
+                return [*checked, *self.results.end(self)] if self._reached() else checked
+            if not scope.helper:
+                del method.outputs[outputs:]
+
+    def _reached(self) -> bool:
+        return self.scope.assigned is not None
+
+    def block(self, nodes: Sequence[ast.stmt]) -> list[Line]:
+        """The lines of statements; those that are never reached are left out."""
+        made = list[Line]()
+        for node in nodes:
+            if self.scope.assigned is None:
+                break
+            own, check = self.results.statement(self, node), self._checks.get(type(node))
+            if own is None and check is None:
+                raise self.problem(node, *STATEMENTS.get(type(node), ("this statement", "")))
+            if own is None and check is not None:
+                own = check(node)
+            made += own or []
+        return made
+
+    def _jump(self, line: str) -> list[Line]:
+        if line == "break":
+            self._breaks[-1] = both(self._breaks[-1], self.scope.assigned)
+        self.scope.assigned = None
+        return [line]
+
+    def fault_unless(self, test: Value) -> list[Line]:
+        """A fault if a condition does not hold."""
+        return [f"if not {test.text}:", *indented([FAULT])]
+
+    def branch(
+        self, test: ast.expr, then: Callable[[], list[Line]], otherwise: Callable[[], list[Line]]
+    ) -> list[Line]:
+        """Two branches, of which each begins with the variables known here."""
+        made, before = self.expressions.truth(test), set(self.scope.assigned or ())
+        self.scope.assigned = set(before)
+        yes, after = then(), self.scope.assigned
+        self.scope.assigned = before
+        no = otherwise()
+        self.scope.assigned = both(after, self.scope.assigned)
+        lines: list[Line] = [f"if {made.text}:", *indented(yes)]
+        return [*lines, "else:", *indented(no)] if no else lines
+
+    def _if(self, node: ast.If) -> list[Line]:
+        return self.branch(
+            node.test, lambda: self.block(node.body), lambda: self.block(node.orelse)
+        )
+
+    def _expression(self, node: ast.Expr) -> list[Line]:
+        if isinstance(node.value, ast.Constant):  # a docstring
+            return []
+        if not isinstance(node.value, ast.Call):
+            what = EXPRESSIONS.get(type(node.value), ("a value that is not used", "remove it"))
+            raise self.problem(node, *what)
+        kind, text, _ = self.expressions.call(node.value)
+        return [text if kind is None else f"{self.scope.temporary()} = {text}"]
+
+    # --- assignments ---
+
+    def held(self, value: Value) -> tuple[Value, list[Line]]:
+        """A value in a variable of the generated function, unless it is one."""
+        if value.simple and (value.constant is not None or value.variable):
+            return value, []
+        name = self.scope.temporary()
+        return replace(variable(value.kind, name), newborn=value.newborn), [
+            f"{name} = {value.text}"
+        ]
+
+    def _assign(self, node: ast.Assign) -> list[Line]:
+        single = node.targets[0] if len(node.targets) == 1 else None
+        if isinstance(single, ast.Name):
+            made = self._named(single, node.value)
+            if made is not None:
+                return made
+        if isinstance(single, ast.Tuple | ast.List):
+            return self._unpack(node, single)
+        value = self.value(node.value)
+        if single is not None:
+            return self.store(single, value)
+        held, lines = self.held(replace(value, simple=False))
+        return [*lines, *(line for target in node.targets for line in self.store(target, held))]
+
+    def _named(self, target: ast.Name, node: ast.expr) -> list[Line] | None:
+        """An assignment of a list or of another name of an array or table; None for others."""
+        if isinstance(node, ast.List | ast.BinOp) and _is_list(node):
+            return self._new_list(target, node)
+        if isinstance(node, ast.Call):
+            known = self.expressions.reference(node.func)
+            if isinstance(known, Known) and known.value in ARRAYS:
+                return self._new_array(target, node, known.value)
+        reference = None
+        if isinstance(node, ast.Name | ast.Attribute):
+            reference = self.expressions.reference(node)
+        if not isinstance(reference, Items | Table | Grid):
+            return None
+        self._refer(target, reference)
+        return []
+
+    def _refer(self, target: ast.Name, reference: Reference) -> None:
+        """Let a variable be a name of something."""
+        name, scope = target.id, self.scope
+        known = scope.references.setdefault(name, reference)
+        if known != reference or name in scope.kinds or name in scope.litters:
+            raise self.problem(target, f"another value for {name}", "use another variable")
+        scope.aliases.add(name)
+        if scope.assigned is not None:
+            scope.assigned.add(name)
+
+    def _unpack(self, node: ast.Assign, target: ast.Tuple | ast.List) -> list[Line]:
+        targets = target.elts
+        for each in targets:
+            if isinstance(each, ast.Starred):
+                raise self.problem(each, *EXPRESSIONS[ast.Starred])
+        if isinstance(node.value, ast.Subscript):
+            columns = self.expressions.columns(node.value.value, target)
+            if columns is not None:
+                place = self.expressions.place(node.value, columns[0][1])
+                held, made = self.held(place)
+                for each, items in columns:
+                    made += self.store(each, self.expressions.item_at(items, held.text))
+                return made
+        if isinstance(node.value, ast.Name):
+            grid = self.expressions.reference(node.value)
+            if isinstance(grid, Grid):
+                what = f"an assignment of {node.value.id} to several names"
+                instead = f"write {node.value.id}.{grid.type._fields[0]}"
+                raise self.problem(node, what, instead)
+        if not isinstance(node.value, ast.Tuple) or len(node.value.elts) != len(targets):
+            instead = "write as many values: a, b = b, a"
+            raise self.problem(node, "an assignment to several names", instead)
+        values = [self.held(replace(self.value(each), simple=False)) for each in node.value.elts]
+        made = [line for _, lines in values for line in lines]
+        for each, (value, _) in zip(targets, values, strict=True):
+            made += self.store(each, value)
+        return made
+
+    def _annotated(self, node: ast.AnnAssign) -> list[Line]:
+        if node.value is None:
+            return []
+        return self._assign(ast.copy_location(ast.Assign([node.target], node.value), node))
+
+    def _augmented(self, node: ast.AugAssign) -> list[Line]:
+        if not isinstance(node.target, ast.Subscript):
+            old = self.value(_loaded(node.target))
+            new = self.expressions.of_values(node, node.op, old, self.value(node.value))
+            return self.store(node.target, new)
+        # Held, because the index is used twice and may draw a number.
+        items, place = self.expressions.place_of(node.target)
+        held, lines = self.held(place)
+        old = self.expressions.item_at(items, held.text)
+        new = self.expressions.of_values(node, node.op, old, self.value(node.value))
+        return [*lines, *self._set_item(node.target, items, held, new)]
+
+    def store(self, target: ast.expr, value: Value) -> list[Line]:
+        """Assign a value to a variable, an attribute, or an item of a list."""
+        match target:
+            case ast.Name():
+                return [self.assign(target, value)]
+            case ast.Attribute():
+                return self.results.store(self, target, value)
+            case ast.Subscript():
+                items = self.expressions.items(target.value)
+                if items is None and not self.method.rule:
+                    instead = "make a list: values = [0.0] * 4"
+                    raise self.problem(target, "an assignment to an item of this", instead)
+                return self._set_item(target, *self.expressions.place_of(target), value)
+            case _:
+                instead = "assign to a variable or an attribute"
+                raise self.problem(target, "an assignment to this", instead)
+
+    def assign(self, target: ast.Name, value: Value) -> str:
+        """Assign to a local variable; its kind is that of all its values."""
+        name, scope = target.id, self.scope
+        if name in scope.references or name in scope.litters:
+            raise self.problem(target, f"another value for {name}", "use another variable")
+        scope.lines.setdefault((name, value.kind), target.lineno)
+        kind = joined(scope.kinds.get(name, value.kind), value.kind)
+        if kind is None:
+            old = scope.kinds[name]
+            line = scope.lines.get((name, old), target.lineno)
+            what = f"{name} is {value.kind.value} here and {old.value} in line {line}"
+            raise self.problem(target, what, "use two variables")
+        scope.kinds[name] = kind
+        scope.rows[name] = scope.rows.get(name, True) and value.newborn
+        if scope.assigned is not None:
+            scope.assigned.add(name)
+        given = self.expressions.as_mixed(value) if kind is Kind.MIXED else value
+        return f"v_{name} = {given.text}"
+
+    def _set_item(
+        self, target: ast.Subscript, items: Items, place: Value, value: Value
+    ) -> list[Line]:
+        if items.fixed or items.text.startswith("TABLE_"):
+            what = f"an assignment to {ast.unparse(target.value)}"
+            raise self.problem(target, what, items.fixed or "make a list: values = [0.0] * 4")
+        self.expressions.access(target, items, place, writes=True)
+        if items.item:
+            value = self.expressions.as_number(target, value)
+        if items.item == "int16":
+            if value.kind is not Kind.INT:
+                what = "a real in Cells: Cells are ints"
+                raise self.problem(target, what, "write int(...), or use Reals")
+            value = replace(value, text=f"short({value.text})")
+        elif items.item == "real":
+            value = self.expressions.as_real(value)
+        elif value.kind is not items.kind:
+            what = f"{ast.unparse(target.value)} holds items of one type, {items.kind.value}"
+            instead = "use one type, such as 0.0 and float(...)"
+            raise self.problem(target, f"{what}; this is {value.kind.value}", instead)
+        return [f"{items.text}[{place.text}] = {value.text}"]
+
+    # --- lists of fixed length ---
+
+    def _new_list(self, target: ast.Name, node: ast.List | ast.BinOp) -> list[Line]:
+        elements, times = node, 1
+        if isinstance(node, ast.BinOp):
+            elements, times = node.left, self._size(node.right)
+        nodes = cast("ast.List", elements).elts
+        if not 1 <= len(nodes) * times <= MAX_ITEMS:
+            what = f"a list of {len(nodes) * times} items"
+            raise self.problem(node, what, f"use 1 to {MAX_ITEMS} items")
+        kind, values = self.expressions.alike(node, [self.value(each) for each in nodes])
+        if kind is Kind.MIXED:
+            raise self.expressions.mixed(node)
+        items = self._list(target, kind, len(nodes) * times)
+        held = [self.held(value) for value in values]
+        made = [line for _, lines in held for line in lines]
+        if len(held) == 1:
+            return [*made, *_filled(items, held[0][0], self.scope.temporary())]
+        for index in range(items.size):
+            made.append(f"{items.text}[{index}] = {held[index % len(held)][0].text}")
+        return made
+
+    def _new_array(self, target: ast.Name, node: ast.Call, function: Any) -> list[Line]:
+        """`np.zeros(n)`, `np.ones(n, int)` or `np.full(n, value)`."""
+        named = {str(word.arg): word.value for word in node.keywords}
+        full = function is np.full
+        types = [*node.args[1 + full :], *([named.pop("dtype")] if "dtype" in named else [])]
+        if named or len(types) > 1 or len(node.args) < 1 + full:
+            name = ast.unparse(node.func)
+            what = f"these arguments of {name}"
+            raise self.problem(node, what, "write its length and dtype only")
+        value = self.value(node.args[1]) if full else constant(Kind.REAL, function is np.ones)
+        kind = value.kind
+        if types:
+            known = self.expressions.reference(types[0])
+            kind = _LIST_TYPES.get(known.value) if isinstance(known, Known) else None
+            if kind is None:
+                what = f"an array of {ast.unparse(types[0])}"
+                raise self.problem(types[0], what, "write dtype=float, dtype=int or dtype=bool")
+            if full and kind is not value.kind:
+                raise self.problem(node, "a value of another type", "write one of this type")
+            value = value if full else constant(kind, function is np.ones)
+        items = self._list(target, kind, self._size(node.args[0]))
+        held, made = self.held(value)
+        return [*made, *_filled(items, held, self.scope.temporary())]
+
+    def _size(self, node: ast.expr) -> int:
+        count = self.value(node)
+        if count.constant is None or count.kind is not Kind.INT or count.constant < 1:
+            what = "a list whose length is not a constant"
+            raise self.problem(node, what, "use a constant length")
+        return int(count.constant)
+
+    def _list(self, target: ast.Name, kind: Kind, size: int) -> Items:
+        """The list of a variable."""
+        if size > MAX_ITEMS:
+            raise self.problem(target, f"a list of {size} items", f"use 1 to {MAX_ITEMS} items")
+        lists = self.method.lists
+        items = Items(f"l_{len(lists)}", kind, str(size), size, item="real" * (kind is Kind.REAL))
+        items = lists.setdefault((id(self.scope), target.id, kind, size), items)
+        self._refer(target, items)
+        self.expressions.use(items.text)
+        return items
+
+    # --- calls of user code ---
+
+    def _helper(
+        self, node: ast.Call, function: FunctionType, bound: tuple[Reference, ...]
+    ) -> tuple[Kind | None, str, bool]:
+        if function.__code__.co_flags & _VARIABLE:
+            what = f"{function.__name__}, a function with * or **, as decorators make"
+            raise self.problem(node, what, "call a function with a parameter for each argument")
+        arguments = [*bound, *map(self._argument, node.args)]
+        named = {str(word.arg): self._argument(word.value) for word in node.keywords}
+        try:
+            call = inspect.signature(function).bind(*arguments, **named)
+        except TypeError as error:
+            what = f"this call of {function.__name__}: {error}"
+            instead = f"write {function.__name__}{inspect.signature(function)}"
+            raise self.problem(node, what, instead) from None
+        # Python evaluates arguments in the order in which they are written, and draws are in it.
+        order = [*list(call.arguments)[: len(arguments)], *named]
+        call.apply_defaults()
+        order += [name for name in call.arguments if name not in order]
+        given = {name: self._plain(node, call.arguments[name]) for name in order}
+        made = self._made(node, function, given)
+        looped = self.scope.loops > 0
+        self.scope.accesses += [replace(a, looped=looped or a.looped) for a in made.accesses]
+        passed = [self._passed_on(slot, given).text for slot in made.parameters]
+        text = f"{made.name}({', '.join(['progress', 'words', 'i', *passed])})"
+        return made.kind, text, made.newborn
+
+    def _passed_on(self, slot: Slot, given: Mapping[str, Any]) -> Value:
+        """An argument of a helper: a value of the call, or a variable that the helper reads."""
+        name = slot.name.removeprefix("v_")
+        if slot.name.startswith("v_") and isinstance(given.get(name), Value):
+            value: Value = given[name]
+            return self.expressions.as_mixed(value) if slot.kind is Kind.MIXED else value
+        return self.expressions.use(slot.name, slot.kind)
+
+    def _argument(self, node: ast.expr) -> Any:
+        named = isinstance(node, ast.Name | ast.Attribute)
+        reference = self.expressions.reference(node) if named else None
+        if reference is not None and not isinstance(reference, Known):
+            return reference
+        return self.value(node)
+
+    def _plain(self, node: ast.Call, value: Any) -> Any:
+        """An argument; default values are constants."""
+        if isinstance(value, EventItself):
+            raise self.problem(node, "the event as an argument", "pass the data that are needed")
+        if isinstance(value, Reference | Value):
+            return value
+        known = self.expressions.constant_of(value)
+        if known is None:
+            raise self.problem(node, f"the argument {value!r}", "pass numbers, bools or texts")
+        return known
+
+    def _made(self, node: ast.Call, function: FunctionType, given: dict[str, Any]) -> Helper:
+        """The helper for arguments of these kinds."""
+        method = self.method
+        if function in method.calling:
+            raise self.problem(node, "a function that calls itself", "write a loop")
+        origin = Origin.of(function)
+        for name in stored(origin.tree) & given.keys():
+            if isinstance(given[name], OwnRow):
+                given[name] = self.expressions.use("v_own")
+        values = {name: each.kind for name, each in given.items() if isinstance(each, Value)}
+        references = {name: each for name, each in given.items() if name not in values}
+        key = function, tuple(values.items()), tuple(references.items())
+        if key in method.helpers:
+            return method.helpers[key]
+        method.calling.append(function)
+        scope = Scope(origin, references, dict(values), assigned=set(values), helper=True)
+        lines = Statements(method, scope, HelperResults()).function()
+        method.calling.remove(function)
+        slots = [Slot(f"v_{name}", scope.kinds[name]) for name in values]
+        slots += [Slot(name, each.kind) for name, each in sorted(scope.reads.items())]
+        name = f"h{len(method.helpers)}_{function.__name__}"
+        newborn = scope.newborn and scope.result is Kind.INT
+        made = Helper(name, tuple(slots), scope.result, lines, scope.accesses, newborn)
+        method.helpers[key] = made
+        return made
+
+    # --- loops ---
+
+    def _body(self, body: Sequence[ast.stmt]) -> tuple[list[Line], set[str] | None]:
+        """The body of a loop, and the variables that have a value at its breaks."""
+        self._breaks.append(None)
+        self.scope.loops += 1
+        checked = self.block(body)
+        self.scope.loops -= 1
+        return checked, self._breaks.pop()
+
+    def _else(
+        self, node: ast.While | ast.For, ended: set[str] | None, left: set[str] | None
+    ) -> list[Line]:
+        """The `else` of a loop, with the variables that have a value at its end and its breaks."""
+        self.scope.assigned = ended
+        checked = self.block(node.orelse)
+        self.scope.assigned = both(self.scope.assigned, left)
+        return ["else:", *indented(checked)] if checked else []
+
+    def _while(self, node: ast.While) -> list[Line]:
+        endless = isinstance(node.test, ast.Constant) and bool(node.test.value)
+        test, before = self.expressions.truth(node.test), set(self.scope.assigned or ())
+        body, left = self._body(node.body)
+        lines = [f"turns(progress, 0, 1, 1, {MOST_TURNS})", *body]
+        otherwise = self._else(node, None if endless else before, left)
+        return [f"while {test.text}:", *indented(lines), *otherwise]
+
+    def _for(self, node: ast.For) -> list[Line]:
+        if self._called(node.iter) is range:
+            return self._for_range(node, cast("ast.Call", node.iter))
+        reference = self.expressions.reference(node.iter)
+        if isinstance(reference, EventItself):
+            return self._for_events(node, reference)
+        if isinstance(reference, Table):
+            raise self.expressions.whole_table(node.iter, reference.type, "NAME[k]")
+        counter = self.scope.temporary()
+        taken, length = self._taken(node.target, node.iter, variable(Kind.INT, counter))
+        return self._counted(node, f"for {counter} in range({length}):", taken)
+
+    def _called(self, node: ast.expr) -> object:
+        """The known function that an expression calls."""
+        function = self.expressions.reference(node.func) if isinstance(node, ast.Call) else None
+        return function.value if isinstance(function, Known) else None
+
+    def _taken(self, target: ast.expr, node: ast.expr, place: Value) -> tuple[list[Taken], int]:
+        """The names of a loop with their values, and the number of turns."""
+        if isinstance(node, ast.Call) and self._called(node) is enumerate:
+            return self._numbered(target, node, place)
+        if isinstance(node, ast.Call) and self._called(node) is zip:
+            return self._zipped(target, node, place)
+        columns = self.expressions.columns(node, target)
+        if columns is None:
+            raise self._no_loop(node)
+        taken = [(name, self.expressions.item_at(items, place.text)) for name, items in columns]
+        return taken, columns[0][1].size
+
+    def _numbered(self, target: ast.expr, call: ast.Call, place: Value) -> tuple[list[Taken], int]:
+        named = [word.value for word in call.keywords if word.arg == "start"]
+        given = [*call.args, *named]
+        first = self.value(given[1]) if len(given) == 2 else _ZERO
+        known = first.constant is not None and first.kind is Kind.INT
+        if not known or len(given) not in (1, 2) or len(named) != len(call.keywords):
+            instead = "write enumerate(TABLE, 1), with a constant"
+            raise self.problem(call, "these arguments of enumerate", instead)
+        number, item = self._names(target, 2)
+        taken, length = self._taken(item, call.args[0], place)
+        counted = self.expressions.of_values(call, ast.Add(), place, first)
+        return [(number, counted), *taken], length
+
+    def _zipped(self, target: ast.expr, call: ast.Call, place: Value) -> tuple[list[Taken], int]:
+        if call.keywords or not call.args:
+            raise self.problem(call, "these arguments of zip", "write zip(FIRST, SECOND)")
+        names = self._names(target, len(call.args))
+        parts = [self._taken(*each, place) for each in zip(names, call.args, strict=True)]
+        return [each for taken, _ in parts for each in taken], min(length for _, length in parts)
+
+    def _names(self, target: ast.expr, count: int) -> list[ast.expr]:
+        if not isinstance(target, ast.Tuple | ast.List) or len(target.elts) != count:
+            what = f"a loop over {count} values in a turn"
+            raise self.problem(target, what, f"use {count} names: for a, b in")
+        return target.elts
+
+    def _no_loop(self, node: ast.expr) -> NotCompilable:
+        if isinstance(node, ast.Call):
+            self.value(node)
+        instead = "loop over range(...), a constant tuple, a local list or a batch of events"
+        return self.problem(node, "a loop over this", instead)
+
+    def _for_range(self, node: ast.For, call: ast.Call) -> list[Line]:
+        if call.keywords or not 1 <= len(call.args) <= 3:
+            raise self.problem(call, "these arguments of range", "write range(start, stop, step)")
+        values = [self.value(argument) for argument in call.args]
+        if any(value.kind is not Kind.INT for value in values):
+            raise self.problem(call, "a range of numbers that are not ints", "write int(...)")
+        step = values[2] if len(values) == 3 else constant(Kind.INT, 1)
+        if not step.constant:
+            raise self.problem(call, "a step that is not a constant", "write a number, such as 2")
+        ends = [_ZERO, values[0]] if len(values) == 1 else values[:2]
+        (start, first), (stop, second) = map(self.held, ends)
+        made = [*first, *second]
+        numbers = [each.constant for each in ends]
+        if None in numbers or (numbers[1] - numbers[0]) / step.constant > _UNCOUNTED:
+            texts = ", ".join([start.text, stop.text, step.text])
+            made.append(f"turns(progress, {texts}, {MOST_TURNS})")
+        counter = self.scope.temporary()
+        head = f"for {counter} in range({start.text}, {stop.text}, {step.text}):"
+        return [*made, *self._counted(node, head, [(node.target, variable(Kind.INT, counter))])]
+
+    def _counted(self, node: ast.For, head: str, taken: Iterable[Taken]) -> list[Line]:
+        # The loop may run zero times; then its names have no value.
+        before = set(self.scope.assigned or ())
+        first = [self.assign(self._name_of(target), value) for target, value in taken]
+        body, left = self._body(node.body)
+        return [head, *indented([*first, *body]), *self._else(node, before, left)]
+
+    def _name_of(self, target: ast.expr) -> ast.Name:
+        if not isinstance(target, ast.Name):
+            raise self.problem(target, "a loop over this", "use a name for each value")
+        return target
+
+    def _for_events(self, node: ast.For, event: EventItself) -> list[Line]:
+        """A loop over the events of a batch: the variable stands for one event."""
+        target, scope = self._name_of(node.target), self.scope
+        if not event.batch:
+            raise self.problem(node.iter, "a loop over one event", "use together=True")
+        if target.id in scope.kinds or target.id in scope.references:
+            raise self.problem(target, f"another value for {target.id}", "use another variable")
+        before, counter = set(scope.assigned or ()), scope.temporary()
+        scope.references[target.id] = EventItself(False, counter)
+        body, left = self._body(node.body)
+        del scope.references[target.id]
+        head = f"for {counter} in range(e_begin, e_end):"
+        return [head, *indented(body), *self._else(node, before, left)]
+
+
+class HelperResults:
+    """A function that is called: it returns a value, or nothing, and changes no attributes."""
+
+    def begin(self) -> None: ...
+
+    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
+        """A value of one kind; nothing if there is no value at any `return`."""
+        scope = check.scope
+        if node.value is None:
+            if scope.result is not None:
+                raise check.problem(node, "a function that returns nothing", "return a value")
+            scope.assigned = None
+            return ["return"]
+        value = check.value(node.value)
+        result = joined(scope.result or value.kind, value.kind)
+        if result is None:
+            raise check.problem(node, "results of different types", "return one type")
+        scope.result, scope.assigned = result, None
+        scope.newborn = scope.newborn and value.newborn
+        made = check.expressions.as_mixed(value) if result is Kind.MIXED else value
+        return [f"return {made.text}"]
+
+    def end(self, check: Statements) -> list[Line]:
+        """The end of a function without a result."""
+        if check.scope.result is not None:
+            what = "a function that returns no value on one path"
+            raise check.problem(check.scope.origin.tree, what, "end it with return")
+        return []
+
+    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
+        """Only a method itself changes attributes."""
+        what = "a function that changes attributes"
+        raise check.problem(target, what, "return the value and assign it in the method")
+
+    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
+        """No other statements."""
+        return None
+
+
+def _is_list(node: ast.expr) -> bool:
+    if isinstance(node, ast.BinOp):
+        return isinstance(node.op, ast.Mult) and isinstance(node.left, ast.List)
+    return isinstance(node, ast.List)
+
+
+def _filled(items: Items, value: Value, counter: str) -> list[Line]:
+    """The lines that set all items of a list to a value."""
+    return [
+        f"for {counter} in range({items.size}):",
+        *indented([f"{items.text}[{counter}] = {value.text}"]),
+    ]
+
+
+def stored(tree: ast.AST) -> set[str]:
+    """The names to which a function assigns."""
+    names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    return {node.id for node in names if isinstance(node.ctx, ast.Store)}
+
+
+def _loaded(target: ast.expr) -> ast.expr:
+    """The expression that reads what an assignment writes."""
+    read = ast.parse(ast.unparse(target), mode="eval").body
+    for node in ast.walk(read):
+        ast.copy_location(node, target)
+    return read

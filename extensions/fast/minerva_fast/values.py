@@ -1,0 +1,433 @@
+"""What the checker knows of a function: kinds of values, what names stand for, and what it makes.
+
+The checker prints while it checks: a value is the text of an expression with its kind, a statement
+is lines. Where Python would answer with an error, or with a number that has no machine type, the
+text raises an error, a *fault*, and the function itself runs as Python for this row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from types import FunctionType
+from typing import Any, Final, TypeAlias
+
+from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import EventType
+from minerva_fast.origin import MISSING, Origin, lookup
+
+
+class Kind(Enum):
+    """Kinds of values. MIXED: an int in one case and a real in another, held as a real."""
+
+    INT = "an int"
+    REAL = "a real number"
+    MIXED = "an int in one case and a real in another"
+    BOOL = "a bool"
+    TEXT = "a text"
+
+    @property
+    def number(self) -> bool:
+        """Whether it is an int or a real."""
+        return self in (Kind.INT, Kind.REAL, Kind.MIXED)
+
+    @property
+    def machine(self) -> str:
+        """The type of numba that holds it."""
+        return {Kind.BOOL: "boolean", Kind.INT: "int64", Kind.TEXT: "int64"}.get(self, "float64")
+
+
+DECLARED: Final[Mapping[str, Kind]] = {
+    "int": Kind.INT,
+    "real": Kind.REAL,
+    "bool": Kind.BOOL,
+    "text": Kind.TEXT,
+}
+"""Kinds by the declared kind of a type (grammar/types.py); a column cannot hold others."""
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """An expression of the generated function.
+
+    `constant` is its value if that is known; a text has its code. `simple`: it may be computed
+    twice, as a variable or an item may. `newborn`: it is the row of a newborn.
+    """
+
+    kind: Kind
+    text: str
+    constant: Any = None
+    simple: bool = False
+    newborn: bool = False
+
+    @property
+    def variable(self) -> str:
+        """The name of the variable that it is; empty if it is something else."""
+        return self.text if self.text.isidentifier() else ""
+
+
+def variable(kind: Kind, name: str) -> Value:
+    """A variable of the generated function."""
+    return Value(kind, name, simple=True)
+
+
+def constant(kind: Kind, number: Any) -> Value:
+    """A constant; reals keep every bit, and infinity and nan have names of `library`."""
+    if kind is Kind.BOOL:
+        text = "True" if number else "False"
+    elif kind in (Kind.INT, Kind.TEXT):
+        # The literal of the least int would be the negative of a number beyond 64 bits.
+        text = f"({int(number)})" if int(number) != -(2**63) else "LEAST_INT"
+    elif number != number:
+        text = "NAN"
+    elif number in (float("inf"), float("-inf")):
+        text = "INFINITY" if number > 0 else "(-INFINITY)"
+    else:
+        text = f"({float(number)!r})"
+    return Value(kind, text, number, simple=True)
+
+
+# --- what a row makes ---
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A named value with its kind: an attribute, a datum, a parameter or a cell of an output."""
+
+    name: str
+    kind: Kind
+
+
+@dataclass(frozen=True, slots=True)
+class Attribute:
+    """An attribute of the agent: its kind and type, and the codes of the texts that it may have."""
+
+    name: str
+    kind: Kind
+    type: Type
+    words: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Newborn:
+    """An output with the newborns of one call of `child`: `births` and the attributes given."""
+
+    symbol: Any
+    """Agent class of the newborn; None: that of its parent."""
+    slots: tuple[Slot, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Emission:
+    """An output with the events of one type: data, and the codes of their receivers."""
+
+    event_type: str
+    slots: tuple[Slot, ...]
+    receivers: int
+    condition: str
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A primitive or transformation with the names of its given parameters, and its scope."""
+
+    symbol: Any
+    names: tuple[str, ...]
+    scope: tuple[Figure, ...] = ()
+
+    @property
+    def width(self) -> int:
+        """The number of parameters, with those of its scope."""
+        return len(self.names) + sum(inner.width for inner in self.scope)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """An output with the parameters of the figures that a view returns, numbered in their order.
+
+    `shared`: numbers of those that are attributes, with their names; they are not in `slots`.
+    """
+
+    figures: tuple[Figure, ...]
+    slots: tuple[Slot, ...]
+    shared: tuple[tuple[str, str], ...] = ()
+
+
+Output: TypeAlias = Newborn | Emission | Shown
+
+
+@dataclass(frozen=True, slots=True)
+class Append:
+    """Lines that append a row to an output; printed when all of its rows are known."""
+
+    output: int
+    values: tuple[Value, ...]
+    depth: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """The end of a method: the agent stays or is gone; newborns not in `placed` are dropped."""
+
+    stays: bool
+    placed: tuple[int, ...]
+    depth: int = 0
+
+
+Line: TypeAlias = str | Append | Finish
+STEP: Final = "    "
+
+
+def indented(lines: Sequence[Line]) -> list[Line]:
+    """Lines one step further to the right; `pass` for none."""
+    return [
+        STEP + line if isinstance(line, str) else replace(line, depth=line.depth + 1)
+        for line in lines or ["pass"]
+    ]
+
+
+# --- what names refer to ---
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """An object of the module, such as a constant, a function or an event type."""
+
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class AgentItself:
+    """The parameter `self`."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoundMethod:
+    """A method of the agent, as in `self.grow(2)`."""
+
+    function: Any
+
+
+@dataclass(frozen=True, slots=True)
+class EventItself:
+    """The parameter with the event, in this row of its data; `batch`: with all of an agent."""
+
+    batch: bool = False
+    place: str = "k"
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The parameter `moment`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chance:
+    """`moment.chance`, or the parameter `draws` of a rule."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnRow:
+    """The row or cell of a rule, which its subject has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """The shape of a lattice, a field or a graph: an argument of functions for rules."""
+
+    text: str
+    type: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of a rule, or its state before the rule; `own`: of its subject."""
+
+    name: str
+    type: Any
+    own: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """An array: a list, a constant tuple, a column of a table or a matrix.
+
+    Attributes:
+        text: its variable.
+        kind: of its items.
+        length: the text of its length.
+        size: its length if that is constant, and else 0; negative indices count from the end then.
+        owner: the parameter of a rule of which it is a part.
+        column: the name of a column; empty for a matrix.
+        item: the type of items that are shorter than ints of 64 bits, or "real" for an array that
+            holds ints as reals.
+        fixed: why a rule cannot assign to its items.
+        own: whether the row or cell of a rule is one of its indices.
+
+    """
+
+    text: str
+    kind: Kind
+    length: str
+    size: int = 0
+    owner: str = ""
+    column: str = ""
+    item: str = ""
+    fixed: str = ""
+    own: bool = False
+
+
+Reference = (
+    Known
+    | AgentItself
+    | BoundMethod
+    | EventItself
+    | Moment
+    | Chance
+    | OwnRow
+    | Grid
+    | Table
+    | Items
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """What an activation of a rule does with a column of a table, or with a matrix ("")."""
+
+    origin: Origin
+    node: Any
+    owner: str
+    column: str
+    own: bool
+    """Whether it concerns the row of the rule."""
+    writes: bool = False
+    looped: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Helper:
+    """A function or method that the checked function calls; it reads attributes and draws.
+
+    `kind` is that of its result; None if it has none.
+    """
+
+    name: str
+    parameters: tuple[Slot, ...]
+    kind: Kind | None
+    lines: Sequence[Line]
+    accesses: Sequence[Access]
+    newborn: bool
+
+
+@dataclass(slots=True)
+class Method:
+    """What is collected of a method, view or rule, and of the helpers that it calls.
+
+    `kinds` are those of the agent's attributes: a real attribute that a method of the class sets to
+    an int is MIXED, and the check is repeated with that.
+    """
+
+    cls: Any = None
+    types: Mapping[str, Type] = field(default_factory=dict[str, Type])
+    kinds: dict[str, Kind] = field(default_factory=dict[str, Kind])
+    event_type: EventType | None = None
+    int_lines: dict[str, int] = field(default_factory=dict[str, int])
+    """Lines that set a real attribute to an int, by variable, for errors."""
+    texts: dict[str, int] = field(default_factory=dict[str, int])
+    reads: dict[str, None] = field(default_factory=dict[str, None])
+    writes: dict[str, None] = field(default_factory=dict[str, None])
+    data: dict[str, Kind] = field(default_factory=dict[str, Kind])
+    given: dict[str, Kind] = field(default_factory=dict[str, Kind])
+    outputs: list[Output] = field(default_factory=list[Output])
+    helpers: dict[Any, Helper] = field(default_factory=dict[Any, Helper])
+    lists: dict[Any, Items] = field(default_factory=dict[Any, Items])
+    tables: dict[tuple[Any, ...], Items] = field(default_factory=dict[tuple[Any, ...], Items])
+    constants: dict[tuple[Any, str], Any] = field(default_factory=dict[tuple[Any, str], Any])
+    """Objects that names referred to; a later change of one makes the compiled code outdated."""
+    calling: list[FunctionType] = field(default_factory=list[FunctionType])
+    called: dict[Any, None] = field(default_factory=dict[Any, None])
+    """Functions for rules that are called."""
+    draws: bool = False
+
+    @property
+    def rule(self) -> bool:
+        """Whether it is a rule of a space, which has no agent."""
+        return self.cls is None
+
+    def code(self, text: str) -> int:
+        """The code of a constant text."""
+        return self.texts.setdefault(text, len(self.texts))
+
+    def known(self, origin: Origin, name: str) -> Any:
+        """The object of a name outside a function, recorded; MISSING if there is none."""
+        value = lookup(origin.function, name)
+        self.constants[origin.function, name] = value
+        return value
+
+    def attribute_of(self, owner: Any, name: str) -> Any:
+        """The attribute of a module or class, recorded; MISSING if there is none."""
+        value: Any = getattr(owner, name, MISSING)
+        self.constants[owner, name] = value
+        return value
+
+    def current(self) -> bool:
+        """Whether all names still refer to the same objects."""
+        return all(
+            (lookup(owner, name) if isinstance(owner, FunctionType) else getattr(owner, name, None))
+            is value
+            for (owner, name), value in self.constants.items()
+        )
+
+
+@dataclass(slots=True)
+class Scope:
+    """The names within one function: of the method or rule, or of a helper.
+
+    `assigned` are variables that certainly have a value; None where the code is not reached.
+    """
+
+    origin: Origin
+    references: dict[str, Reference]
+    kinds: dict[str, Kind] = field(default_factory=dict[str, Kind])
+    lines: dict[tuple[str, Kind], int] = field(default_factory=dict[tuple[str, Kind], int])
+    assigned: set[str] | None = field(default_factory=set[str])
+    reads: dict[str, Value] = field(default_factory=dict[str, Value])
+    """Variables of the row that a helper is passed, by name."""
+    helper: bool = False
+    result: Kind | None = None
+    newborn: bool = True
+    """Whether each result of a helper is the row of a newborn."""
+    litters: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
+    """Newborns collected in a variable: their outputs."""
+    rows: dict[str, bool] = field(default_factory=dict[str, bool])
+    """Whether all values of a variable are rows of newborns."""
+    accesses: list[Access] = field(default_factory=list[Access])
+    aliases: set[str] = field(default_factory=set[str])
+    """Variables that are other names of arrays and tables."""
+    loops: int = 0
+    names: Iterator[int] = field(default_factory=lambda: iter(range(1_000_000)))
+
+    @property
+    def int_lines(self) -> dict[str, int]:
+        """Lines that set a local variable to an int, by variable, for errors."""
+        return {f"v_{name}": line for (name, kind), line in self.lines.items() if kind is Kind.INT}
+
+    def temporary(self) -> str:
+        """The name of a new variable of the generated function."""
+        return f"t_{next(self.names)}"
+
+
+def joined(first: Kind, second: Kind) -> Kind | None:
+    """The kind of a variable that has values of both kinds; None if there is none."""
+    if first is second:
+        return first
+    return Kind.MIXED if first.number and second.number else None
+
+
+def both(first: set[str] | None, second: set[str] | None) -> set[str] | None:
+    """Variables that have a value on both paths; None is a path that is not taken."""
+    if first is None or second is None:
+        return second if first is None else first
+    return first & second
