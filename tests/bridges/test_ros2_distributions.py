@@ -79,6 +79,21 @@ def test_velocities_reach_robots_that_appear_later():
     assert all(NO_HASH not in str(sample.key_expr) for sample in any_hash)
 
 
+def test_a_robot_that_restarts_is_driven_and_heard_again():
+    with network() as (endpoint, _), RunningBridge(Ros2(endpoint, mount="0, 0, 0")) as running:
+        session, driven = Ros2Session(Ros2Network(endpoint), "motors"), []
+        motors = session.publisher("cmd_vel", types.TWIST)
+        for humble in (False, True, False):
+            driven.clear()
+            running.published.clear()
+            with Node(endpoint, humble=humble) as robot:
+                put = robot.publisher("/scan", types.LASER_SCAN)
+                robot.subscribe("/cmd_vel", types.TWIST, driven.append)
+                has_come(running, lambda put=put: put(scan()))
+                eventually(lambda: drive(motors, 0.1) or driven, "it is driven")
+        session.close()
+
+
 def drive(motors, speed):
     motors.put(messages().twist(speed, 0.0))
 

@@ -77,7 +77,13 @@ def test_velocities_of_the_other_kind():
     assert "set stamped = true" in stamped["cmd_vel"]
     plain = problems(Ros2Robot(ROUTER, stamped=True), rmw("MS", "/cmd_vel", types.TWIST))
     assert "set stamped = false" in plain["cmd_vel"]
+
+
+def test_a_view_needs_nobody_but_the_right_layout_and_types():
+    assert problems(Ros2View(ROUTER)) == {}
     assert problems(Ros2View(ROUTER), rmw("MS", "/map", types.GRID)) == {}
+    assert "domain" in problems(Ros2View(ROUTER), rmw("MS", "/map", types.GRID, domain=3))
+    assert "goal" in problems(Ros2View(ROUTER), rmw("MP", "/goal_pose", types.PATH))
 
 
 @pytest.mark.parametrize("token", ["", "@ros2_lv/0", "@/abc/@ros2_lv", "@ros2_lv/x/a/0/0/NN/%/%/n"])

@@ -1,5 +1,6 @@
 """Point clouds, single ranges and positions as readings, and sensors on joints that move."""
 
+import io
 import math
 
 import numpy as np
@@ -131,3 +132,25 @@ def test_a_sensor_on_a_joint_that_moves_has_its_latest_mount():
 
             eventually(lambda: turned(30.0), "the first mount")
             eventually(lambda: turned(-60.0), "the second mount")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "values"),
+    [
+        ("16UC1", np.array([[0, 1500], [40, 65535]], "<u2")),
+        ("16UC1", np.array([[0, 1500], [40, 65535]], ">u2")),
+        ("32FC1", np.array([[np.nan, 1.5], [0.04, 90.0]], "<f4")),
+    ],
+)
+def test_distances_of_a_camera_are_a_file_of_millimetres(encoding, values):
+    pillow, make = pytest.importorskip("PIL.Image"), messages()
+    message = make.make(
+        types.IMAGE,
+        header=make.header("laser", 0), height=2, width=2, encoding=encoding,
+        is_bigendian=values.dtype.byteorder == ">", step=2 * values.itemsize,
+        data=np.frombuffer(values.tobytes(), np.uint8),
+    )  # fmt: skip
+    topic, reading = read(bridge(image="depth"), types.IMAGE, message)
+    assert (topic, reading.encoding, reading.width, reading.height) == ("image", "png", 2, 2)
+    pixels = np.asarray(pillow.open(io.BytesIO(reading.data)))
+    assert pixels.tolist() == [[0, 1500], [40, 65535]]

@@ -56,11 +56,13 @@ def mismatches(
     graph: Iterable[Announced], network: Ros2Network, uses: Sequence[TopicUse]
 ) -> Iterator[tuple[str, str]]:
     """By option, what does not fit between a service and a network, and what to do."""
-    if not uses:
-        return
     everything = list(graph)
+    # For a view, nobody has to be there: RViz may come later.
+    may_be_empty = not any(use.needed for use in uses)
+    if not uses or (may_be_empty and not any(map(_is_of_robot, everything))):
+        return
     here = [each for each in everything if is_of(each, network)]
-    if not any(_is_of_robot(each) for each in here):
+    if not any(map(_is_of_robot, here)):
         yield _elsewhere(everything, network)
         return
     namespace = _namespace(here, network, uses)
