@@ -37,8 +37,6 @@ _SURROGATE: Final = re.compile("[\ud800-\udfff]")
 MAX_READINGS: Final = 1000
 """Readings of one publisher that wait for a frame; the oldest are dropped."""
 
-TAKES: Final = ("newest", "all")
-
 
 class ReadingBuffer:
     """Readings by topic and publisher, until a tick takes them.
@@ -49,10 +47,6 @@ class ReadingBuffer:
     """
 
     def __init__(self, takes: str = "newest", nth: int = 1) -> None:
-        if takes not in TAKES:
-            raise MisuseError(f"takes is {takes!r}; expected {' or '.join(TAKES)}")
-        if nth < 1:
-            raise MisuseError(f"nth is {nth}; expected a whole number from 1")
         self.dropped: int = 0
         self._limit = MAX_READINGS if takes == "all" else 1
         self._nth = nth

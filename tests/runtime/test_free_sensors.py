@@ -77,14 +77,6 @@ def test_readings_in_step_count_only_in_the_tick_of_their_frame():
 
 
 @pytest.mark.parametrize(
-    ("options", "problem"), [({"takes": "some"}, "newest or all"), ({"nth": 0}, "from 1")]
-)
-def test_wrong_policies(options, problem):
-    with pytest.raises(MisuseError, match=problem):
-        ReadingBuffer(**options)
-
-
-@pytest.mark.parametrize(
     "reading",
     [
         Image("r", b"\xff\xd8", "jpeg", 640, 480, 1.5, Mount(0.1, 0.0, 90.0)),
