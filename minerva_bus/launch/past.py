@@ -8,7 +8,6 @@ them in the next frame; views depend only on the string and the events (equation
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -45,11 +44,6 @@ CODE: Final = Overrides(only_code=True)
 
 MAX_NAMED: Final = 5
 """Names of each difference in a message."""
-
-RECORD_SECONDS: Final = 10.0
-"""Longest time, in seconds, that a running world takes to write its frames to the disk."""
-
-POLL_SECONDS: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,33 +323,3 @@ def _coupled(file: WorldFile) -> frozenset[str]:
         return frozenset(e.name for e in file.world.vocabulary.events.values() if e.visual)
     hellos = [process.make_member().hello() for process in file.processes]
     return frozenset(draws for hello in hellos if hello.coupled for draws in hello.draws)
-
-
-# --- the record of a running world ---
-
-
-def wait_for_frame(path: Path, frame: int) -> None:
-    """Wait until a frame of a record is on the disk. Raises MisuseError after RECORD_SECONDS."""
-    until = time.monotonic() + RECORD_SECONDS
-    while (last := _last(path)) < frame:
-        if time.monotonic() > until:
-            raise MisuseError(
-                f"{path} ends with frame {last}, not {frame}, after {RECORD_SECONDS:g} s; flush it"
-                " more often (--flush), or choose an earlier frame"
-            )
-        time.sleep(POLL_SECONDS)
-
-
-def last_written(path: Path) -> int:
-    """The frame whose initial string is the last on the disk; -1 if the record cannot be read."""
-    try:
-        return _last(path)
-    except RecordError:
-        return -1
-
-
-def _last(path: Path) -> int:
-    from minerva_bus.log.record import Record
-
-    with Record(path) as record:
-        return record.last()[0]

@@ -23,6 +23,7 @@ from minerva_analysis.causes import (
     observe_agent,
 )
 from minerva_analysis.halts import Halt, explain_halt
+from minerva_analysis.past_frames import last_written, wait_for_frame
 from minerva_bus.errors import MinervaError, MisuseError, RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -108,7 +109,6 @@ def explain_running_value(
         RecordError: there is no such frame, agent or attribute.
 
     """
-    from minerva_bus.launch.past import last_written
     from minerva_bus.log.channels import check_installed
 
     check_installed()
@@ -145,7 +145,6 @@ def _explained_by_file(
 ) -> Explanation | Observation:
     """The explanation by a record that is being written; `latest` is that by the journal."""
     from minerva_analysis.causes import Explanation
-    from minerva_bus.launch.past import wait_for_frame
     from minerva_bus.log.record import Record
 
     # The value is the same since the beginning of the frames that were repeated. Without a journal,

@@ -1,12 +1,17 @@
-"""Frames of a record with the string before and after each, and the last change of an attribute."""
+"""Frames of a record with the string before and after each, and the last change of an attribute.
+
+The record may be that of a running world, whose last frames are not yet on the disk.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
-from minerva_bus.errors import RecordError, nearest
+from minerva_bus.errors import MisuseError, RecordError, nearest
 from minerva_bus.frame.stimuli import Checkpoint, RecordedFrame
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.printer import same_values
@@ -15,6 +20,11 @@ from minerva_bus.log.record import Cursor, Record
 from minerva_bus.wording import frames_up_to
 
 MAX_NAMED: Final = 20
+
+RECORD_SECONDS: Final = 10.0
+"""Longest time, in seconds, that a running world takes to write its frames to the disk."""
+
+POLL_SECONDS: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,3 +195,31 @@ def end_of(record: Record, frame: int | None) -> int:
         known = f"frames {first} to {end}" if first else frames_up_to(end)
         raise RecordError(f"{record.path}: it has {known}, not {frame}")
     return frame
+
+
+# --- the record of a running world ---
+
+
+def wait_for_frame(path: Path, frame: int) -> None:
+    """Wait until a frame of a record is on the disk. Raises MisuseError after RECORD_SECONDS."""
+    until = time.monotonic() + RECORD_SECONDS
+    while (last := _last(path)) < frame:
+        if time.monotonic() > until:
+            raise MisuseError(
+                f"{path} ends with frame {last}, not {frame}, after {RECORD_SECONDS:g} s; flush it"
+                " more often (--flush), or choose an earlier frame"
+            )
+        time.sleep(POLL_SECONDS)
+
+
+def last_written(path: Path) -> int:
+    """The frame whose initial string is the last on the disk; -1 if the record cannot be read."""
+    try:
+        return _last(path)
+    except RecordError:
+        return -1
+
+
+def _last(path: Path) -> int:
+    with Record(path) as record:
+        return record.last()[0]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_analysis.past_frames import wait_for_frame
 from minerva_bus.api.live import Live
 from minerva_bus.api.records import world_of_record
 from minerva_bus.api.running import Run, run_file
@@ -15,7 +16,6 @@ from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.past import wait_for_frame
 from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
