@@ -1,8 +1,9 @@
 """Events e^d_c (3.2): type d, data e, condition c, sender and receivers; batches of one type.
 
 A batch holds events as columns with a row for each. An `Event` is the row of a batch, and has its
-interface: `len()` is 1, and iterating yields the event. It holds values instead of arrays of
-length 1: creating an event takes 0.7 µs, a batch of one row 12 µs, more than most methods take.
+interface: `len()` is 1, iterating yields the event, and the functions of this module take both. It
+holds values instead of arrays of length 1: creating an event takes 0.7 µs, a batch of one row 12
+µs, more than most methods take.
 """
 
 from __future__ import annotations
