@@ -112,7 +112,7 @@ class FrameAlgorithm:
         past, rules = world.past, world.policy.rules
         self.world = world
         self.now = Progress(past.frame)
-        self.members = Members(world.expected)
+        self.members = Members(world.expected, world.shares.values())
         # The norms and the goal keep entries of their own in `saved`, so
         # it is filled before they read it.
         self.members.saved.update(past.saved)
@@ -790,6 +790,8 @@ class MemberLifecycle:
         reason = incompatibility(hello, self._world.vocabulary)
         if not reason and not self._members.is_process(member.name):
             reason = self._orders.refusal_of_guest(hello, hello.generates)
+        if member.name in {*self._world.shares.values()} - self._world.expected:
+            reason = "processes of the world divide the generator of this name; use another one"
         reason = reason or self._refusal_of_second_host(hello)
         if reason:
             self._refuse(member, reason)

@@ -52,7 +52,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, Value
 from minerva_bus.grammar.types import Of
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
-from minerva_bus.world.event_order import collect
+from minerva_bus.world.event_order import by_receiver, collect
 from minerva_bus.world.norms import SOURCE
 
 MAX_SINGLE_EVENTS: Final = 2_000
@@ -213,10 +213,6 @@ def report_dropped(
                 out.add(s.OrderJudged(event, name_of(source), frame, "dropped", host))
 
 
-def _receivers(event: AnyEvent) -> list[str]:
-    return list(event.receivers or ())
-
-
 class FrameInbox:
     """Events that wait for the next frame, by source.
 
@@ -255,7 +251,7 @@ class FrameInbox:
     def take_sanctions(self) -> list[AnyEvent]:
         """Remove and return the sanctions, sorted by receivers; those of one keep their order."""
         taken, self.sanctions = self.sanctions, []
-        return sorted(taken, key=_receivers)
+        return by_receiver(taken)
 
     def replace(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
         """Replace all waiting events by these."""
@@ -814,6 +810,7 @@ class CollectionStep:
         if self._world.speaks_for:
             # The rights were checked on arrival, but the string may have changed since then.
             self._leave_out_foreign(sources)
+        self._unite_shares(sources)
         if due:
             sources[DEVICES] = visual_events(self._world.vocabulary.events, due)
         if self._world.norms:
@@ -853,6 +850,16 @@ class CollectionStep:
                     gone = "from agents that are not in the string"
                     self._out.log(name, f"sent {dropped} events {gone}; such events are left out")
                 member.dropped += dropped
+
+    def _unite_shares(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
+        """Make the events of processes that divide a generator those of one source.
+
+        They are sorted by agent, so that their order does not depend on the number of processes.
+        """
+        made: dict[str, list[AnyEvent]] = {}
+        for process in sorted(sources.keys() & self._world.shares.keys()):
+            made.setdefault(self._world.shares[process], []).extend(sources.pop(process))
+        sources |= {generator: by_receiver(events) for generator, events in made.items()}
 
     # --- norms on events ---
 

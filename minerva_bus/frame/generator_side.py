@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from types import GeneratorType
 from typing import Any, Final, TypeAlias, cast
@@ -20,7 +20,8 @@ import numpy as np
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import SAVED_VALUE, Readings
-from minerva_bus.grammar.events import AnyEvent, Event, Events, check_number, in_columns
+from minerva_bus.frame.placement import placed
+from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch, check_number, in_columns
 from minerva_bus.grammar.ids import no_id
 from minerva_bus.grammar.scene import AGENT_ID
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
@@ -84,8 +85,11 @@ class ReadingBuffer:
                 if readings is None or readings.frame != frame:
                     yield publisher
 
-    def taken(self, frame: int) -> tuple[Reading, ...]:
-        """Remove and return the readings used in a frame, by topic and publisher."""
+    def taken(self, frame: int, serves: Callable[[str], bool]) -> tuple[Reading, ...]:
+        """Remove and return the readings used in a frame, by topic, robot and publisher.
+
+        Those of robots that another process `serves` are left out.
+        """
         if not self._in_step and not self._free:
             return ()
         # Readings of an earlier frame are those of a publisher that has left, or repeated for a
@@ -100,7 +104,10 @@ class ReadingBuffer:
             key: message for key, message in self._in_step.items() if message.frame > frame
         }
         self._free = {}
-        return tuple([reading for _, readings in sorted(taken.items()) for reading in readings])
+        sent = [(topic, each) for (topic, _), sent in sorted(taken.items()) for each in sent]
+        # By robot, because several processes may divide the robots of a publisher.
+        sent.sort(key=lambda row: (row[0], row[1].robot))
+        return tuple([reading for _, reading in sent if serves(reading.robot)])
 
     def clear(self) -> None:
         """Forget all readings, because the member rejoins."""
@@ -116,11 +123,13 @@ class GeneratorSide:
     A tick is answered once the readings of all publishers in step for its frame have arrived.
     The latest answer is kept, because a successor of the coordinator requests it again.
     `asked` is the frame whose tick is not answered yet, or None; `publishers` are those in step, by
-    topic.
+    topic. `processes` divide the agents of the generator `source`: this member is one of them, or
+    the only one.
     """
 
     def __init__(self, name: str, service: Service | None, when: When) -> None:
-        self._name = name
+        self._name = self.source = name
+        self.processes = (name,)
         self._service = service
         self._is_awaited = when.is_awaited
         self._generates: frozenset[str] = frozenset()
@@ -202,13 +211,16 @@ class GeneratorSide:
         if not (isinstance(service, Generator) and self._is_awaited):
             answers = isinstance(service, Device) and service.coupled
             return (m.TickReply(self._name, frame.number),) if answers else ()
-        readings, orders = self.buffer.taken(frame.number), self._ordered(frame.number)
-        tick = Tick(frame, self._name, readings=readings, orders=orders)
+        readings = self.buffer.taken(frame.number, self.serves)
+        # Random streams are those of the generator, whatever its number of processes.
+        tick = Tick(frame, self.source, readings=readings, orders=self._ordered(frame.number))
         with blamed(service.generate):
             made = service.generate(tick)
             # Most answers of a large world are empty.
             empty = made is None or (isinstance(made, tuple) and not made)
             checked = () if empty else self.checked(made_events(made), vocabulary)
+            if self.processes[1:]:
+                checked = tuple(self._own(checked, tick))
             events = in_columns(checked) if checked else ()
             published = self._publish(service, tick) if service.publishes or tick.published else ()
         # Readings are sent before the reply. If the process dies between the two, it has not
@@ -256,13 +268,33 @@ class GeneratorSide:
                 )
         return tuple(checked)
 
+    def serves(self, agent: str) -> bool:
+        """Whether this process makes the events of an agent, which may not be in the string."""
+        return placed(agent, self.processes) == self._name
+
+    def _own(self, events: Iterable[AnyEvent], tick: Tick) -> Iterator[AnyEvent]:
+        """The events for agents of this process; the others make those of the other agents.
+
+        Raises MisuseError for what depends on the number of processes.
+        """
+        drawn = tick.streams is not None or tick._rng is not None  # pyright: ignore[reportPrivateUsage]
+        for event in events:
+            receivers = event.receivers or ()
+            if drawn or len(receivers) != len(event):
+                rule = "needs one receiver and no tick.random: several processes divide the agents"
+                raise MisuseError(f"{event.type} {rule}; see Generator.by_agent")
+            rows = np.flatnonzero([self.serves(agent) for agent in receivers])
+            if len(rows):
+                yield event if len(rows) == len(event) else as_batch(event).take(rows)
+
     def _publish(self, service: Service, tick: Tick) -> list[m.Readings]:
         # A publisher in step sends one message on each of its topics per tick, even an empty one,
         # because subscribers wait for it.
         by_topic: dict[str, list[Reading]] = {topic: [] for topic in service.publishes}
         for topic, reading in tick.published:
             self._check_reading(service, topic, reading)
-            by_topic[topic].append(reading)
+            if self.serves(reading.robot):
+                by_topic[topic].append(reading)
         messages = {
             topic: m.Readings(self._name, topic, tick.number, tuple(readings))
             for topic, readings in by_topic.items()

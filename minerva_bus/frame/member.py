@@ -322,6 +322,10 @@ class Member:
             m.Stop: self._on_stop,
         }
 
+    def divide(self, source: str, processes: tuple[str, ...]) -> None:
+        """Serve the agents of this one of the processes that divide a generator."""
+        self._generating.source, self._generating.processes = source, processes
+
     @property
     def topics(self) -> tuple[str, ...]:
         """The sensor topics to which it subscribes."""
@@ -410,6 +414,7 @@ class Member:
             self.operator,
             lambda: bool(self.stopped),
             self.endpoint,
+            self._generating.serves,
         )
         try:
             service.joined(info)

@@ -177,14 +177,15 @@ class MemberIndex:
 class Members:
     """Members by name in `entries`, and queries over them; iteration is sorted by name."""
 
-    def __init__(self, expected: Iterable[str]) -> None:
+    def __init__(self, expected: Iterable[str], divided: Iterable[str] = ()) -> None:
+        """`expected`: the processes of the world file; `divided`: generators that some divide."""
         self.entries = {
             name: MemberEntry(name, expected=True, state=MemberState.LOST)
             for name in sorted(expected)
         }
         # The processes of the world file, kept apart because
         # `expected` changes while the world runs.
-        self._named = frozenset(self.entries)
+        self._named = frozenset((*self.entries, *divided))
         self._departed: dict[str, None] = {}
         self._index: MemberIndex | None = None
         self.publishers: dict[str, tuple[str, ...]] = {}
@@ -392,7 +393,7 @@ class Members:
         if source.startswith(("~", AGENTS)):
             return False
         # Only processes of the world file are trusted to be sensors or clocks.
-        hello = self.entries[source].hello if source in self._named else None
+        hello = self.entries[source].hello if source in self.entries else None
         return source not in self._named or (hello is not None and hello.people)
 
     def makers(self, event_type: str) -> list[str]:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import lru_cache
 from hashlib import blake2b
 from typing import Final, TypeAlias
 
@@ -500,6 +501,10 @@ def place(agent: str, hosts: Iterable[str]) -> str | None:
     When hosts join or leave, only the agents of these hosts move.
     """
     return max(hosts, key=lambda host: (_weight(host, agent), host), default=None)
+
+
+placed = lru_cache(65_536)(place)
+"""As `place`, for hosts in a tuple: each frame asks for the same agents."""
 
 
 def _weight(host: str, agent: str) -> bytes:

@@ -39,7 +39,8 @@ class WorldSpec:
     `real_time`: an external process, such as a robot, makes each frame last `dt` seconds.
     `norms`: the norms of the world. `people`: event types that people may send although a generator
     makes them. `speaks_for`: by generator, the kinds and `#id`s of agents in whose name it may send
-    events. `placement`: which hosts may evolve which agents; it affects the string only if an
+    events. `shares`: by process, the generator whose agents it divides with others, or has alone.
+    `placement`: which hosts may evolve which agents; it affects the string only if an
     agent has no host.
 
     A resumed world starts from the checkpoint `past` and the string of that frame; `shown` are the
@@ -64,6 +65,7 @@ class WorldSpec:
     norms: tuple[Norm, ...] = ()
     people: tuple[str, ...] = ()
     speaks_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    shares: Mapping[str, str] = field(default_factory=dict[str, str])
     placement: PlacementRules = field(default_factory=PlacementRules)
     past: Checkpoint = field(default_factory=Checkpoint)
     shown: Sequence[ViewShown] = ()

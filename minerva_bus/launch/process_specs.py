@@ -20,7 +20,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import incompatibility
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.specs import bind, find_agent, find_service, find_view
+from minerva_bus.launch.specs import bind, divisible_names, find_agent, find_service, find_view
 from minerva_bus.launch.toml_tables import Table, beside, read_view, settings_by_process
 from minerva_bus.runtime.waiting import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
@@ -33,7 +33,7 @@ from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.class_declaration import IF_POSSIBLE, Mode, NotCompilable, compile_all
 from minerva_bus.world.evolution import Policy
-from minerva_bus.world.services import Service
+from minerva_bus.world.services import Participation, Service
 
 PEOPLE: Final = "people"
 """In `applies`: the people who send events from a terminal or a window; `people:NAME` is one."""
@@ -57,6 +57,7 @@ class ProcessSpec:
     in whose name a generator may send events. `table`: the name of its table in the
     world file, empty for a view of the command line. `automatic`: it stands for as many processes
     as `distributed` chooses. `shared`: it shares a process of the operating system with others.
+    `dividing`: the processes that divide the agents of its generator, itself among them.
     """
 
     name: str
@@ -72,11 +73,15 @@ class ProcessSpec:
     patience: Patience | None = None
     automatic: bool = False
     shared: bool = False
+    dividing: tuple[str, ...] = ()
 
     def make_member(self) -> Member:
         """The member that this process runs."""
         service = self.make_service() if self.make_service is not None else None
-        return Member(self.name, service, self.agents)
+        member = Member(self.name, service, self.agents)
+        if self.dividing[1:]:
+            member.divide(self.table, self.dividing)
+        return member
 
 
 def read_processes(top: Table, path: Path) -> tuple[ProcessSpec, ...]:
@@ -141,8 +146,12 @@ class _ProcessReader:
             options = {key: beside(value, folder) for key, value in table.rest().items()}
             with table.loading("service"):
                 cls = find_service(own.service, folder)
-            makers = {each: self.maker(each, cls, options) for each in names}
-            return [replace(plain, name=each, make_service=make) for each, make in makers.items()]
+            dividing = tuple(names) if getattr(cls, "by_agent", False) else ()
+            if names[1:] and not dividing:
+                problem = f"is {len(names)}, but {cls.__name__} has one process for all agents"
+                table.wrong("processes", f"{problem}; several are possible for {divisible_names()}")
+            plain = replace(plain, make_service=self.maker(name, cls, options), dividing=dividing)
+            return [replace(plain, name=each) for each in names]
         # Only services have further keys, the arguments of their constructors.
         table.done()
         # The command runs in the world file's folder, which PATH does not contain.
@@ -220,6 +229,8 @@ def check_members(
             members.append(process.make_member())
             hello = members[-1].hello()
             reason = incompatibility(hello, vocabulary) or _invalid_topic(hello)
+            if process.dividing[1:] and hello.when.asked is not Participation.IN_STEP:
+                reason = f'several processes divide a generator "in step", not "{hello.when}"'
             if reason:
                 raise WorldFileError(f"{path}: [process.{process.name}]: {reason}")
     _check_written(members, path)
@@ -297,9 +308,11 @@ def sharing(
         for process in processes
         if process.table in tables
         and not process.elsewhere
+        and not process.dividing[1:]
         # They are restarted together.
         and (process.on_failure, process.restarts) == (DEFAULT.on_failure, DEFAULT.restarts)
-        and _may_share(tables[process.table])
+        # Frames wait for it, or nobody does.
+        and (tables[process.table].coupled or not tables[process.table].draws)
     ]
     enough = len(by_process(processes)) < cores
     if enough or len(alike) < 2 or SERVICES in {process.name for process in processes}:
@@ -307,11 +320,6 @@ def sharing(
     return tuple(
         replace(process, shared=True) if process in alike else process for process in processes
     )
-
-
-def _may_share(hello: Hello) -> bool:
-    """Whether a member may share a process: frames wait for it, or nobody does."""
-    return hello.coupled or not hello.draws
 
 
 def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, path: Path) -> list[str]:

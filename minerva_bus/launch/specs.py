@@ -7,6 +7,7 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib.machinery import (
     BYTECODE_SUFFIXES,
     EXTENSION_SUFFIXES,
@@ -152,6 +153,15 @@ def names_agents(spec: str, folder: Path) -> bool:
     return inspect.isclass(loaded) and issubclass(loaded, Agent)
 
 
+def divisible_names() -> str:
+    """The installed services of which several processes may divide the agents, for a message."""
+    names: list[str] = []
+    for name in sorted(entries(SERVICES)):
+        with suppress(WorldFileError):  # The libraries of some may be missing.
+            names += [name] if getattr(find_service(name), "by_agent", False) else []
+    return ", ".join(names)
+
+
 def _installed(group: str, name: str) -> Any:
     known = entries(group)
     if name not in known:
@@ -211,11 +221,8 @@ def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable
 
 def _check_option(owner: str, name: str, value: Any, hint: Any) -> None:
     if not fits(value, hint):
-        raise WorldFileError(f"{owner}: {name} must be {phrase_of(hint)}, not {_shown(value)}")
-
-
-def _shown(value: Any) -> str:
-    return value_text(value) if isinstance(value, str | int | float) else type(value).__name__
+        shown = value_text(value) if isinstance(value, str | int | float) else type(value).__name__
+        raise WorldFileError(f"{owner}: {name} must be {phrase_of(hint)}, not {shown}")
 
 
 def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service:

@@ -235,7 +235,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     settings = top.read(WorldSettings)
     world = read_description(top, settings, path, options, processes)
     compiled = apply_mode(processes, settings.compiled, path)
-    names = [process.name for process in processes]
+    names = [world.shares.get(process.name, process.name) for process in processes]
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     watch = top.read(WatchSettings)
     collect = read_collecting(top, world.vocabulary)
@@ -347,6 +347,7 @@ def read_description(
         order=Priority(_event_types(table, "order", settings.order, vocabulary)),
         people=_event_types(table, "people", settings.people, vocabulary),
         speaks_for={each.name: each.speaks_for for each in processes if each.speaks_for},
+        shares={each.name: each.table for each in processes if each.dividing},
         policy=Policy(settings.policy),
         frames=settings.frames,
         until=_sent(top, "until", settings.until, vocabulary),

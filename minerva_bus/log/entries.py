@@ -618,6 +618,7 @@ def encode_header(description: RecordHeader, *, string: bool = True) -> bytes:
         "give_up": world.give_up,
         "expected": sorted(world.expected),
         "speaks_for": {name: list(kinds) for name, kinds in world.speaks_for.items()},
+        "shares": dict(world.shares),
         "norms": [plain_norm(norm) for norm in world.norms],
         "file": description.file,
         "rate": description.rate,
@@ -671,6 +672,7 @@ def _description(plain: Mapping[str, Any]) -> RecordHeader:
             name: as_texts(kinds, "speaks_for")
             for name, kinds in as_map(plain["speaks_for"], "speaks_for").items()
         },
+        shares=_pairs(plain.get("shares", {}), "shares"),  # Earlier records have none.
     )
     return RecordHeader(
         world,

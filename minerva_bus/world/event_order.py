@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import Rows
-from minerva_bus.grammar.events import MANY, AnyEvent, Event, Events, batched, chosen
+from minerva_bus.grammar.events import MANY, AnyEvent, Event, Events, batched, chosen, single
 from minerva_bus.grammar.ids import Ids
 
 
@@ -33,6 +33,7 @@ class Priority:
         return priority, event_type, source, sequence
 
 
+_TYPE: Final = attrgetter("type")
 _Keyed: TypeAlias = tuple[tuple[int, str, str, int], AnyEvent]
 _KEY: Final[Callable[[_Keyed], tuple[int, str, str, int]]] = itemgetter(0)
 _EVENT: Final[Callable[[_Keyed], AnyEvent]] = itemgetter(1)
@@ -98,6 +99,24 @@ def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
     return [event for place in sorted(once) for event in once[place]]
 
 
+def by_receiver(events: Iterable[AnyEvent]) -> list[AnyEvent]:
+    """The events by type and receiver; those of one receiver keep their order.
+
+    Several processes that divide the agents of a generator then give the events of one.
+    """
+    ordered: list[AnyEvent] = []
+    for _, group in groupby(sorted(events, key=_TYPE), _TYPE):
+        alike = list(group)
+        parts = list(batched(alike)) if Events in map(type, alike) else alike
+        batches = [part for part in parts if isinstance(part, Events)]
+        batch = Events.concatenated(batches) if len(batches) == len(parts) else None
+        if batch is None or batch.receivers is None:
+            ordered += sorted(single(alike), key=attrgetter("receivers"))
+        else:
+            ordered.append(batch.take(np.argsort(batch.receivers.spelled, kind="stable")))
+    return ordered
+
+
 def _form(event: AnyEvent) -> tuple[object, ...] | None:
     return event.form if isinstance(event, Events) else None
 
@@ -106,7 +125,6 @@ def _joined(alike: Sequence[AnyEvent]) -> Events:
     return cast("Events", Events.concatenated(cast("Sequence[Events]", alike)))
 
 
-_TYPE: Final = attrgetter("type")
 _EVENTS: Final = frozenset[type]((Event, Events))
 
 
@@ -159,7 +177,7 @@ class Addressed:
         if self._batches:
             concerning += self._in_batches(agent_id, event_types, after)
         if len(concerning) > 1:  # the three indexes have been read one after another
-            concerning.sort(key=_index)
+            concerning.sort(key=itemgetter(0))
         return concerning
 
     def _in_batches(
@@ -191,10 +209,6 @@ class Addressed:
         if index not in self._events:
             self._events[index] = list(batch)
         return self._events[index][own[0]]
-
-
-def _index(pair: tuple[int, AnyEvent]) -> int:
-    return pair[0]
 
 
 def addressed(events: Sequence[AnyEvent] | Addressed) -> Addressed:

@@ -151,6 +151,8 @@ class WorldInfo:
             world that continues, or has lost it.
         endpoint: where the member is connected to the bus, such as `tcp/127.0.0.1:40123`, for
             services through which others join; "" in a world in one process.
+        serves: returns whether this process makes the events of an agent: of the processes that
+            divide a generator, exactly one does.
 
     """
 
@@ -163,6 +165,7 @@ class WorldInfo:
     )
     ended: Callable[[], bool] = field(default=lambda: False, compare=False, repr=False)
     endpoint: str = field(default="", compare=False)
+    serves: Callable[[str], bool] = field(default=lambda _: True, compare=False, repr=False)
 
 
 @dataclass(slots=True)
@@ -385,6 +388,14 @@ class Generator(Service):
     events: ClassVar[tuple[str, ...]] = ()
     people: bool = False
     """Whether its events are actions of people, for norms."""
+
+    by_agent: bool = False
+    """Whether several processes may divide its agents (`processes` in a world file).
+
+    Each event must then be for one agent, and not depend on what this service has made for others;
+    random numbers are of `stream(seed, f"{tick.who}/{agent}", frame)`. `tick.readings` are those of
+    the agents of this process; `WorldInfo.serves` tells for others.
+    """
 
     def __init_subclass__(cls, events: tuple[str, ...] = (), **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -22,6 +22,10 @@ from tests.patience import patience
 BATTERIES = [Battery("r", charge / 10, 12.0, 0.0) for charge in range(10)]
 
 
+def anyone(_):
+    return True
+
+
 def free(*readings, member="m"):
     return Readings(member, "battery", -1, readings)
 
@@ -30,8 +34,8 @@ def test_the_newest_counts_once_and_the_others_are_counted():
     intake = ReadingBuffer()
     for battery in BATTERIES[:3]:
         intake.put(free(battery))
-    assert intake.taken(0) == (BATTERIES[2],)
-    assert intake.taken(0) == ()
+    assert intake.taken(0, anyone) == (BATTERIES[2],)
+    assert intake.taken(0, anyone) == ()
     assert intake.dropped == 2
 
 
@@ -40,14 +44,14 @@ def test_all_count_in_their_order():
     intake.put(free(*BATTERIES[:2], member="b"))
     intake.put(free(BATTERIES[5], member="a"))
     intake.put(free(BATTERIES[2], member="b"))
-    assert intake.taken(0) == (BATTERIES[5], *BATTERIES[:3])
+    assert intake.taken(0, anyone) == (BATTERIES[5], *BATTERIES[:3])
     assert intake.dropped == 0
 
 
 def test_every_nth_counts():
     intake = ReadingBuffer("all", nth=3)
     intake.put(free(*BATTERIES))
-    assert intake.taken(0) == (BATTERIES[2], BATTERIES[5], BATTERIES[8])
+    assert intake.taken(0, anyone) == (BATTERIES[2], BATTERIES[5], BATTERIES[8])
     assert intake.dropped == 7
 
 
@@ -55,7 +59,7 @@ def test_waiting_items_are_bounded():
     intake = ReadingBuffer("all")
     for _ in range(MAX_READINGS + 5):
         intake.put(free(BATTERIES[0]))
-    assert len(intake.taken(0)) == MAX_READINGS
+    assert len(intake.taken(0, anyone)) == MAX_READINGS
     assert intake.dropped == 5
 
 
@@ -67,13 +71,13 @@ def test_readings_in_step_count_only_in_the_tick_of_their_frame():
 
     put("leaves", 3)
     put("stays", 3)
-    assert buffer.taken(3) == (BATTERIES[3], BATTERIES[3])
+    assert buffer.taken(3, anyone) == (BATTERIES[3], BATTERIES[3])
     put("leaves", 3)  # Repeated for a newcomer, then its publisher leaves.
     put("stays", 4)
-    assert buffer.taken(4) == (BATTERIES[4],)
+    assert buffer.taken(4, anyone) == (BATTERIES[4],)
     put("stays", 6)  # For a later frame than the one that is asked.
-    assert buffer.taken(5) == ()
-    assert buffer.taken(6) == (BATTERIES[6],)
+    assert buffer.taken(5, anyone) == ()
+    assert buffer.taken(6, anyone) == (BATTERIES[6],)
 
 
 @pytest.mark.parametrize(

@@ -263,7 +263,7 @@ def _new_member(old: ProcessSpec, swap: Swap, file: WorldFile) -> Member:
     cls = swap.find(file.path.parent)
     if issubclass(cls, Service):
         options = typed_options(cls, swap.options)
-        return Member(old.name, bind(cls, options, old.name)())
+        return replace(old, make_service=bind(cls, options, old.name)).make_member()
     if swap.options:
         raise MisuseError(f"swap {swap.member}: {swap} names agents, which have no options")
     kept = [agent for agent in old.agents if agent.kind.name != cls.kind.name]

@@ -9,7 +9,7 @@ whole state between two steps.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
@@ -336,8 +336,10 @@ class ArenaState:
 
     """
 
-    def __init__(self) -> None:
+    def __init__(self, counts: Callable[[str], bool] = lambda _: True) -> None:
+        """`counts`: whether a body counts in totals; that of another process counts there."""
         self.arena = Arena()
+        self._counts = counts
         self.retired_um = 0
         self.retired_collisions = 0
         self._floors: tuple[FloorPlan, ...] = ()
@@ -363,8 +365,9 @@ class ArenaState:
             self.arena.put_body(name, body)
 
     def total(self) -> Odometer:
-        """Totals over all bodies, including removed ones."""
-        odometers = [self.arena.odometer(name) for name in self.arena.bodies]
+        """Totals over all bodies that count, including removed ones."""
+        names = filter(self._counts, self.arena.bodies)
+        odometers = [self.arena.odometer(name) for name in names]
         driven = self.retired_um + sum(_micrometres(each) for each in odometers)
         collisions = sum(odometer.collisions for odometer in odometers)
         return Odometer(driven / 1e6, self.retired_collisions + collisions)
@@ -406,9 +409,10 @@ class ArenaState:
                 )
 
     def _retire(self, name: str) -> None:
-        done = self.arena.odometer(name)
-        self.retired_um += _micrometres(done)
-        self.retired_collisions += done.collisions
+        if self._counts(name):
+            done = self.arena.odometer(name)
+            self.retired_um += _micrometres(done)
+            self.retired_collisions += done.collisions
         self.arena.remove_body(name)
 
 

@@ -6,7 +6,7 @@ same.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
     """
 
     publishes = ("scan", "sightings")
+    by_agent = True
 
     def __init__(
         self,
@@ -101,8 +102,9 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         )
         self._begin()
 
-    def _begin(self) -> None:
-        self._stage = ArenaState()
+    def _begin(self, serves: Callable[[str], bool] = lambda _: True) -> None:
+        self._serves = serves
+        self._stage = ArenaState(serves)
         self._commands: dict[str, DriveCommand] = {}
         self._shown: int | None = None
         self._seen: tuple[str, ...] = ()
@@ -114,7 +116,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)
-        self._begin()
+        self._begin(world.serves)
 
     def show(self, view: View) -> None:
         """φ of the view: set bodies, walls and markers now; commands run in the next tick.
@@ -141,11 +143,13 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         """Drive, then measure; nothing before the first view."""
         if self._shown is None:
             return ()
+        # All bodies, because they stop each other: rays take most of the time.
         outcomes = self._drive(tick)
         # In the order of the string, which is that of the events.
-        for name in self._seen:
+        own = [name for name in self._seen if self._serves(name)]
+        for name in own:
             tick.publish("scan", self._scan(name, tick))
-        for name in self._seen:
+        for name in own:
             tick.publish("sightings", self._sightings(name, tick))
         commands, self._commands = self._commands, {}
         stopped, self._stopped = self._stopped, {}

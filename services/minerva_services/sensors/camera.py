@@ -29,6 +29,7 @@ class Camera(Generator, events=("eCamera",)):
     """
 
     topics = ("sightings",)
+    by_agent = True
 
     def __init__(
         self,

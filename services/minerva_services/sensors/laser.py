@@ -53,6 +53,7 @@ class Laser(Generator, events=("eLaser",)):
     """
 
     topics = ("scan",)
+    by_agent = True
 
     def __init__(
         self,
