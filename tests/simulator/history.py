@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import count
 from random import Random
 from typing import Final
 
 from minerva_bus.wire.keys import COORDINATOR
-from tests.simulator.worlds import GUESTS
+from tests.simulator.worlds import GUESTS, processes
 
 MEMBERS: Final = ("birds", "clerk", "gulls", "lookout", "marsh", "screen", "tide", "water")
 FRAMES: Final = 3, 9
@@ -18,6 +19,9 @@ MAX_KILLS: Final = 3
 
 NORMS: Final = 0.25
 """The share of histories with norms."""
+
+DIVIDED: Final = 0.25
+"""The share of histories in which processes divide the agents of a generator."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +61,8 @@ class Operation:
 class History:
     """Script of a simulation. A person begins to act when frame `acts_from` begins.
 
-    `slow` is the share of messages that are late, `norms`: the world has norms.
+    `slow` is the share of messages that are late, `norms`: the world has norms. So many processes
+    are `divided` rangers, and as many wardens.
     """
 
     seed: int
@@ -68,12 +73,15 @@ class History:
     acts: tuple[Operation, ...] = ()
     acts_from: int = 0
     norms: bool = False
+    divided: int = 0
 
     def __str__(self) -> str:
         pace = f"{self.rate:g} frames a second" if self.rate else "as fast as it goes"
         lines = [f"seed {self.seed}: {self.frames} frames, {pace}, {self.slow:.0%} slow messages"]
         if self.norms:
             lines[0] += ", with norms"
+        if self.divided:
+            lines[0] += f", {self.divided} processes for each divided generator"
         lines += [f"  {fault}" for fault in self.faults]
         if self.acts:
             lines.append(f"  from frame {self.acts_from} on, a person")
@@ -99,7 +107,17 @@ def drawn(seed: int) -> History:
     slow = chance.choice((0.0, 0.02, 0.2))
     begin = chance.randrange(frames)
     norms = chance.random() < NORMS
-    return History(seed, frames, rate, slow, tuple(faults), acts, begin, norms)
+    # Drawn last: the other histories are those without divided generators.
+    divided = chance.randint(1, 3) if chance.random() < DIVIDED else 0
+    for _ in range(chance.randint(0, 3) if divided else 0):
+        fault = _fault(chance, frames, span)
+        kind = chance.choice(("kill", "crash", "freeze"))
+        target = chance.choice(
+            [each.name for each in processes({}, count(), divided)][: 2 * divided]
+        )
+        if _deaths(faults, target) < MAX_KILLS:
+            faults.append(replace(fault, kind=kind, target=target, seconds=0.05))
+    return History(seed, frames, rate, slow, tuple(faults), acts, begin, norms, divided)
 
 
 def _deaths(faults: list[Fault], target: str) -> int:

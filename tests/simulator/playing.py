@@ -72,6 +72,7 @@ class Play:
             self.observed.shown,
             shared=shared,
             norms=history.norms,
+            divided=history.divided,
         )
         self._sharing = {each.name for each in self.file.processes if each.shared}
         make = observing(self.timeline, self.observed, self._on_begin, self._on_end)

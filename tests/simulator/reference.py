@@ -29,8 +29,8 @@ class Undisturbed:
 
 # Many histories have the same length and no orders.
 @lru_cache(512)
-def undisturbed(frames: int, orders: Orders, *, norms: bool) -> Undisturbed:
-    """Run the world for some frames with these orders, and perhaps with norms."""
+def undisturbed(frames: int, orders: Orders, *, norms: bool, divided: int) -> Undisturbed:
+    """Run the world for some frames with these orders, norms and divided generators."""
     digests: list[str] = []
     events: list[tuple[str, ...]] = []
     shown: dict[int, str] = {}
@@ -41,7 +41,8 @@ def undisturbed(frames: int, orders: Orders, *, norms: bool) -> Undisturbed:
             events.append(tuple(map(str, instruction.events)))
 
     due = dict(orders)
-    runner = InProcessRunner(FrameAlgorithm(world(frames, norms=norms)), _members(shown), watch)
+    algorithm = FrameAlgorithm(world(frames, norms=norms, divided=divided))
+    runner = InProcessRunner(algorithm, _members(shown, divided), watch)
     runner.start()
     while runner.ended is None:
         # The number of finished frames is the number of the next one.
@@ -51,8 +52,8 @@ def undisturbed(frames: int, orders: Orders, *, norms: bool) -> Undisturbed:
     return Undisturbed(tuple(digests), tuple(events), shown)
 
 
-def _members(shown: dict[int, str]) -> list[Member]:
-    return [process.make_member() for process in processes(shown, count(1))]
+def _members(shown: dict[int, str], divided: int) -> list[Member]:
+    return [process.make_member() for process in processes(shown, count(1), divided)]
 
 
 def orders_in(events: Iterator[Event]) -> tuple[tuple[str, int], ...]:

@@ -43,6 +43,8 @@ def _shorter(history: History) -> Iterator[History]:
         yield replace(history, slow=0.0)
     if history.norms:
         yield replace(history, norms=False)
+    if history.divided:
+        yield replace(history, divided=0)
     for frames in range(1, history.frames):
         yield replace(history, frames=frames)
 

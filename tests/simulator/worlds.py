@@ -2,7 +2,8 @@
 
 Herons stride, call and breed at random; eels flee; a bed of reeds is an agent that contains others.
 The tide has state; the water is coupled and publishes readings of its view, from which the lookout
-creates events. A clerk accepts orders of people, and gulls are free-running.
+creates events. A clerk accepts orders of people, and gulls are free-running. In some histories one
+process or several divide the agents of a ranger, which publishes readings, and of a warden.
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ from minerva_bus import (
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import walk
-from minerva_bus.launch.process_specs import ProcessSpec
+from minerva_bus.launch.process_specs import ProcessSpec, names_of
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.world_settings import BusSettings
+from minerva_bus.world.context import stream
 from minerva_bus.world.event_order import Priority
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.readings import Sighting, Sightings
@@ -186,6 +188,43 @@ class Lookout(Generator, events=("eSeen",)):
         ]
 
 
+class Ranger(Generator, events=()):
+    """Publishes a reading for each agent; it has state."""
+
+    by_agent = True
+    publishes = ("echo",)
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        self.count += 1
+        for who in ("h3", "h1", "e1", "h2"):
+            drawn = stream(tick.frame.seed, f"{tick.who}/{who}", tick.number).random()
+            tick.publish("echo", Sightings(who, (Sighting("m", self.count * drawn, 0.0),), 0.0))
+        return ()
+
+    def save(self) -> Mapping[str, Any]:
+        return {"count": self.count}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        self.count = saved["count"]
+
+
+class Warden(Generator, events=("eSeen",)):
+    """Creates events from the readings of each agent."""
+
+    by_agent = True
+    topics = ("echo",)
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        return [
+            eSeen(int(100 * reading.seen[0].distance), receivers=(reading.robot,))
+            for reading in tick.readings
+            if isinstance(reading, Sightings)
+        ]
+
+
 class Clerk(Generator, events=("eMark",), when="on orders"):
     """Creates events from orders."""
 
@@ -242,9 +281,13 @@ GUESTS: Final[Mapping[str, tuple[type[Agent], ...]]] = {
 """Hosts that are attached during a run, with their agent classes."""
 
 
-def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[ProcessSpec, ...]:
-    """The processes of the world file."""
+def processes(
+    shown: dict[int, str], numbers: Iterator[int], divided: int = 0
+) -> tuple[ProcessSpec, ...]:
+    """The processes of the world file; so many are `divided` rangers, and as many wardens."""
     return (
+        *_dividing("ranger", Ranger, divided),
+        *_dividing("warden", Warden, divided),
         ProcessSpec("birds", agents=(Heron, Eel)),
         ProcessSpec("clerk", Clerk),
         ProcessSpec("gulls", partial(Gulls, numbers)),
@@ -256,6 +299,12 @@ def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[ProcessSpe
     )
 
 
+def _dividing(table: str, make: type[Generator], count: int) -> Iterator[ProcessSpec]:
+    names = tuple(names_of(table, count)) if count else ()
+    for name in names:
+        yield ProcessSpec(name, make, table=table, dividing=names)
+
+
 def sharing(process: ProcessSpec) -> ProcessSpec:
     """The process, which shares one with others if it is a service in step."""
     if process.name not in SHARING:
@@ -264,8 +313,9 @@ def sharing(process: ProcessSpec) -> ProcessSpec:
     return replace(process, shared=True, restarts=len(SHARING) * process.restarts)
 
 
-def world(frames: int, *, norms: bool = False) -> WorldSpec:
-    """The world, with a number of frames, and perhaps with norms."""
+def world(frames: int, *, norms: bool = False, divided: int = 0) -> WorldSpec:
+    """The world, with a number of frames, and perhaps with norms and divided generators."""
+    own = processes({}, count(), divided)
     return WorldSpec(
         NAME,
         _scene(),
@@ -273,7 +323,8 @@ def world(frames: int, *, norms: bool = False) -> WorldSpec:
         order=Priority(("eTide", "eSeen", "eCall", "eMark", "eNote", "eCry")),
         frames=frames,
         seed=5,
-        expected=frozenset(process.name for process in processes({}, count())),
+        expected=frozenset(process.name for process in own),
+        shares={process.name: process.table for process in own if process.dividing},
         norms=NORMS if norms else (),
     )
 
@@ -291,13 +342,16 @@ def world_file(
     *,
     shared: bool = False,
     norms: bool = False,
+    divided: int = 0,
 ) -> WorldFile:
     """The world file, with its journal in a folder; `shown` has the drawings of its screen.
 
     `shared`: services share a process.
     """
     bus = BusSettings(journal=str(folder))
-    own = processes(shown, count(1))
+    own = processes(shown, count(1), divided)
     if shared:
         own = tuple(map(sharing, own))
-    return WorldFile(folder / f"{NAME}.toml", world(frames, norms=norms), rate, own, bus)
+    return WorldFile(
+        folder / f"{NAME}.toml", world(frames, norms=norms, divided=divided), rate, own, bus
+    )
