@@ -12,6 +12,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
+from operator import attrgetter
 from types import GeneratorType
 from typing import Any, Final, TypeAlias, cast
 
@@ -21,12 +22,13 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import SAVED_VALUE, Readings
 from minerva_bus.frame.placement import placed
-from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch, check_number, in_columns
+from minerva_bus.grammar.events import AnyEvent, Event, Events, check_number, chosen, in_columns
 from minerva_bus.grammar.ids import no_id
 from minerva_bus.grammar.scene import AGENT_ID
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.user_code import blamed
 from minerva_bus.world.context import Frame
+from minerva_bus.world.event_order import by_receiver
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, Generator, Service, Tick, When
 
@@ -86,7 +88,7 @@ class ReadingBuffer:
                     yield publisher
 
     def taken(self, frame: int, serves: Callable[[str], bool]) -> tuple[Reading, ...]:
-        """Remove and return the readings used in a frame, by topic, robot and publisher.
+        """Remove and return the readings used in a frame, by robot, topic and publisher.
 
         Those of robots that another process `serves` are left out.
         """
@@ -104,10 +106,9 @@ class ReadingBuffer:
             key: message for key, message in self._in_step.items() if message.frame > frame
         }
         self._free = {}
-        sent = [(topic, each) for (topic, _), sent in sorted(taken.items()) for each in sent]
-        # By robot, because several processes may divide the robots of a publisher.
-        sent.sort(key=lambda row: (row[0], row[1].robot))
-        return tuple([reading for _, reading in sent if serves(reading.robot)])
+        own = [each for _, sent in sorted(taken.items()) for each in sent if serves(each.robot)]
+        # By robot first, because several processes may divide the robots of a publisher.
+        return tuple(sorted(own, key=attrgetter("robot")))
 
     def clear(self) -> None:
         """Forget all readings, because the member rejoins."""
@@ -129,7 +130,7 @@ class GeneratorSide:
 
     def __init__(self, name: str, service: Service | None, when: When) -> None:
         self._name = self.source = name
-        self.processes = (name,)
+        self.processes: tuple[str, ...] = (name,)
         self._service = service
         self._is_awaited = when.is_awaited
         self._generates: frozenset[str] = frozenset()
@@ -220,7 +221,7 @@ class GeneratorSide:
             empty = made is None or (isinstance(made, tuple) and not made)
             checked = () if empty else self.checked(made_events(made), vocabulary)
             if self.processes[1:]:
-                checked = tuple(self._own(checked, tick))
+                checked = tuple(by_receiver(self._own(checked, tick)))
             events = in_columns(checked) if checked else ()
             published = self._publish(service, tick) if service.publishes or tick.published else ()
         # Readings are sent before the reply. If the process dies between the two, it has not
@@ -284,8 +285,7 @@ class GeneratorSide:
                 rule = "needs one receiver and no tick.random: several processes divide the agents"
                 raise MisuseError(f"{event.type} {rule}; see Generator.by_agent")
             rows = np.flatnonzero([self.serves(agent) for agent in receivers])
-            if len(rows):
-                yield event if len(rows) == len(event) else as_batch(event).take(rows)
+            yield from chosen(event, rows)
 
     def _publish(self, service: Service, tick: Tick) -> list[m.Readings]:
         # A publisher in step sends one message on each of its topics per tick, even an empty one,

@@ -365,12 +365,10 @@ class Placement:
     @property
     def imbalanced(self) -> bool:
         """Whether a population should be divided again."""
-        if self._limit and (self.unassigned or self._overfull()):
+        parts = self._composition.parts.values()
+        if self._limit and (self.unassigned or any(part.count > self._limit for part in parts)):
             return True
         return any(map(self._imbalanced, self._composition.populations))
-
-    def _overfull(self) -> bool:
-        return any(part.count > self._limit for part in self._composition.parts.values())
 
     @property
     def unassigned_agents(self) -> int:

@@ -193,6 +193,9 @@ def check_same(world: WorldSpec, recorded: WorldSpec, path: Path) -> None:
     """Raises MinervaError if the frames of two worlds would differ."""
     for what in differing(world, recorded):
         raise MinervaError(f"{path}: it is the record of another world: {what}")
+    changed = {source for _, source in world.shares.items() ^ recorded.shares.items()}
+    if divided := changed & {*world.shares.values()} & {*recorded.shares.values()}:
+        raise MinervaError(f"{path}: {min(divided)} needs as many processes as it had")
 
 
 def differing(world: WorldSpec, recorded: WorldSpec) -> Iterator[str]:

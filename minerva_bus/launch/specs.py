@@ -233,19 +233,15 @@ def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service
     except MinervaError as error:
         raise WorldFileError(f"{owner}: {error}") from error
     except (TypeError, ValueError) as error:
-        if _is_installed(cls):  # Its options are documented, so the error need not show its code.
+        package = cls.__module__.partition(".")[0]
+        # Options of a package with installed services are documented: no need to show code.
+        if any(each.value.partition(".")[0] == package for each in entries(SERVICES).values()):
             raise WorldFileError(f"{owner}: {error}") from error
         raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
     except KeyboardInterrupt:
         raise
     except BaseException as error:
         raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
-
-
-def _is_installed(cls: type[Service]) -> bool:
-    """Whether a class belongs to a package with installed services."""
-    package = cls.__module__.partition(".")[0]
-    return any(each.value.partition(".")[0] == package for each in entries(SERVICES).values())
 
 
 class _ExactLoader(SourceFileLoader):

@@ -320,8 +320,8 @@ class ProcessSettings:
         " number and the cores.",
         whole_or_auto(1, MAX_PROCESSES),
         option="processes",
-        more="Agents are distributed among the processes that offer their kind; see"
-        " [Distribute agents](howto/processes.md).",
+        more="They divide the agents. In a file, services whose events go to single agents, such as"
+        " `physics`, may have several, too; see [Distribute agents](howto/processes.md).",
     )
     on_failure: str = _process(
         "restart",

@@ -33,7 +33,6 @@ class Priority:
         return priority, event_type, source, sequence
 
 
-_TYPE: Final = attrgetter("type")
 _Keyed: TypeAlias = tuple[tuple[int, str, str, int], AnyEvent]
 _KEY: Final[Callable[[_Keyed], tuple[int, str, str, int]]] = itemgetter(0)
 _EVENT: Final[Callable[[_Keyed], AnyEvent]] = itemgetter(1)
@@ -125,6 +124,7 @@ def _joined(alike: Sequence[AnyEvent]) -> Events:
     return cast("Events", Events.concatenated(cast("Sequence[Events]", alike)))
 
 
+_TYPE: Final = attrgetter("type")
 _EVENTS: Final = frozenset[type]((Event, Events))
 
 

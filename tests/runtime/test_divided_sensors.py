@@ -40,6 +40,11 @@ def test_records_of_any_number_of_processes_are_the_same(path):
     for count in (2, 3):
         assert here(path.parent, "diff", "1.mcap", f"{count}.mcap").returncode == 0
         assert here(path.parent, "replay", f"{count}.mcap", "--recompute").returncode == 0
+    resumed = ("run", path, "--resume", "2.mcap", "--frames", 15, "--in-process")
+    other = here(path.parent, *resumed, *divided(3))
+    assert other.returncode == 2
+    assert "gCamera needs as many processes as it had" in other.stderr
+    assert here(path.parent, *resumed, *divided(2)).returncode == 0
 
 
 def test_killed_processes_come_back_with_the_same_string(path):
