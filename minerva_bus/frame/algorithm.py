@@ -500,11 +500,13 @@ class FrameAlgorithm:
         """
         if self.world.frames or self.now.phase is not Phase.READY or self.placement.outdated:
             return False
+        if self.inbox:  # Before the rest, because the event that wakes the world waits for this.
+            return False
         index = self.members.index
         # A device whose view is made every n frames shows the latest change only in one of these.
         unseen = self.now.frame - self.views.last_change < index.every
-        busy = unseen or not index.tickers <= self.members.resting or index.joining or self._fading
-        return not (busy or self.inbox)
+        busy = unseen or not index.tickers <= self.members.resting or index.joining
+        return not (busy or self._fading)
 
     @property
     def _fading(self) -> bool:
