@@ -10,6 +10,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import (
     LASTING_QOS,
@@ -169,3 +170,36 @@ def test_nodes_of_two_robots_in_a_domain_differ():
         assert len(names()) == 2
         for session in sessions:
             session.close()
+
+
+# --- types ---
+
+USED = [each for each in vars(types).values() if isinstance(each, str) and "_msgs/msg/" in each]
+
+
+def store_of(name):
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores[f"ROS2_{name}"])
+
+
+@pytest.mark.parametrize("name", ["HUMBLE", "JAZZY", "KILTED", "LYRICAL"])
+def test_types_are_the_same_in_all_distributions_but_for_one(name):
+    store, ours = store_of(name), messages().store
+    known = [message for message in USED if message != types.DETECTIONS]
+    changed = {each for each in known if store.hash_rihs01(each) != ours.hash_rihs01(each)}
+    assert len(known) > 12
+    assert changed == ({types.RANGE} if name == "HUMBLE" else set())
+
+
+def test_a_range_of_humble_has_no_variance():
+    old, make = store_of("HUMBLE"), messages()
+    stamp = old.types["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
+    header = old.types["std_msgs/msg/Header"](stamp=stamp, frame_id="sonar")
+    message = old.types[types.RANGE](
+        header=header, radiation_type=0, field_of_view=0.3, min_range=0.1, max_range=4.0, range=1.5
+    )
+    data = bytes(old.serialize_cdr(message, types.RANGE))
+    assert make.decode(types.RANGE, data).range == 1.5
+    with pytest.raises(GarbageError, match="13 bytes are not a"):
+        make.decode(types.RANGE, data[:13])

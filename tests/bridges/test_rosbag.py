@@ -448,7 +448,7 @@ def test_missing_libraries_name_the_extra(tmp_path, monkeypatch):
 
 def test_topics_that_a_service_publishes(tmp_path):
     path = str(tmp_path)
-    assert Rosbag(path).publishes == ("battery", "image", "odometry", "position", "scan")
+    assert Rosbag(path).publishes == ("battery", "image", "odometry", "position", "range", "scan")
     assert Rosbag(path, topics={"/a": "front", "/b": "front"}).publishes == ("front",)
 
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
@@ -94,11 +95,20 @@ class MessageTypes:
         return bytes(self._store.serialize_cdr(value, message))
 
     def decode(self, message: str, data: bytes) -> Any:
-        """A message from CDR. Raises GarbageError."""
+        """A message from CDR, as it is today or was in Humble. Raises GarbageError."""
         try:
             return self._store.deserialize_cdr(data, message)
         except Exception as error:  # decoders raise many types for invalid bytes
+            with suppress(Exception):
+                return self._in_humble(message).deserialize_cdr(data, message)
             raise GarbageError(f"{len(data)} bytes are not a {message}") from error
+
+    def _in_humble(self, message: str) -> Typestore:
+        """The types of Humble, if a message has changed since. Raises KeyError if it has not."""
+        store = _humble()
+        if store.hash_rihs01(message) == self.hash(message):
+            raise KeyError(message)
+        return store
 
     # --- parts shared by several messages ---
 
@@ -143,6 +153,13 @@ class MessageTypes:
         return self.make(
             TWIST, linear=self.vector(speed), angular=self.vector(z=math.radians(turn))
         )
+
+
+@cache
+def _humble() -> Typestore:
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
 
 
 @cache

@@ -93,7 +93,9 @@ def _coordinates(message: Any) -> NDArray[np.float64]:
     return found[np.isfinite(found).all(axis=1)]
 
 
-def scan_of_range(message: Any, robot: str, mounting: SensorMount = _CENTRE) -> Scan:
+def scan_of_range(
+    message: Any, robot: str, mounting: SensorMount = _CENTRE, time: float | None = None
+) -> Scan:
     """A Range as a scan of one beam in the middle of its cone. Raises GarbageError.
 
     Beyond the range nothing was hit; what is too near, or not a number, was not measured.
@@ -104,6 +106,6 @@ def scan_of_range(message: Any, robot: str, mounting: SensorMount = _CENTRE) -> 
     measured = 0.0 if math.isnan(far) or far < least else min(far, most)
     mount = mounting.mount
     return Scan(
-        robot, np.array([measured], np.float32), 0.0, 1.0, most, stamp_of(message),
-        mount.x, mount.y, mount.angle,
+        robot, np.array([measured], np.float32), 0.0, 1.0, most,
+        stamp_of(message) if time is None else time, mount.x, mount.y, mount.angle,
     )  # fmt: skip

@@ -17,6 +17,7 @@ from minerva_services.bridges.ros_messages import (
     images,
     readings,
 )
+from minerva_services.bridges.ros_messages.ranges import scan_of_range
 from minerva_services.sensors.clocks import FirstSkip, watched
 from minerva_services.sensors.playback import MountOverride
 
@@ -40,6 +41,7 @@ CONVERSIONS: Final[Mapping[str, Conversion]] = {
     "sensor_msgs/msg/CompressedImage": Conversion("image", images.file_of),
     "sensor_msgs/msg/BatteryState": Conversion("battery", readings.battery_of),
     "sensor_msgs/msg/NavSatFix": Conversion("position", readings.position_of),
+    "sensor_msgs/msg/Range": Conversion("range", scan_of_range),
 }
 """Keyed by type name; rosbags uses the same names for ROS 1."""
 

@@ -18,7 +18,7 @@ class Rosbag(Playing, when="freely"):
         file: a .bag, .db3 or .mcap, or the folder of a ROS 2 bag.
         robot: the id of the agent that carries the sensors.
         topics: what to play, and as which topic: {"/base_scan" = "scan"}; by default the first
-          topic of each kind, on `scan`, `odometry`, `image`, `battery` and `position`.
+          topic of each kind, on `scan`, `odometry`, `image`, `battery`, `position` and `range`.
         speed: playback speed relative to the recording; 0: as fast as possible.
         loop: start over at the end.
         offset: seconds to skip at the start.
