@@ -232,12 +232,6 @@ def minerva(here: Path, words: list[str]) -> str:
     return done.stdout
 
 
-def test_processes_make_the_same_world(here: Path):
-    run = ["run", "meadow.toml", "--rate", "0", "--frames", "60", "--json", "--quiet"]
-    hows: list[list[str]] = [["--in-process"], ["--set", "rabbits.processes=1"], []]
-    assert len({json.loads(minerva(here, [*run, *how]))["digest"] for how in hows}) == 1
-
-
 # --- the README -----------------------------------------------------------------------------------
 
 
