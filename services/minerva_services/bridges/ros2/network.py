@@ -159,7 +159,8 @@ class Ros2Session:
     def _on_token(self, sample: zenoh.Sample) -> None:
         self.graph.update(str(sample.key_expr), is_there=sample.kind == zenoh.SampleKind.PUT)
         for publisher in list(self._publishers):
-            with suppress(SourceError):  # The session has been lost meanwhile.
+            # The session may be closed meanwhile, in another thread.
+            with suppress(SourceError, zenoh.ZError):
                 publisher.serve()
 
     def advise(self, heard: Collection[str] = ()) -> None:
