@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.wording import install
 from minerva_bus.world.class_declaration import IF_POSSIBLE, Mode, NotCompilable, takes_batch
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import PopulationState, Turn
 from minerva_fast.calls import KernelCall
-from minerva_fast.machine_code import Kernel, load_kernel
+from minerva_fast.machine_code import Kernel, has_numba, load_kernel
 from minerva_fast.methods import CheckedMethod, checked_methods, checked_views
 from minerva_fast.printing import FAULT, GONE, Program
 from minerva_fast.values import Emission, Newborn
@@ -33,6 +34,12 @@ def accelerate(
 ) -> tuple[FastAccelerator | None, list[str]]:
     """The accelerator of a class, an entry point of `minerva.accelerators`."""
     reasons: list[str] = []
+    if not has_numba() and IF_POSSIBLE in (*methods.values(), *views.values()):
+        reasons.append(f"{cls.__name__} runs agent by agent, without numba: {install('fast')}")
+        methods, views = (
+            {event: mode for event, mode in modes.items() if mode != IF_POSSIBLE}
+            for modes in (methods, views)
+        )
     chosen = _possible(cls, cls.activities, methods, _check_methods, reasons)
     shown = _possible(cls, cls.views, views, checked_views, reasons)
     return (FastAccelerator(cls, chosen, shown) if chosen or shown else None), reasons

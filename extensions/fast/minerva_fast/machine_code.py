@@ -47,6 +47,11 @@ def load_kernel(text: str, purpose: str) -> Kernel:
     return _generated(text, _versions(purpose)).run
 
 
+def has_numba() -> bool:
+    """Whether numba is installed, which is not imported."""
+    return importlib.util.find_spec("numba") is not None
+
+
 def _generated(text: str, versions: str) -> ModuleType:
     """A module with this text, imported."""
     name = "minerva_" + blake2b(f"{versions}\n{text}".encode(), digest_size=16).hexdigest()

@@ -181,5 +181,7 @@ def test_without_numba_the_error_names_the_extra(world, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "numba", None)
     machine_code.load_kernel.cache_clear()
+    file = read_world_file(world('compiled = "if possible"'))
+    assert "runs agent by agent, without numba: " in file.notes[-1]
     with pytest.raises(Exception, match=r"minerva-bus\[fast\]"):
         run(str(world("compiled = true")), bus=False)
