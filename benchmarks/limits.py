@@ -7,21 +7,18 @@
 `members` do nothing, in step: each frame asks each of them and waits for its answer. They have
 processes of their own, and `shared` ones a process together. `agents` are in columns on a host;
 each has one number, which changes in each frame. `sending` ones also send an event to the next
-agent, which counts it. `in process` is the world of `agents` without a bus. A size of 0 leaves a
-part out.
+one, which counts it. `in process` is `agents` without a bus. A size of 0 leaves a part out.
 
 `start` is from the command to the end of the first frame. What follows is from --seconds after it:
 frames per second, CPU time of all processes per frame, and the bytes of its messages at the
 coordinator (median). `MB` is the memory of all processes at the end, with shared memory counted
-once, and for `in process` the peak. `numpy` is the time of the same change of one array. `load` is
-the number of programs that have wanted to run in the last minute, those of this benchmark as well.
+once, and for `in process` the peak. `numpy` is the time of the same change of one array.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -50,17 +47,16 @@ from minerva_bus import (
 )
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.launch.console import Console
 from minerva_bus.runtime.operator_client import Client
 
 ROOT: Final = Path(__file__).parents[1]
 CLOCK_TICKS: Final = os.sysconf("SC_CLK_TCK")
 START_SECONDS: Final = 600.0
 END_SECONDS: Final = 120.0
+CASES: Final = ("members", "shared", "agents", "sending", "in process")
 COLUMNS: Final = {
     "case": "<10", "size": ">10,", "start s": ">8.1f", "frames/s": ">9.2f", "CPU ms": ">9.1f",
     "kB/frame": ">10,.1f", "MB": ">8,.0f", "bytes each": ">11,.0f", "numpy ms": ">9.2f",
-    "load": ">6.1f",
 }  # fmt: skip
 
 WORLD: Final = """
@@ -140,7 +136,7 @@ vocabulary = Vocabulary.of(PStone, eStep, ePass, Drop, Sender)
 def drops(given: Mapping[str, Any]) -> Scene:
     """The initial string: agents in columns; without any a stone, as an empty world is over."""
     agents, kind = given["agents"], Sender if given["sends"] else Drop
-    return kind.many("d", agents, x=np.zeros(agents)) if agents else PStone()
+    return kind.many("d", agents, x=np.sqrt(np.arange(agents))) if agents else PStone()
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,13 +150,12 @@ class Row:
     cpu_ms: float
     kb_per_frame: float
     memory_mb: float
-    load: float
     numpy_ms: float | None = None
 
     def cells(self) -> tuple[Any, ...]:
         """What the table shows of it."""
-        *first, load, numpy_ms = asdict(self).values()
-        return *first, 1e6 * self.memory_mb / self.size, numpy_ms, load
+        *first, numpy_ms = asdict(self).values()
+        return *first, 1e6 * self.memory_mb / self.size, numpy_ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +199,8 @@ class Running:
 
     def end(self) -> dict[str, Any]:
         """Stop the world; returns its summary."""
-        # Not by a question: a coordinator answers none while it decodes millions of events.
-        self.launcher.send_signal(signal.SIGTERM)
+        with self._client() as client:
+            client.ask("stop")
         return json.loads(self.launcher.communicate(timeout=END_SECONDS)[0])
 
     def _client(self) -> Client:
@@ -252,7 +247,7 @@ def on_bus(case: str, size: int, seconds: float, folder: Path) -> Row:
         first = running.sample()
         time.sleep(seconds)
         last = running.sample()
-        memory, load = running.memory(), os.getloadavg()[0]
+        memory = running.memory()
         summary = running.end()
     finally:
         running.launcher.kill()
@@ -260,7 +255,7 @@ def on_bus(case: str, size: int, seconds: float, folder: Path) -> Row:
     rate, cpu = frames / (last.at - first.at), 1e3 * (last.cpu - first.cpu) / frames
     sent = sum(summary["profile"][way]["p50"] for way in ("bytes in", "bytes out"))
     start = summary["first_frame_seconds"]
-    return Row(case, size, start, rate, cpu, 1e-3 * sent, memory, load)
+    return Row(case, size, start, rate, cpu, 1e-3 * sent, memory)
 
 
 def in_process(size: int, folder: Path) -> Row:
@@ -278,8 +273,7 @@ def in_process(size: int, folder: Path) -> Row:
     for _ in range(frames):
         array += 1.0
     alone = 1e3 * (time.perf_counter() - began) / frames
-    load, peak = os.getloadavg()[0], used.ru_maxrss / 1000
-    return Row("in process", size, start, rate, 1e3 / rate, 0.0, peak, load, alone)
+    return Row("in process", size, start, rate, 1e3 / rate, 0.0, used.ru_maxrss / 1e3, alone)
 
 
 def main() -> None:
@@ -293,23 +287,16 @@ def main() -> None:
         in_process=[100_000, 1_000_000, 10_000_000],
         seconds=10.0,
     )
-    sizes = {
-        "members": given.members, "shared": given.shared, "agents": given.agents,
-        "sending": given.sending, "in process": given.in_process,
-    }  # fmt: skip
-    cases = [(case, size) for case, given in sizes.items() for size in given if size]
     table = Table(COLUMNS, as_json=given.json)
-    console = Console(quiet=given.json)
-    for done, (case, size) in enumerate(cases):
-        console.progress("limits", done, len(cases), f"{case}: {size:,}")
-        with tempfile.TemporaryDirectory() as name:
-            row = (
-                in_process(size, Path(name))
-                if case == "in process"
-                else on_bus(case, size, given.seconds, Path(name))
-            )
-        console.end()
-        table.row(asdict(row), *row.cells())
+    for case in CASES:
+        for size in filter(None, getattr(given, case.replace(" ", "_"))):
+            with tempfile.TemporaryDirectory() as name:
+                row = (
+                    in_process(size, Path(name))
+                    if case == "in process"
+                    else on_bus(case, size, given.seconds, Path(name))
+                )
+            table.row(asdict(row), *row.cells())
 
 
 if __name__ == "__main__":

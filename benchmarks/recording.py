@@ -67,7 +67,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "meadow": Kind(str(ROOT / "worlds/minerva_worlds/meadow/meadow.toml"), 1000),
         "robot": Kind("robot", 300, ("--until", "")),
         "robots": Kind(robots, 60, ("--robots", "16", "--until", "")),
-        "drops": Kind(str(folder / "drops.toml"), 100),
+        "drops": Kind(str(folder / "drops.toml"), 50),
     }
 
 
