@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, Protocol
 
 from minerva_bus.errors import ProtocolError
@@ -132,7 +133,6 @@ class FrameAlgorithm:
             world, self.now, self.members, self.placement, self.views, self.out, self.answers,
             self.orders, self,
         )  # fmt: skip
-        self._handlers = self._handlers_of_stimuli()
 
     def _parts(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
         """What takes the events and results of frames from the members."""
@@ -155,7 +155,8 @@ class FrameAlgorithm:
         )
         return collection, evolution, answers
 
-    def _handlers_of_stimuli(self) -> dict[type, Callable[[Any], str | None]]:
+    @cached_property
+    def _handlers(self) -> dict[type, Callable[[Any], str | None]]:
         """Handlers by type of stimulus; those of members' answers return the reason of a violation.
 
         Bound methods, because a frame has a stimulus for each member.
