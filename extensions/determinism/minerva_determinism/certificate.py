@@ -265,10 +265,11 @@ class _World:
         if not found.same:
             lines = tuple(found.lines())[:MOST_LINES]
             return Check(self._spec, layout.name, DIFFERS, found.frames, lines=lines)
-        lines = _killed(self._folder / KILLED) if layout.kills else ()
-        return Check(
-            self._spec, layout.name, SAME, found.frames, digest=self._digests[-1], lines=lines
-        )
+        last, killed = self._digests[-1], _killed(self._folder / KILLED)
+        if layout.kills and not killed:
+            text = "it ended before a process was killed; --frames makes it longer"
+            return Check(self._spec, layout.name, LEFT_OUT, found.frames, lines=(text,))
+        return Check(self._spec, layout.name, SAME, found.frames, digest=last, lines=killed)
 
     def _recompute(self) -> Check:
         words = ["-m", "minerva_bus", "replay", str(self._base), str(self._path), "--recompute"]
@@ -320,12 +321,10 @@ class _World:
 
 
 def _killed(path: Path) -> tuple[str, ...]:
-    """Which processes were killed; the next layout begins a list of its own."""
-    if not path.exists():
-        return ("the run ended before a process was killed; --frames makes it longer",)
-    names = path.read_text(encoding="utf-8").split()
-    path.unlink()
-    return (f"killed: {', '.join(names)}",)
+    """Which processes were killed, if any; the next layout begins a list of its own."""
+    names = path.read_text(encoding="utf-8").split() if path.exists() else []
+    path.unlink(missing_ok=True)
+    return (f"killed: {', '.join(names)}",) if names else ()
 
 
 def _said(text: str) -> tuple[str, ...]:

@@ -35,6 +35,8 @@ from minerva_bus.world.services import when_of
 OMITTED: Final = "omitted.json"
 KILLED: Final = "killed.txt"
 """Files beside a record: the processes that were left out, and the names of those killed."""
+KILLED_RATE: Final = 10.0
+"""Frames per second of a world whose processes are killed: it must not end before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +212,7 @@ def _run(path: Path, frames: int, layout: Layout, record: Path) -> None:
     laid = laid_out(file, layout.hosts, omitted, frames, str(record))
     if layout.kills:
         often = tuple(replace(process, restarts=frames) for process in laid.processes)
-        laid = replace(laid, processes=often)
+        laid = replace(laid, processes=often, rate=KILLED_RATE)
     options = RunOptions(in_process=layout.runs_in_process(file), quiet=True)
     run_world(laid, time.monotonic(), options)
 
