@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,15 @@ pytest.importorskip("pettingzoo")
 
 from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
-from pettingzoo.test import parallel_api_test, parallel_seed_test
+from pettingzoo.test import (
+    api_test,
+    max_cycles_test,
+    parallel_api_test,
+    parallel_seed_test,
+    render_test,
+    seed_test,
+)
+from pettingzoo.utils import parallel_to_aec
 from rl_pond import Fish, eEat, ePick, eSwim, pond
 
 from minerva_bus import MinervaError, World, run
@@ -74,6 +83,23 @@ def test_a_shipped_world_passes_the_tests_of_pettingzoo(name):
     first = episode(env, seed=5)
     assert len(first) == 5
     assert same(first, episode(env, seed=5))
+
+
+def test_agents_that_act_in_turns_pass_the_tests_of_pettingzoo():
+    def flock(max_cycles=8, render_mode=None):
+        # The test of pictures begins with a window, which an environment does not have.
+        mode = None if render_mode == "human" else render_mode
+        return parallel_env(FLOCK, "ABird", "eTurn", frames=max_cycles, render_mode=mode)
+
+    def turns(**given):
+        return parallel_to_aec(flock(**given))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        api_test(turns(), num_cycles=40)
+        seed_test(turns, num_cycles=6)
+        max_cycles_test(SimpleNamespace(env=turns, parallel_env=flock))
+        render_test(turns)
 
 
 def test_one_agent_passes_the_test_of_gymnasium():
