@@ -61,13 +61,12 @@ class Acting:
             if event is not None:
                 by_type.setdefault(event.type, []).append(event)
         # The world orders events by their types, so only the order within a type matters.
-        return [part for events in by_type.values() for part in _batched(events)]
-
-
-def _batched(events: list[Event]) -> Sequence[AnyEvent]:
-    """Events of one type as a batch; unchanged if they do not fit into columns."""
-    batch = Events.of(events)
-    return events if batch is None else [batch]
+        sent: list[AnyEvent] = []
+        for events in by_type.values():
+            batch = Events.of(events)
+            # Some do not fit into columns.
+            sent += events if batch is None else [batch]
+        return sent
 
 
 def acting_of(act: Act, kind: AgentKind, known: Mapping[str, EventType]) -> Acting:

@@ -31,7 +31,9 @@ from minerva_learning.states import KindStates
 
 Observe: TypeAlias = "str | EventType | Sequence[Any] | Callable[[Scene, AgentNode], Any] | None"
 
-MATRICES = {"cells": np.int16, "matrix": np.float64}
+_WORD = np.iinfo(np.int16)
+MATRICES = {"cells": (np.int16, _WORD.min, _WORD.max), "matrix": (np.float64, -np.inf, np.inf)}
+"""Type, least and greatest element of a matrix."""
 NUMBERS = ("real", "int", "bool")
 
 
@@ -161,12 +163,7 @@ class MatrixObserving:
     def __init__(self, name: str, type_: Type, states: KindStates) -> None:
         states.check_some()
         self._name = name
-        dtype = MATRICES[type_.kind]
-        low, high = (
-            (-np.inf, np.inf)
-            if type_.kind == "matrix"
-            else (np.iinfo(np.int16).min, np.iinfo(np.int16).max)
-        )
+        dtype, low, high = MATRICES[type_.kind]
         self.space: AnySpace = spaces.Box(low, high, states.values(name)[0].shape, dtype)
 
     def rows(self, states: KindStates) -> NDArray[Any]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from operator import index
-from typing import Any, Final, Protocol
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from gymnasium.spaces import Space
@@ -50,19 +50,6 @@ class LearningTask:
     frames: int
     every: int
     births: bool
-
-
-class Episodes(Protocol):
-    """Where episodes take place; `frames_per_second` are frames per second of world time."""
-
-    name: str
-    frames_per_second: float
-
-    def begin(self, seed: int | None) -> Live:
-        """A world at the beginning of an episode. Raises MinervaError."""
-        ...
-
-    def close(self) -> None: ...
 
 
 def whole_seed(seed: Any) -> int | None:
@@ -125,6 +112,10 @@ class AttachedEpisodes:
 
     def close(self) -> None:
         """Leave the world to the caller."""
+
+
+Episodes: TypeAlias = OwnEpisodes | AttachedEpisodes
+"""Where episodes take place."""
 
 
 class Episode:
@@ -262,9 +253,10 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
         terminated, truncated = (ends.tolist() for ends in episode.ends(rows))
         rewards = episode.task.rewarding(before, episode.states, living).tolist()
         rewards += [0.0] * (len(agents) - len(living))
-        over = [a or b for a, b in zip(terminated, truncated, strict=True)]
-        self.agents = [agent for agent, ends in zip(agents, over, strict=True) if not ends]
-        self._ended.update(agent for agent, ends in zip(agents, over, strict=True) if ends)
+        ends = zip(agents, terminated, truncated, strict=True)
+        over = {agent for agent, died, late in ends if died or late}
+        self.agents = [agent for agent in agents if agent not in over]
+        self._ended |= over
         return (
             self._observe(agents, rows),
             dict(zip(agents, rewards, strict=True)),
