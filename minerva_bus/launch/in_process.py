@@ -21,7 +21,6 @@ from weakref import WeakSet
 
 from minerva_bus.errors import MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.norm_rejections import NORMS
@@ -105,7 +104,7 @@ class InProcessRun(WorldRun):
         *sinks: Sink | Callable[[Notice], None],
     ) -> None:
         limits = file.access.limits
-        super().__init__(FrameAlgorithm(file.world), file.rate, limits, self._show, REAL)
+        super().__init__(file.world, None, file.rate, limits, self._show, REAL)
         self._collecting: CollectSink | None = None
         self._file = file
         self._console = console

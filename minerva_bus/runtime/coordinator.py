@@ -318,8 +318,7 @@ class Coordinator(WorldRun):
         sinks: Iterable[Sink | Callable[[Notice], None]] = (),
         system: System = REAL,
     ) -> None:
-        algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
-        super().__init__(algorithm, rate, limits, watchers.said, system, commands, keep=keep)
+        super().__init__(world, algorithm, rate, limits, watchers.said, system, commands, keep=keep)
         self.keys, self.watchers, log = Keys(world.name), watchers, self.log
         self.collected = watchers.collected
         self.inbox = HubInbox(STATUS_EVERY, system)
@@ -329,7 +328,7 @@ class Coordinator(WorldRun):
             self.keys, epoch, self.metrics, system.monotonic, self._note_sent
         )
         own = (self.schedule, self.metrics, log, self.status, self)
-        self.runner = Runner(algorithm, self.transport, [*own, *sinks])
+        self.runner = Runner(self.algorithm, self.transport, [*own, *sinks])
         self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
         self._receiver, self._postponed = receiver, receiver.postponed.queue

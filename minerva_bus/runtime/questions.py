@@ -41,6 +41,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Event, Events, senders_of
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
@@ -85,12 +86,13 @@ ASKER: Final = "asker"
 class WorldRun(Sink):
     """A running world: what there is once for each run, on a bus or in one process.
 
-    It makes the schedule, metrics, status and log of a run of `algorithm`, and answers questions.
+    It makes the schedule, metrics, status and log of a run, and answers questions.
     A subclass makes the runner, one of whose sinks it is, and overrides what differs if members are
     other processes.
 
     Args:
-        algorithm: Begins or continues the world.
+        world: What runs.
+        algorithm: Continues a run, or replays one; None: the world begins.
         rate: Frames per second; 0: as many as possible.
         limits: What members may send.
         said: Called with a warning: member, text, and details for the log only.
@@ -105,7 +107,8 @@ class WorldRun(Sink):
 
     def __init__(
         self,
-        algorithm: FrameAlgorithm,
+        world: WorldSpec,
+        algorithm: FrameAlgorithm | None,
         rate: float,
         limits: Limits,
         said: Callable[[str, str, str], None],
@@ -114,6 +117,7 @@ class WorldRun(Sink):
         *,
         keep: bool = False,
     ) -> None:
+        algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
         algorithm.inbox.work.allow(limits.single_events, limits.host_events)
         clock = system.monotonic
         self.algorithm = algorithm
