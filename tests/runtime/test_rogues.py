@@ -60,7 +60,7 @@ GARBAGE = {
         msgpack.packb(["evolved", 1, 0, {"a": [1, ["AFox", "a", [], 0]]}, {}, {}]),
         "the vocabulary has no AFox",
     ),
-    "nested lists": (b"\x91" * 1_000_000, "this is not msgpack"),
+    "nested lists": (b"\x91" * 1_000_000, "this is not a msgpack list that begins"),
     "nested data": (
         b"\x92\xa7emitted\x91\x92\xa5eStep\x91" + b"\x91" * 700 + b"\x01",
         "nested more",
