@@ -106,10 +106,10 @@ class Credentials:
 # --- folders of keys, which an extension reads ---
 
 KEYS: Final = "minerva.keys"
-"""The entry points of classes of `KeyFolder`; the first one by name reads all folders."""
+"""The entry points of classes of `KeyReader`; the first one by name reads all folders."""
 
 
-class KeyFolder(Protocol):
+class KeyReader(Protocol):
     """The keys in a folder. All methods raise KeysError if it cannot be used."""
 
     def rights(self) -> Mapping[str, Rights]:
@@ -125,7 +125,7 @@ class KeyFolder(Protocol):
         ...
 
 
-def key_folder(path: Path) -> KeyFolder:
+def key_folder(path: Path) -> KeyReader:
     """The keys in a folder. Raises KeysError, also without an extension that reads it."""
     for _, entry in sorted(entries(KEYS).items()):
         return entry.load()(path)

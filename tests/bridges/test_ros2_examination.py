@@ -8,7 +8,7 @@ from minerva_bus.errors import MinervaError
 from minerva_services.bridges.ros2 import Ros2, Ros2Robot, Ros2View
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.examination import examine
-from minerva_services.bridges.ros2.graph import Graph
+from minerva_services.bridges.ros2.graph import RosGraph
 from minerva_services.bridges.ros2.uses import mismatches
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import DEFAULT_QOS, LASTING_QOS, LyricalPublisher, Node, dds
@@ -33,7 +33,7 @@ def bridged(kind, topic, message, qos=":1:0:1,10"):
 
 
 def problems(service, *tokens):
-    graph = Graph()
+    graph = RosGraph()
     for token in tokens:
         graph.update(token, is_there=True)
     return dict(mismatches(graph, service.network, service.uses()))
@@ -88,7 +88,7 @@ def test_a_view_needs_nobody_but_the_right_layout_and_types():
 
 @pytest.mark.parametrize("token", ["", "@ros2_lv/0", "@/abc/@ros2_lv", "@ros2_lv/x/a/0/0/NN/%/%/n"])
 def test_unknown_tokens_are_left_out(token):
-    graph = Graph()
+    graph = RosGraph()
     graph.update(token, is_there=True)
     assert not list(graph)
 

@@ -102,7 +102,7 @@ def _checked(name: str, source: str) -> Iterator[Finding]:
         known = f"; installed checks are {', '.join(sorted(checks)) or 'none'}"
         raise MisuseError(f"doctor has no option --{name}{known}")
     check: Callable[[str], Iterable[tuple[str, bool, str]]] = checks[name].load()
-    return (Finding(*found, needed=True) for found in check(source))
+    return (Finding(*finding, needed=True) for finding in check(source))
 
 
 def _findings() -> Iterator[Finding]:

@@ -153,7 +153,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class CertificatePlan:
     """What to certify.
 
     Args:
@@ -172,7 +172,7 @@ class Plan:
     shown: Callable[[Check], None]
 
 
-def certify(specs: Sequence[str], plan: Plan) -> Certificate:
+def certify(specs: Sequence[str], plan: CertificatePlan) -> Certificate:
     """Certify worlds by their files or names; none: all that are installed.
 
     Raises WorldFileError if there is no such world, and MisuseError if it is not a world.
@@ -195,7 +195,9 @@ def certify(specs: Sequence[str], plan: Plan) -> Certificate:
 class _World:
     """The checks of one world. `until`: no check begins after this time."""
 
-    def __init__(self, spec: str, path: Path, plan: Plan, until: float, folder: Path) -> None:
+    def __init__(
+        self, spec: str, path: Path, plan: CertificatePlan, until: float, folder: Path
+    ) -> None:
         self.omitted: dict[str, str] = {}
         self._spec, self._path, self._plan, self._until = spec, path, plan, until
         self._folder = folder
@@ -260,16 +262,16 @@ class _World:
             # Such as the literal policy, which has one host.
             result = LEFT_OUT if done.returncode == WRONG else FAILS
             return Check(self._spec, layout.name, result, lines=_said(done.stderr))
-        found = first_difference(self._base, record, (ALONE.name, layout.name))
+        difference = first_difference(self._base, record, (ALONE.name, layout.name))
         record.unlink()
-        if not found.same:
-            lines = tuple(found.lines())[:MOST_LINES]
-            return Check(self._spec, layout.name, DIFFERS, found.frames, lines=lines)
+        if not difference.same:
+            lines = tuple(difference.lines())[:MOST_LINES]
+            return Check(self._spec, layout.name, DIFFERS, difference.frames, lines=lines)
         last, killed = self._digests[-1], _killed(self._folder / KILLED)
         if layout.kills and not killed:
             text = "it ended before a process was killed; --frames makes it longer"
-            return Check(self._spec, layout.name, LEFT_OUT, found.frames, lines=(text,))
-        return Check(self._spec, layout.name, SAME, found.frames, digest=last, lines=killed)
+            return Check(self._spec, layout.name, LEFT_OUT, difference.frames, lines=(text,))
+        return Check(self._spec, layout.name, SAME, difference.frames, digest=last, lines=killed)
 
     def _recompute(self) -> Check:
         words = ["-m", "minerva_bus", "replay", str(self._base), str(self._path), "--recompute"]

@@ -12,7 +12,7 @@ from typing import Final
 from minerva_bus.cli.output import FAILED, print_json, print_message, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
-from minerva_determinism.certificate import DIFFERS, SAME, TITLES, Check, Plan, certify
+from minerva_determinism.certificate import DIFFERS, SAME, TITLES, CertificatePlan, Check, certify
 from minerva_determinism.determinism import ADVICE
 from minerva_determinism.report import page
 
@@ -39,7 +39,7 @@ def make_certificate(
     commands = [shlex.split(words) for words in pythons]
     until = time.monotonic() + 60 * minutes
     shown = _Rows(as_json)
-    made = certify(worlds, Plan(frames, processes, commands, until, shown))
+    made = certify(worlds, CertificatePlan(frames, processes, commands, until, shown))
     if report is not None:
         write_output(report, page(made).encode())
     if as_json:

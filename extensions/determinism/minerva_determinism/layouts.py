@@ -188,10 +188,10 @@ def first_difference(base: Path, other: Path, sides: tuple[str, str]) -> Differe
                 events = expected.events, frame.events
                 # A record that continues another one begins with a later string.
                 scenes = a.description.world.scene, b.description.world.scene
-                anew = last == count - 1 and scenes[0] != scenes[1]
-                before = ("the initial strings differ",) if anew else ()
-                found = apart(a.description.world.vocabulary, expected, strings, events, sides)
-                return replace(found, frames=count - 1, before=before)
+                renewed = last == count - 1 and scenes[0] != scenes[1]
+                before = ("the initial strings differ",) if renewed else ()
+                difference = apart(a.description.world.vocabulary, expected, strings, events, sides)
+                return replace(difference, frames=count - 1, before=before)
         damage = tuple(text for record in (a, b) if (text := record.damage()))
         missing = last != max(frames, default=-1)
         ended = f"{sides[1]} ends after frame {last}, {sides[0]} later" if missing else ""

@@ -33,7 +33,7 @@ at once, or only when nothing goes on without it.
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class Delivery:
     """A delivery of a run, counted from 0, in a frame; -1 is before the first frame."""
 
     number: int
@@ -53,7 +53,7 @@ class Killed:
 
     def __init__(self, file: WorldFile, at: int = -1, when: str = BEFORE) -> None:
         self.digests: list[bytes] = []
-        self.positions: list[Position] = []
+        self.positions: list[Delivery] = []
         self._at, self._when = at, when
         self._away = ""
         self._specs = {process.name: process for process in file.processes}
@@ -95,7 +95,7 @@ class Killed:
         self, member: Member, message: m.ToMember | m.Readings
     ) -> Iterator[m.FromMember | m.Readings | s.Vanished | s.Appeared]:
         number, frame = len(self.positions), self._runner.algorithm.frame
-        self.positions.append(Position(number, frame, member.name, type(message).__name__))
+        self.positions.append(Delivery(number, frame, member.name, type(message).__name__))
         if number != self._at:
             yield from deliver_alive(member, message)
             return
@@ -111,7 +111,7 @@ class Killed:
             yield s.Appeared(member.name)
 
 
-def deaths(file: WorldFile, frames: Iterable[int]) -> Iterator[tuple[Position, str, int | None]]:
+def deaths(file: WorldFile, frames: Iterable[int]) -> Iterator[tuple[Delivery, str, int | None]]:
     """A death at each delivery of these frames; each with the first frame that it changes, or None.
 
     Raises MinervaError if the world fails without a death, or in one of these runs.

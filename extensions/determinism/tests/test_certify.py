@@ -1,6 +1,7 @@
 """`minerva certify` compares a world in all layouts, and finds state that deaths lose."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import time
 import pytest
 
 from minerva_bus.launch.world_files import read_world_file
-from minerva_determinism.certificate import FAILS, LEFT_OUT, NO_TIME, SAME, Plan, certify
+from minerva_determinism.certificate import FAILS, LEFT_OUT, NO_TIME, SAME, CertificatePlan, certify
 from minerva_determinism.positions import WHEN, deaths
 
 pytest.importorskip("mcap")
@@ -76,9 +77,14 @@ def world(tmp_path, request):
 
 def plan(**changes):
     shown = []
-    until = time.monotonic() + 300
-    defaults = {"frames": 12, "processes": (), "pythons": (), "until": until, "shown": shown.append}
-    return Plan(**{**defaults, **changes})
+    defaults = {
+        "frames": 12,
+        "processes": (),
+        "pythons": (),
+        "until": math.inf,
+        "shown": shown.append,
+    }
+    return CertificatePlan(**{**defaults, **changes})
 
 
 def test_a_world_is_certified_in_all_layouts(world, tmp_path):

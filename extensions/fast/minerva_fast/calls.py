@@ -21,7 +21,7 @@ from minerva_bus.world.visualization import one_each
 from minerva_fast.draws import PLACE, new_progress
 from minerva_fast.machine_code import Kernel
 from minerva_fast.printing import FAULT, Program, cells
-from minerva_fast.values import Emission, Figure, Kind, Newborn, Output, Shown
+from minerva_fast.values import Emission, Figure, Newborn, Output, Shown, ValueKind
 
 
 class TextCodes:
@@ -55,12 +55,12 @@ class TextCodes:
         return Coded(self._parts[0], codes)
 
 
-_DTYPES: Final[dict[Kind, Any]] = {
-    Kind.INT: np.int64,
-    Kind.REAL: np.float64,
-    Kind.MIXED: np.float64,
-    Kind.BOOL: np.bool_,
-    Kind.TEXT: np.int64,
+_DTYPES: Final[dict[ValueKind, Any]] = {
+    ValueKind.INT: np.int64,
+    ValueKind.REAL: np.float64,
+    ValueKind.MIXED: np.float64,
+    ValueKind.BOOL: np.bool_,
+    ValueKind.TEXT: np.int64,
 }
 _LEAST_ROWS: Final = 64
 _PART: Final = 8
@@ -96,10 +96,10 @@ class KernelCall:
                 array = event.data(slot.name)
             else:
                 array = Column.of([event.values[event.names.index(slot.name)]]).array
-            wanted = np.object_ if slot.kind is Kind.TEXT else _DTYPES[slot.kind]
+            wanted = np.object_ if slot.kind is ValueKind.TEXT else _DTYPES[slot.kind]
             if array.dtype != wanted:
                 return None
-            if slot.kind is Kind.TEXT:
+            if slot.kind is ValueKind.TEXT:
                 array = self.codes.of(array)
             made.append(self._spread(array))
         return made
@@ -289,7 +289,7 @@ class KernelCall:
         """The values of an output by name, texts decoded."""
         pairs = zip(output.slots, values, strict=False)
         return {
-            slot.name: self.codes.texts(array) if slot.kind is Kind.TEXT else array
+            slot.name: self.codes.texts(array) if slot.kind is ValueKind.TEXT else array
             for slot, array in pairs
         }
 

@@ -24,22 +24,22 @@ from minerva_fast.functions import ARRAYS, FUNCTIONS, FUNCTIONS_OF_RULES, draw, 
 from minerva_fast.origin import EXPRESSIONS, MISSING, REAL_EVERYWHERE, TEXT_AS_NUMBER, Undefined
 from minerva_fast.values import (
     DECLARED,
-    Access,
     AgentItself,
     BoundMethod,
     Chance,
+    ColumnAccess,
     EventItself,
-    Grid,
+    FunctionScope,
     Items,
-    Kind,
     Known,
     Method,
     Moment,
     OwnRow,
     Reference,
-    Scope,
-    Table,
+    RuleGrid,
+    RuleTable,
     Value,
+    ValueKind,
     constant,
     joined,
     variable,
@@ -92,13 +92,17 @@ _OF_MIXED: Final[dict[type[ast.operator], str]] = {
 _TABLE: Final = 10_000
 _ITEMS: Final = (np.bool_, np.float64, np.int64)
 """Types of the items of constant arrays, which are those of Python's numbers."""
-_NUMBERS: Final[dict[Any, Kind]] = {int: Kind.INT, bool: Kind.BOOL, float: Kind.REAL}
+_NUMBERS: Final[dict[Any, ValueKind]] = {
+    int: ValueKind.INT,
+    bool: ValueKind.BOOL,
+    float: ValueKind.REAL,
+}
 Nested: TypeAlias = "Value | tuple[Nested, ...]"
 """A constant, or a tuple of constants, or of such tuples."""
 Column: TypeAlias = tuple[ast.expr, Items]
 """A name that takes the items of a sequence in turn."""
 MakeHelper: TypeAlias = Callable[
-    [ast.Call, FunctionType, tuple[Reference, ...]], tuple[Kind | None, str, bool]
+    [ast.Call, FunctionType, tuple[Reference, ...]], tuple[ValueKind | None, str, bool]
 ]
 """Prints a call of user code: the kind of its result, its text, whether it is a newborn's row."""
 
@@ -106,7 +110,7 @@ MakeHelper: TypeAlias = Callable[
 class Expressions:
     """Checks and prints the expressions of one function."""
 
-    def __init__(self, method: Method, scope: Scope, helper: MakeHelper) -> None:
+    def __init__(self, method: Method, scope: FunctionScope, helper: MakeHelper) -> None:
         self.method = method
         self.scope = scope
         self._helper = helper
@@ -138,9 +142,9 @@ class Expressions:
 
     def text(self, text: str) -> Value:
         """A constant text as its code."""
-        return constant(Kind.TEXT, self.method.code(text))
+        return constant(ValueKind.TEXT, self.method.code(text))
 
-    def use(self, name: str, kind: Kind = Kind.INT) -> Value:
+    def use(self, name: str, kind: ValueKind = ValueKind.INT) -> Value:
         """A variable of the row, which helpers are passed."""
         self.scope.reads[name] = made = variable(kind, name)
         return made
@@ -157,7 +161,7 @@ class Expressions:
                 return self._of_class(node)
             case Moment() if node.attr == "chance":
                 return Chance()
-            case Table():
+            case RuleTable():
                 return self._of_table(node, base)
             case Known() if isinstance(base.value, ModuleType | type):
                 inner = self.method.attribute_of(base.value, node.attr)
@@ -198,7 +202,7 @@ class Expressions:
         bound = isinstance(value, FunctionType) and not static
         return BoundMethod(value) if bound else Known(value)
 
-    def _of_table(self, node: ast.Attribute, table: Table) -> Reference:
+    def _of_table(self, node: ast.Attribute, table: RuleTable) -> Reference:
         parts: dict[str, Reference] = table.type.parts(table.name, own=table.own)
         if node.attr not in parts:
             shown, known = ast.unparse(node.value), [*parts]
@@ -218,7 +222,7 @@ class Expressions:
             case Items():
                 instead = f"use its items: {node.id}[0]"
                 raise self.problem(node, f"the list {node.id} as a value", instead)
-            case Table(type=table):
+            case RuleTable(type=table):
                 raise self.whole_table(node, table)
             case _:
                 raise self.problem(node, f"{node.id} as a value", "use its attributes")
@@ -236,7 +240,7 @@ class Expressions:
             raise self.problem(node, f"{name} holds newborns here", f"return self.string + {name}")
         self.certain(node)
         # Not known yet in the first pass over a loop.
-        made = variable(scope.kinds.get(name, Kind.INT), f"v_{name}")
+        made = variable(scope.kinds.get(name, ValueKind.INT), f"v_{name}")
         return replace(made, newborn=scope.rows.get(name, False))
 
     def certain(self, node: ast.Name) -> None:
@@ -248,7 +252,7 @@ class Expressions:
     def _frozen(self, node: ast.expr, value: Any) -> Value:
         """A constant of the module or class."""
         made = self.constant_of(value)
-        if made is not None and not (made.kind is Kind.TEXT and self.method.rule):
+        if made is not None and not (made.kind is ValueKind.TEXT and self.method.rule):
             return made
         if isinstance(value, int):
             instead = "write a real number, such as 1e20"
@@ -263,11 +267,11 @@ class Expressions:
     def constant_of(self, value: Any) -> Value | None:
         """A Python object as a constant; None if it is not a number, bool or text."""
         if isinstance(value, bool):
-            return constant(Kind.BOOL, value)
+            return constant(ValueKind.BOOL, value)
         if (type(value) is int or isinstance(value, IntEnum)) and -INT_BITS <= value < INT_BITS:
-            return constant(Kind.INT, int(value))
+            return constant(ValueKind.INT, int(value))
         if type(value) is float:
-            return constant(Kind.REAL, value)
+            return constant(ValueKind.REAL, value)
         return self.text(value) if type(value) is str else None
 
     def _constant(self, node: ast.Constant) -> Value:
@@ -290,7 +294,7 @@ class Expressions:
             case Chance():
                 what = f"{ast.unparse(node.value)}, a random stream, has no methods"
                 raise self.problem(node, what, f"write {node.attr}({ast.unparse(node.value)}, ...)")
-            case Grid(text=text, type=shape):
+            case RuleGrid(text=text, type=shape):
                 kind = _NUMBERS.get(get_type_hints(shape).get(node.attr))
                 if kind is not None:
                     self.use(text)
@@ -311,7 +315,7 @@ class Expressions:
         if name in self.method.types:
             return self.attribute(name)
         if name == "id":
-            return self.given("id", Kind.TEXT)
+            return self.given("id", ValueKind.TEXT)
         if name == "scope":
             raise self.problem(node, "self.scope", "agents with scopes evolve agent by agent")
         if name in ("string", "child"):
@@ -331,7 +335,7 @@ class Expressions:
         self.method.reads[name] = None
         return self.use(f"a_{name}", self.method.kinds[name])
 
-    def given(self, name: str, kind: Kind) -> Value:
+    def given(self, name: str, kind: ValueKind) -> Value:
         """A value that the kernel is passed."""
         self.method.given[name] = kind
         return self.use(f"g_{name}", kind)
@@ -339,9 +343,9 @@ class Expressions:
     def _of_moment(self, node: ast.Attribute) -> Value:
         name = node.attr
         if name in ("dt", "time"):
-            return self.given(name, Kind.REAL)
+            return self.given(name, ValueKind.REAL)
         if name == "number":
-            return self.given(name, Kind.INT)
+            return self.given(name, ValueKind.INT)
         if name == "random":
             raise self.problem(node, "moment.random", "draw from moment.chance")
         if name == "chance":
@@ -355,8 +359,8 @@ class Expressions:
             instead = "loop over them: for each in events"
             raise self.problem(node, "an array with the data of all events", instead)
         if name == "sender":
-            self.method.given["sender"] = Kind.TEXT
-            return Value(Kind.TEXT, f"g_sender[{event.place}]", simple=True)
+            self.method.given["sender"] = ValueKind.TEXT
+            return Value(ValueKind.TEXT, f"g_sender[{event.place}]", simple=True)
         if declared is None:
             instead = "define or import the event type in the module of this class"
             raise self.problem(node, "the types of this event's data are not known", instead)
@@ -378,56 +382,56 @@ class Expressions:
         if isinstance(node, ast.BoolOp):
             return self._joined(node, list(map(self.truth, node.values)))
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            return Value(Kind.BOOL, f"(not {self.truth(node.operand).text})")
+            return Value(ValueKind.BOOL, f"(not {self.truth(node.operand).text})")
         return self.as_truth(self.value(node))
 
     def as_truth(self, value: Value) -> Value:
         """Whether a value counts as true."""
-        if value.kind is Kind.BOOL:
+        if value.kind is ValueKind.BOOL:
             return value
-        empty = self.text("") if value.kind is Kind.TEXT else constant(value.kind, 0)
-        return Value(Kind.BOOL, f"({value.text} != {empty.text})")
+        empty = self.text("") if value.kind is ValueKind.TEXT else constant(value.kind, 0)
+        return Value(ValueKind.BOOL, f"({value.text} != {empty.text})")
 
     def as_number(self, node: ast.AST, value: Value) -> Value:
         """A number; a bool counts as 0 or 1, as in Python."""
-        if value.kind is Kind.BOOL:
-            return Value(Kind.INT, f"int64({value.text})", simple=value.simple)
-        if value.kind is Kind.TEXT:
+        if value.kind is ValueKind.BOOL:
+            return Value(ValueKind.INT, f"int64({value.text})", simple=value.simple)
+        if value.kind is ValueKind.TEXT:
             raise self.problem(node, "arithmetic with a text", "compare texts with == or != only")
         return value
 
     def as_real(self, value: Value) -> Value:
         """A number as Python converts it to a real."""
-        if value.kind is not Kind.INT:
+        if value.kind is not ValueKind.INT:
             return value
         if value.constant is not None:
-            return constant(Kind.REAL, float(value.constant))
-        return Value(Kind.REAL, f"float64({value.text})", simple=value.simple)
+            return constant(ValueKind.REAL, float(value.constant))
+        return Value(ValueKind.REAL, f"float64({value.text})", simple=value.simple)
 
     def as_mixed(self, value: Value) -> Value:
         """A number held as a real, of which an int has no other digits."""
-        if value.kind is not Kind.INT:
+        if value.kind is not ValueKind.INT:
             return value
         if value.constant is not None and abs(value.constant) <= EXACT:
-            return constant(Kind.MIXED, float(value.constant))
-        return Value(Kind.MIXED, f"exact({value.text})")
+            return constant(ValueKind.MIXED, float(value.constant))
+        return Value(ValueKind.MIXED, f"exact({value.text})")
 
-    def alike(self, node: ast.AST, values: Sequence[Value]) -> tuple[Kind, list[Value]]:
+    def alike(self, node: ast.AST, values: Sequence[Value]) -> tuple[ValueKind, list[Value]]:
         """Values converted to one kind."""
-        kind: Kind | None = values[0].kind
+        kind: ValueKind | None = values[0].kind
         for value in values[1:]:
             kind = joined(kind, value.kind) if kind is not None else None
         if kind is None:
             kinds = " and ".join(sorted({value.kind.value for value in values}))
             raise self.problem(node, f"{kinds} in one place", "use one type")
-        return kind, [self.as_mixed(each) if kind is Kind.MIXED else each for each in values]
+        return kind, [self.as_mixed(each) if kind is ValueKind.MIXED else each for each in values]
 
     def _operation(self, node: ast.BinOp) -> Value:
         return self.of_values(node, node.op, self.value(node.left), self.value(node.right))
 
     def of_values(self, node: ast.AST, operator: ast.operator, left: Value, right: Value) -> Value:
         """The result of an operator between two values."""
-        if left.kind is right.kind is Kind.BOOL and isinstance(operator, _BITS):
+        if left.kind is right.kind is ValueKind.BOOL and isinstance(operator, _BITS):
             # A bool in Python, and an int here.
             raise self.problem(node, "an operator on bits of bools", "write and, or, or !=")
         left, right = self.as_number(node, left), self.as_number(node, right)
@@ -436,12 +440,12 @@ class Expressions:
             raise self.problem(node, "the operator @", "write the products")
         if isinstance(operator, ast.Div):
             return self._quotient(left, right)
-        if kinds == {Kind.INT}:
+        if kinds == {ValueKind.INT}:
             return self._of_ints(node, operator, left, right)
-        if Kind.REAL not in kinds:
+        if ValueKind.REAL not in kinds:
             return self._of_mixed(node, operator, left, right)
         left, right = self.as_real(left), self.as_real(right)
-        return Value(Kind.REAL, self._applied(node, operator, _OF_REALS, left, right))
+        return Value(ValueKind.REAL, self._applied(node, operator, _OF_REALS, left, right))
 
     def _applied(
         self,
@@ -460,8 +464,8 @@ class Expressions:
 
     def _quotient(self, left: Value, right: Value) -> Value:
         # Python rounds an int to a real first, but the quotient of two ints is rounded once.
-        convert = self.as_real if Kind.REAL in (left.kind, right.kind) else self.as_mixed
-        return Value(Kind.REAL, f"({convert(left).text} / {convert(right).text})")
+        convert = self.as_real if ValueKind.REAL in (left.kind, right.kind) else self.as_mixed
+        return Value(ValueKind.REAL, f"({convert(left).text} / {convert(right).text})")
 
     def _of_mixed(self, node: ast.AST, operator: ast.operator, left: Value, right: Value) -> Value:
         """The result of an operator that is an int if both numbers are ints, and else a real."""
@@ -471,7 +475,7 @@ class Expressions:
         ):
             raise self.mixed(node, left, right)
         left, right = self.as_mixed(left), self.as_mixed(right)
-        return Value(Kind.MIXED, self._applied(node, operator, _OF_MIXED, left, right))
+        return Value(ValueKind.MIXED, self._applied(node, operator, _OF_MIXED, left, right))
 
     def mixed(self, node: ast.AST, *values: Value) -> NotCompilable:
         """The error of arithmetic whose result depends on whether a number is an int."""
@@ -490,11 +494,11 @@ class Expressions:
             what = "a power of ints whose exponent is not a constant from 0 up"
             raise self.problem(node, what, "make the base a real number: float(n) ** k")
         if isinstance(operator, _BITS):
-            return Value(Kind.INT, f"({left.text} {_SIGNS[type(operator)]} {right.text})")
+            return Value(ValueKind.INT, f"({left.text} {_SIGNS[type(operator)]} {right.text})")
         if known and isinstance(operator, ast.FloorDiv | ast.Mod):
             sign = "//" if isinstance(operator, ast.FloorDiv) else "%"
-            return Value(Kind.INT, f"({left.text} {sign} {right.text})")
-        return Value(Kind.INT, f"{_OF_INTS[type(operator)]}({left.text}, {right.text})")
+            return Value(ValueKind.INT, f"({left.text} {sign} {right.text})")
+        return Value(ValueKind.INT, f"{_OF_INTS[type(operator)]}({left.text}, {right.text})")
 
     def _unary(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
@@ -503,20 +507,20 @@ class Expressions:
         if isinstance(node.op, ast.UAdd):
             return operand
         if isinstance(node.op, ast.Invert):
-            if operand.kind is not Kind.INT:
+            if operand.kind is not ValueKind.INT:
                 raise self.problem(node, "~ of a real", "convert with int(...)")
-            return Value(Kind.INT, f"({operand.text} ^ -1)")
+            return Value(ValueKind.INT, f"({operand.text} ^ -1)")
         return self.negative(node, operand)
 
     def negative(self, node: ast.AST, operand: Value) -> Value:
         """The negative of a number."""
         if operand.constant is not None and operand.constant > -INT_BITS:
             return constant(operand.kind, -operand.constant)
-        if operand.kind is Kind.MIXED:
-            return self._of_mixed(node, ast.Mult(), operand, constant(Kind.INT, -1))
-        if operand.kind is Kind.INT:
-            return Value(Kind.INT, f"subtract(0, {operand.text})")
-        return Value(Kind.REAL, f"(-{operand.text})")
+        if operand.kind is ValueKind.MIXED:
+            return self._of_mixed(node, ast.Mult(), operand, constant(ValueKind.INT, -1))
+        if operand.kind is ValueKind.INT:
+            return Value(ValueKind.INT, f"subtract(0, {operand.text})")
+        return Value(ValueKind.REAL, f"(-{operand.text})")
 
     # --- items ---
 
@@ -538,7 +542,7 @@ class Expressions:
             if isinstance(base, Chance):
                 instead = "draw numbers: random(draws), integers(draws, 6)"
                 raise self.problem(node, "an item of a random stream", instead)
-            if isinstance(base, Table):
+            if isinstance(base, RuleTable):
                 raise self.whole_table(node.value, base.type)
             what = "an item of this value"
             raise self.problem(node, what, "index a constant tuple or a local list of numbers")
@@ -553,16 +557,18 @@ class Expressions:
                 raise self.problem(node, "an index that is not one number", instead)
             raise self.problem(node, "a slice", "write a for loop over the index")
         index = self.value(node.slice)
-        if index.kind is not Kind.INT:
+        if index.kind is not ValueKind.INT:
             raise self.problem(node.slice, f"{index.kind.value} as an index", "use an int")
         self._use(items)
         if index.text == "v_own" and items.own:
             return index
         known, size = index.constant, items.size
         if known is not None and -size <= known < size:
-            return constant(Kind.INT, known % size)
+            return constant(ValueKind.INT, known % size)
         function = "place" if size else "existing"
-        return Value(Kind.INT, f"{function}({index.text}, {items.length})", newborn=index.newborn)
+        return Value(
+            ValueKind.INT, f"{function}({index.text}, {items.length})", newborn=index.newborn
+        )
 
     def _use(self, items: Items) -> None:
         """Pass an array to the helper that uses it."""
@@ -581,7 +587,7 @@ class Expressions:
     ) -> None:
         """Note the use of a column or matrix."""
         looped = self.scope.loops > 0
-        made = Access(self.scope.origin, node, owner, column, own, writes, looped)
+        made = ColumnAccess(self.scope.origin, node, owner, column, own, writes, looped)
         self.scope.accesses.append(made)
 
     def items(self, node: ast.expr) -> Items | None:
@@ -682,11 +688,11 @@ class Expressions:
 
     def _joined(self, node: ast.BoolOp, values: Sequence[Value]) -> Value:
         word = " and " if isinstance(node.op, ast.And) else " or "
-        return Value(Kind.BOOL, f"({word.join([value.text for value in values])})")
+        return Value(ValueKind.BOOL, f"({word.join([value.text for value in values])})")
 
     def _logic(self, node: ast.BoolOp) -> Value:
         values = [self.value(value) for value in node.values]
-        if any(value.kind is not Kind.BOOL for value in values):
+        if any(value.kind is not ValueKind.BOOL for value in values):
             what = "`and` or `or` of values that are not bools, as a value"
             raise self.problem(node, what, "compare them, or write `a if a else b`")
         return self._joined(node, values)
@@ -706,14 +712,14 @@ class Expressions:
             raise self.problem(node, what, "assign that value to a variable first")
         pairs = zip(node.ops, values, values[1:], strict=False)
         parts = [self.compared(node, *each).text for each in pairs]
-        return Value(Kind.BOOL, parts[0] if len(parts) == 1 else f"({' and '.join(parts)})")
+        return Value(ValueKind.BOOL, parts[0] if len(parts) == 1 else f"({' and '.join(parts)})")
 
     def compared(self, node: ast.AST, operator: ast.cmpop, left: Value, right: Value) -> Value:
         """The comparison of two values."""
         sign = _SIGNS.get(type(operator))
         if sign is None:
             raise self.problem(node, "`is`", "compare with ==, or use a bool attribute")
-        texts = (left.kind is Kind.TEXT) + (right.kind is Kind.TEXT)
+        texts = (left.kind is ValueKind.TEXT) + (right.kind is ValueKind.TEXT)
         if texts == 1:
             raise self.problem(node, "a text compared with a number", "compare equal types")
         if texts and sign not in ("==", "!="):
@@ -723,7 +729,7 @@ class Expressions:
             # Python compares an int with a real exactly, without rounding it.
             if left.kind is not right.kind:
                 left, right = self.as_mixed(left), self.as_mixed(right)
-        return Value(Kind.BOOL, f"({left.text} {sign} {right.text})")
+        return Value(ValueKind.BOOL, f"({left.text} {sign} {right.text})")
 
     def _membership(self, node: ast.Compare) -> Value:
         value, members = self.value(node.left), self.members(node)
@@ -732,7 +738,7 @@ class Expressions:
             raise self.problem(node, "`in` of a computed value", instead)
         parts = [self.compared(node, ast.Eq(), value, each).text for each in members]
         negated = "not " if isinstance(node.ops[0], ast.NotIn) else ""
-        return Value(Kind.BOOL, f"({negated}({' or '.join(parts)}))")
+        return Value(ValueKind.BOOL, f"({negated}({' or '.join(parts)}))")
 
     # --- calls ---
 
@@ -743,7 +749,7 @@ class Expressions:
             raise self.problem(node, what, "end the function with return")
         return Value(kind, text, newborn=newborn)
 
-    def call(self, node: ast.Call) -> tuple[Kind | None, str, bool]:
+    def call(self, node: ast.Call) -> tuple[ValueKind | None, str, bool]:
         """A call: the kind of its result, its text, and whether it is a newborn's row."""
         if isinstance(node.func, ast.Attribute):
             base = self.reference(node.func.value)
@@ -766,7 +772,7 @@ class Expressions:
             raise self.problem(node, what, instead_of(node.func.attr, self.method.rule))
         raise self.problem(node, "a call of this value", "call a function of the module")
 
-    def _call_known(self, node: ast.Call, function: Any) -> tuple[Kind | None, str, bool]:
+    def _call_known(self, node: ast.Call, function: Any) -> tuple[ValueKind | None, str, bool]:
         key = function if isinstance(function, FunctionType) or callable(function) else None
         try:
             known = FUNCTIONS.get(key)
@@ -776,7 +782,7 @@ class Expressions:
         if of_rules is not None:
             return of_rules(self, node)
         if function is len:
-            return Kind.INT, self._length(node).text, False
+            return ValueKind.INT, self._length(node).text, False
         if known is not None:
             if node.keywords:
                 raise self.problem(node, "named arguments of this function", "write them in order")
@@ -802,15 +808,15 @@ class Expressions:
             reference = self.reference(node.args[0])
             if isinstance(reference, EventItself):
                 return self.count_of_events(node)
-            if isinstance(reference, Table):
+            if isinstance(reference, RuleTable):
                 raise self.whole_table(node.args[0], reference.type, "NAME")
             known = self._constant_tuple(node.args[0])
             if known is not None:
-                return constant(Kind.INT, len(known))
+                return constant(ValueKind.INT, len(known))
             items = self.items(node.args[0])
             if items is not None:
                 self._use(items)
-                return Value(Kind.INT, items.length, items.size or None, simple=True)
+                return Value(ValueKind.INT, items.length, items.size or None, simple=True)
         raise self.problem(node, "the length of this value", "use a constant tuple or a list")
 
     def count_of_events(self, node: ast.AST) -> Value:
@@ -818,7 +824,7 @@ class Expressions:
         event = next(r for r in self.scope.references.values() if isinstance(r, EventItself))
         if not event.batch:
             raise self.problem(node, "the length of an event", "an event has data only")
-        return Value(Kind.INT, "(e_end - e_begin)", simple=True)
+        return Value(ValueKind.INT, "(e_end - e_begin)", simple=True)
 
 
 def is_empty(value: Any) -> bool:

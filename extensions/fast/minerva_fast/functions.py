@@ -21,7 +21,7 @@ from minerva_bus import portable
 from minerva_bus.errors import nearest
 from minerva_fast import draws, places
 from minerva_fast.origin import CHOICES, FUNCTIONS_INSTEAD
-from minerva_fast.values import Chance, Grid, Kind, Table, Value, constant
+from minerva_fast.values import Chance, RuleGrid, RuleTable, Value, ValueKind, constant
 
 if TYPE_CHECKING:
     from minerva_fast.expressions import Expressions
@@ -36,18 +36,18 @@ Checked: TypeAlias = Callable[["Expressions", ast.Call, Sequence[Value]], Value]
 class Distribution:
     """A method of `moment.chance`: its arguments, their defaults, and the kind of its results."""
 
-    kind: Kind
+    kind: ValueKind
     names: tuple[str, ...] = ()
     defaults: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 DISTRIBUTIONS: Final = {
-    "random": Distribution(Kind.REAL),
-    "uniform": Distribution(Kind.REAL, ("low", "high"), {"low": 0.0, "high": 1.0}),
-    "integers": Distribution(Kind.INT, ("low", "high")),
-    "chance": Distribution(Kind.BOOL, ("probability",)),
-    "exponential": Distribution(Kind.REAL, ("mean",), {"mean": 1.0}),
-    "normal": Distribution(Kind.REAL, ("mean", "deviation"), {"mean": 0.0, "deviation": 1.0}),
+    "random": Distribution(ValueKind.REAL),
+    "uniform": Distribution(ValueKind.REAL, ("low", "high"), {"low": 0.0, "high": 1.0}),
+    "integers": Distribution(ValueKind.INT, ("low", "high")),
+    "chance": Distribution(ValueKind.BOOL, ("probability",)),
+    "exponential": Distribution(ValueKind.REAL, ("mean",), {"mean": 1.0}),
+    "normal": Distribution(ValueKind.REAL, ("mean", "deviation"), {"mean": 0.0, "deviation": 1.0}),
 }
 
 
@@ -89,13 +89,13 @@ def _arguments(
     given: dict[str, ast.expr] = dict(zip(known.names, arguments, strict=False))
     given |= {str(keyword.arg): keyword.value for keyword in node.keywords}
     values = {each: check.as_number(nodes, check.value(nodes)) for each, nodes in given.items()}
-    if known.kind is Kind.INT:
-        if any(value.kind is not Kind.INT for value in values.values()):
+    if known.kind is ValueKind.INT:
+        if any(value.kind is not ValueKind.INT for value in values.values()):
             raise check.problem(node, "bounds that are not ints", "convert with int(...)")
         if "high" not in values and "low" in values:
-            values = {"low": constant(Kind.INT, 0), "high": values["low"]}
+            values = {"low": constant(ValueKind.INT, 0), "high": values["low"]}
     for each, default in known.defaults.items():
-        values.setdefault(each, constant(Kind.REAL, default))
+        values.setdefault(each, constant(ValueKind.REAL, default))
     missing = [each for each in known.names if each not in values]
     if missing:
         raise check.problem(node, f"the argument {missing[0]} is missing")
@@ -114,7 +114,7 @@ def _numbers(
     return [check.as_number(node, argument) for argument in arguments]
 
 
-def _reals(count: int, function: str, kind: Kind = Kind.REAL) -> Checked:
+def _reals(count: int, function: str, kind: ValueKind = ValueKind.REAL) -> Checked:
     """A function of reals."""
 
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
@@ -127,7 +127,7 @@ def _reals(count: int, function: str, kind: Kind = Kind.REAL) -> Checked:
 def _times(factor: float) -> Checked:
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
         (value,) = _numbers(check, node, arguments, 1, 1)
-        return Value(Kind.REAL, f"({check.as_real(value).text} * {factor!r})")
+        return Value(ValueKind.REAL, f"({check.as_real(value).text} * {factor!r})")
 
     return checked
 
@@ -137,7 +137,11 @@ def _whole(function: str) -> Checked:
 
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
         (value,) = _numbers(check, node, arguments, 1, 1)
-        return value if value.kind is Kind.INT else Value(Kind.INT, f"{function}({value.text})")
+        return (
+            value
+            if value.kind is ValueKind.INT
+            else Value(ValueKind.INT, f"{function}({value.text})")
+        )
 
     return checked
 
@@ -151,7 +155,7 @@ def _round(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Va
 
 def _real(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
     (value,) = _numbers(check, node, arguments, 1, 1)
-    return Value(Kind.REAL, f"float64({value.text})")
+    return Value(ValueKind.REAL, f"float64({value.text})")
 
 
 def _bool(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
@@ -162,7 +166,7 @@ def _bool(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Val
 
 def _absolute(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
     (value,) = _numbers(check, node, arguments, 1, 1)
-    function = "absolute" if value.kind is Kind.INT else "math.fabs"
+    function = "absolute" if value.kind is ValueKind.INT else "math.fabs"
     return Value(value.kind, f"{function}({value.text})")
 
 
@@ -173,7 +177,7 @@ def _extreme(function: str) -> Checked:
         if len(arguments) < 2:
             instead = "write a for loop, or name two values or more"
             raise check.problem(node, f"{function} of one value", instead)
-        if any(argument.kind is Kind.BOOL for argument in arguments):
+        if any(argument.kind is ValueKind.BOOL for argument in arguments):
             raise check.problem(node, f"{function} of bools", "write `and` or `or`")
         kind, values = check.alike(node, _numbers(check, node, arguments, 2, 100))
         chosen = values[0].text
@@ -210,9 +214,9 @@ FUNCTIONS: Final[dict[Any, Checked]] = {
     math.fabs: _reals(1, "math.fabs"),
     math.floor: _whole("floor"),
     math.fmod: _reals(2, "math_fmod"),
-    math.isfinite: _reals(1, "math.isfinite", Kind.BOOL),
-    math.isinf: _reals(1, "math.isinf", Kind.BOOL),
-    math.isnan: _reals(1, "math.isnan", Kind.BOOL),
+    math.isfinite: _reals(1, "math.isfinite", ValueKind.BOOL),
+    math.isinf: _reals(1, "math.isinf", ValueKind.BOOL),
+    math.isnan: _reals(1, "math.isnan", ValueKind.BOOL),
     math.radians: _times(math.pi / 180.0),
     math.trunc: _whole("truncate"),
     portable.atan2: _reals(2, "portable_atan2"),
@@ -225,9 +229,9 @@ FUNCTIONS: Final[dict[Any, Checked]] = {
 
 # --- functions of spaces ---
 
-OfRules: TypeAlias = Callable[["Expressions", ast.Call], tuple[Kind | None, str, bool]]
-_KINDS: Final[Mapping[str, Kind | None]] = {
-    "int": Kind.INT, "float": Kind.REAL, "bool": Kind.BOOL, "None": None
+OfRules: TypeAlias = Callable[["Expressions", ast.Call], tuple[ValueKind | None, str, bool]]
+_KINDS: Final[Mapping[str, ValueKind | None]] = {
+    "int": ValueKind.INT, "float": ValueKind.REAL, "bool": ValueKind.BOOL, "None": None
 }  # fmt: skip
 _SHAPES: Final = {"CellGrid": "the shape of a lattice", "Edges": "a graph"}
 
@@ -235,7 +239,7 @@ _SHAPES: Final = {"CellGrid": "the shape of a lattice", "Edges": "a graph"}
 def _draws(name: str) -> OfRules:
     """A draw as a function, whose first argument is the stream."""
 
-    def checked(check: Expressions, node: ast.Call) -> tuple[Kind | None, str, bool]:
+    def checked(check: Expressions, node: ast.Call) -> tuple[ValueKind | None, str, bool]:
         if not node.args or not isinstance(check.reference(node.args[0]), Chance):
             instead = f"write {name}(draws, ...)"
             raise check.problem(node, f"{name} without the parameter of type Draws", instead)
@@ -245,9 +249,9 @@ def _draws(name: str) -> OfRules:
     return checked
 
 
-def _shuffle(check: Expressions, node: ast.Call) -> tuple[Kind | None, str, bool]:
+def _shuffle(check: Expressions, node: ast.Call) -> tuple[ValueKind | None, str, bool]:
     items = check.items(node.args[1]) if len(node.args) == 2 else None
-    if items is None or items.owner or items.kind is not Kind.INT:
+    if items is None or items.owner or items.kind is not ValueKind.INT:
         raise check.problem(node, "these arguments of shuffle", "write shuffle(draws, rows)")
     check.use(items.text)
     check.method.draws = True
@@ -259,7 +263,7 @@ def _of_space(function: FunctionType) -> OfRules:
     """A function of `places`, with arguments as its annotations say."""
     signature = inspect.signature(function)
 
-    def checked(check: Expressions, node: ast.Call) -> tuple[Kind | None, str, bool]:
+    def checked(check: Expressions, node: ast.Call) -> tuple[ValueKind | None, str, bool]:
         try:
             given = signature.bind(*node.args, **{str(w.arg): w.value for w in node.keywords})
         except TypeError as error:
@@ -286,15 +290,15 @@ def _of_space(function: FunctionType) -> OfRules:
     return checked
 
 
-def _table(check: Expressions, node: ast.AST, argument: ast.expr) -> Table:
+def _table(check: Expressions, node: ast.AST, argument: ast.expr) -> RuleTable:
     table = check.reference(argument) if isinstance(argument, ast.Name) else None
-    if not isinstance(table, Table):
+    if not isinstance(table, RuleTable):
         raise check.problem(argument, "this argument", "name the parameter that is a table")
     check.use(f"t_{table.name}")
     return table
 
 
-def _row(check: Expressions, table: Table, value: Value) -> str:
+def _row(check: Expressions, table: RuleTable, value: Value) -> str:
     """A row of a table, which must exist."""
     if value.text == "v_own":
         return value.text
@@ -306,7 +310,7 @@ def _number(check: Expressions, argument: ast.expr, wanted: str) -> Value:
     value = check.as_number(argument, check.value(argument))
     if wanted == "float":
         return check.as_real(value)
-    if value.kind is not Kind.INT:
+    if value.kind is not ValueKind.INT:
         raise check.problem(argument, f"{value.kind.value} here", "write int(...)")
     return value
 
@@ -319,7 +323,7 @@ def _argument(check: Expressions, argument: ast.expr, wanted: str) -> str:
         return "words"
     if wanted in _SHAPES:
         shape = check.reference(argument)
-        if not isinstance(shape, Grid) or shape.type.__name__ != wanted:
+        if not isinstance(shape, RuleGrid) or shape.type.__name__ != wanted:
             what = f"this argument, in place of {_SHAPES[wanted]}"
             raise check.problem(argument, what, f"name a parameter of type {wanted}")
         return check.use(shape.text).text
@@ -327,7 +331,7 @@ def _argument(check: Expressions, argument: ast.expr, wanted: str) -> str:
 
 
 def _note(
-    check: Expressions, node: ast.AST, function: FunctionType, table: Table, *, own: bool
+    check: Expressions, node: ast.AST, function: FunctionType, table: RuleTable, *, own: bool
 ) -> None:
     """Note what a function does with the positions of a table."""
     writes = function in places.CHANGES

@@ -410,17 +410,19 @@ _forms: dict[Any, Any] = {trigonometry.far: _too_far, places.sure: sure}
 
 def form(function: Any) -> Any:
     """A function of this project, and those of it that it calls, compiled for one number."""
-    one: FunctionType = getattr(function, "one", function)
-    if one not in _forms:
-        scope = dict(one.__globals__)
-        for name in one.__code__.co_names:
+    scalar: FunctionType = getattr(function, "one", function)
+    if scalar not in _forms:
+        scope = dict(scalar.__globals__)
+        for name in scalar.__code__.co_names:
             value = scope.get(name)
             if isinstance(value, FunctionType) and value.__module__.startswith(_OURS):
                 scope[name] = form(value)
         # Calls of functions of spaces would pass each array of a table as seven numbers.
-        compile_ = compiled if one.__module__.startswith(portable.__name__) else inlined
-        _forms[one] = compile_(FunctionType(one.__code__, scope, one.__name__, one.__defaults__))
-    return _forms[one]
+        compile_ = compiled if scalar.__module__.startswith(portable.__name__) else inlined
+        _forms[scalar] = compile_(
+            FunctionType(scalar.__code__, scope, scalar.__name__, scalar.__defaults__)
+        )
+    return _forms[scalar]
 
 
 def of_space(name: str) -> Any:

@@ -27,15 +27,15 @@ from minerva_fast.values import (
     Append,
     Attribute,
     EventItself,
-    Kind,
+    FunctionScope,
     Line,
     Method,
     Moment,
     Output,
     Reference,
-    Scope,
     Shown,
     Slot,
+    ValueKind,
 )
 
 
@@ -85,7 +85,7 @@ def checked_views(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> dict[s
     return checked
 
 
-def _kinds_of_attributes(cls: Any, types: Mapping[str, Type]) -> dict[str, Kind]:
+def _kinds_of_attributes(cls: Any, types: Mapping[str, Type]) -> dict[str, ValueKind]:
     """The kinds of a class's attributes. Raises NotCompilable."""
     for name, declared in types.items():
         if declared.kind not in DECLARED:
@@ -124,7 +124,7 @@ def _checked(
     if len(names) != len(meanings):
         what = f"parameters other than ({', '.join(_PARAMETERS[: len(meanings)])})"
         raise origin.problem(origin.tree, what, f"take exactly these {len(meanings)}")
-    scope = Scope(origin, dict(zip(names, meanings, strict=True)))
+    scope = FunctionScope(origin, dict(zip(names, meanings, strict=True)))
     body = Statements(method, scope, results).function()
     body, outputs = _with_shared(body, method.outputs)
     program = _program(f"{origin.name} at {event_type}", method, body, outputs)

@@ -23,12 +23,12 @@ from minerva_fast.values import (
     Emission,
     Finish,
     Items,
-    Kind,
     Line,
     Method,
     Newborn,
     Output,
     Slot,
+    ValueKind,
     indented,
 )
 
@@ -61,14 +61,14 @@ class Program:
     texts: tuple[str, ...]
 
 
-def cells(output: Output) -> list[tuple[str, Kind]]:
+def cells(output: Output) -> list[tuple[str, ValueKind]]:
     """The columns of an output: the place of the row in the round, and what was appended."""
-    made = [("place", Kind.INT)]
+    made = [("place", ValueKind.INT)]
     if isinstance(output, Newborn):
-        made.append(("births", Kind.INT))
+        made.append(("births", ValueKind.INT))
     made += [(f"v_{slot.name}", slot.kind) for slot in output.slots]
     receivers = output.receivers if isinstance(output, Emission) else 0
-    return [*made, *[(f"receiver{number}", Kind.TEXT) for number in range(receivers)]]
+    return [*made, *[(f"receiver{number}", ValueKind.TEXT) for number in range(receivers)]]
 
 
 def printed_functions(title: str, method: Method, row: Iterable[str]) -> str:

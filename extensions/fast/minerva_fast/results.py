@@ -23,7 +23,6 @@ from minerva_fast.values import (
     Emission,
     Figure,
     Finish,
-    Kind,
     Known,
     Line,
     Moment,
@@ -32,12 +31,13 @@ from minerva_fast.values import (
     Shown,
     Slot,
     Value,
+    ValueKind,
     constant,
     indented,
     variable,
 )
 
-_BIRTHS: Final = variable(Kind.INT, "a_births")
+_BIRTHS: Final = variable(ValueKind.INT, "a_births")
 
 
 # --- values of declared types ---
@@ -46,12 +46,12 @@ _BIRTHS: Final = variable(Kind.INT, "a_births")
 def declared(check: Statements, node: ast.AST, name: str, type_: Type, value: Value) -> Value:
     """A value converted to a declared type, as where a string is made."""
     kind = DECLARED.get(type_.kind)
-    if kind is Kind.REAL and value.kind.number:
+    if kind is ValueKind.REAL and value.kind.number:
         return check.expressions.as_real(value)
     if kind is not value.kind:
-        whole = kind is Kind.INT and value.kind.number
+        whole = kind is ValueKind.INT and value.kind.number
         instead = "write int(...)" if whole else "convert it"
-        instead = "compare: x != 0" if kind is Kind.BOOL else instead
+        instead = "compare: x != 0" if kind is ValueKind.BOOL else instead
         what = f"{name} is declared as {type_}, and this is {value.kind.value}"
         raise check.problem(node, what, instead)
     if type_.words and value.constant is not None:
@@ -68,7 +68,7 @@ def fitting(type_: Type, name: str, words: Sequence[int]) -> str | None:
         return " or ".join([f"{name} == {code}" for code in words])
     if type_.kind == "real" or type_.range is not None:
         limits = (type_.range.least, type_.range.most) if type_.range else (-_INFINITY, _INFINITY)
-        ends = ", ".join([constant(Kind.REAL, end).text for end in limits])
+        ends = ", ".join([constant(ValueKind.REAL, end).text for end in limits])
         number = name if type_.kind == "real" else f"exact({name})"
         return f"within({number}, {ends})"
     return None
@@ -130,7 +130,7 @@ def _default(check: Statements, node: ast.AST, owner: str, field: Field) -> Valu
     if known is None:
         raise check.problem(node, f"{owner} needs a value for {field.name} ({field.type})")
     # Defaults have the types of their fields, but an int may be the default of a real.
-    real = field.type.kind == "real" and known.kind is Kind.INT
+    real = field.type.kind == "real" and known.kind is ValueKind.INT
     return check.expressions.as_real(known) if real else known
 
 
@@ -234,9 +234,9 @@ class MethodResults:
         check.expressions.use(f"a_{name}", method.kinds[name])
         type_ = method.types[name]
         if type_.kind == "real" and value.kind.number:
-            if value.kind is not Kind.REAL:
+            if value.kind is not ValueKind.REAL:
                 # Python keeps the int until the end of the frame.
-                method.kinds[name] = Kind.MIXED
+                method.kinds[name] = ValueKind.MIXED
                 method.int_lines.setdefault(f"a_{name}", target.lineno)
             value = check.expressions.as_mixed(value)
         else:
@@ -306,7 +306,7 @@ class MethodResults:
             raise check.problem(node, "computed receivers", instead)
         values = [check.value(each) for each in node.elts]
         for each, value in zip(node.elts, values, strict=True):
-            if value.kind is not Kind.TEXT:
+            if value.kind is not ValueKind.TEXT:
                 raise check.problem(each, f"{value.kind.value} as a receiver", "use an id")
         return values
 
@@ -366,7 +366,7 @@ class MethodResults:
         named = [keyword.value for keyword in node.keywords if keyword.arg == "kind"]
         given = [*node.args[:1], *named]
         if len(node.args) > 1 or len(given) > 1:
-            instead = "write child(Kind, x=...)"
+            instead = "write child(ValueKind, x=...)"
             raise check.problem(node, "these arguments of child", instead)
         reference = check.expressions.reference(given[0]) if given else None
         cls = reference.value if isinstance(reference, Known) else None

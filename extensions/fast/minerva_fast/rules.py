@@ -50,16 +50,16 @@ from minerva_fast.statements import Statements, stored
 from minerva_fast.tables import BEFORE, InField, Inhabitants, columns_of, loops_of_table
 from minerva_fast.values import (
     STEP,
-    Access,
     Chance,
-    Grid,
+    ColumnAccess,
+    FunctionScope,
     Items,
-    Kind,
     Method,
     OwnRow,
     Reference,
-    Scope,
-    Table,
+    RuleGrid,
+    RuleTable,
+    ValueKind,
     indented,
 )
 
@@ -279,11 +279,15 @@ def loops_of(rules: Iterable[SpaceRule]) -> list[SpaceRule | Loop]:
 
 # --- parameters ---
 
-_NUMBERS: Final[Mapping[Any, Kind]] = {int: Kind.INT, float: Kind.REAL, bool: Kind.BOOL}
-_DTYPES: Final[Mapping[Kind, Any]] = {
-    Kind.BOOL: np.bool_,
-    Kind.INT: np.int64,
-    Kind.REAL: np.float64,
+_NUMBERS: Final[Mapping[Any, ValueKind]] = {
+    int: ValueKind.INT,
+    float: ValueKind.REAL,
+    bool: ValueKind.BOOL,
+}
+_DTYPES: Final[Mapping[ValueKind, Any]] = {
+    ValueKind.BOOL: np.bool_,
+    ValueKind.INT: np.int64,
+    ValueKind.REAL: np.float64,
 }
 _MATRICES: Final = ((Cells, "int16"), (Reals, "float64"))
 _INDEX: Final = (
@@ -342,17 +346,17 @@ class RuleParameter:
         """What it is in a compiled rule; None for a number."""
         own = self.name in (subject, BEFORE)
         if self.table is not None:
-            return Table(self.name, self.table, own)
+            return RuleTable(self.name, self.table, own)
         if self.draws:
             return Chance()
         if self.item:
             before = self.name == BEFORE
             fixed = f"change the subject of the rule: {self.name} is the state before it" * before
             text, cells = f"m_{self.name}", self.item == "int16"
-            kind = Kind.INT if cells else Kind.REAL
+            kind = ValueKind.INT if cells else ValueKind.REAL
             item = self.item if cells else "real"
             return Items(text, kind, f"len({text})", 0, self.name, "", item, fixed, own)
-        return None if self.number else Grid(f"g_{self.name}", self.type)
+        return None if self.number else RuleGrid(f"g_{self.name}", self.type)
 
     def types(self, *, only_read: bool) -> Sequence[str]:
         """The types of the arguments that it consists of, as names of `library`.
@@ -399,7 +403,7 @@ class RuleParameter:
         yield f"n_{name}", f"{given[3]}"
         for column in columns_of(table):
             yield f"c_{name}_{column}", f"{given[0]}[{rows(column)}]"
-        for column in ("cell", *table.found):
+        for column in ("cell", *table.searched):
             yield f"c_{name}_{column}", f"t_{name}.{column}"
 
 
@@ -440,10 +444,10 @@ def checked_rule(made: SpaceRule) -> CheckedRule:
     kinds = {p.name: _NUMBERS[p.type] for p in made.parameters if p.number}
     again = row in stored(origin.tree)
     if again:  # another row from some place on
-        kinds[row] = Kind.INT
+        kinds[row] = ValueKind.INT
     else:
         references[row] = OwnRow()
-    scope = Scope(origin, references, kinds, assigned=set(kinds))
+    scope = FunctionScope(origin, references, kinds, assigned=set(kinds))
     lines = Statements(method, scope, RuleResults()).function()
     if again:
         lines = [f"v_{row} = v_own", *lines]
@@ -462,7 +466,9 @@ def checked_rule(made: SpaceRule) -> CheckedRule:
     return CheckedRule(f"{text}\n\n{loop}\n", method, frozenset(only_read), not dependent)
 
 
-def _check_simultaneous(subject: str, accesses: Sequence[Access], *, sees_before: bool) -> None:
+def _check_simultaneous(
+    subject: str, accesses: Sequence[ColumnAccess], *, sees_before: bool
+) -> None:
     """Raise NotCompilable if a rule reads of its subject what other activations change."""
     own = [access for access in accesses if access.owner == subject]
     changed = {access.column for access in own if access.writes}
@@ -478,7 +484,7 @@ def _check_simultaneous(subject: str, accesses: Sequence[Access], *, sees_before
             )
 
 
-def _independent(subject: str, scope: Scope, method: Method) -> bool:
+def _independent(subject: str, scope: FunctionScope, method: Method) -> bool:
     """Whether no activation depends on another, as far as is known."""
     for access in scope.accesses:
         # The cell of a row changes later, if several threads move rows.

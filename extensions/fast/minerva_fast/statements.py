@@ -21,19 +21,19 @@ from minerva_fast.functions import ARRAYS
 from minerva_fast.origin import EXPRESSIONS, STATEMENTS, Origin
 from minerva_fast.values import (
     EventItself,
-    Grid,
+    FunctionScope,
     Helper,
     Items,
-    Kind,
     Known,
     Line,
     Method,
     OwnRow,
     Reference,
-    Scope,
+    RuleGrid,
+    RuleTable,
     Slot,
-    Table,
     Value,
+    ValueKind,
     both,
     constant,
     indented,
@@ -50,10 +50,10 @@ FAULT: Final = "raise ArithmeticError"
 _UNCOUNTED: Final = 1000
 """Turns of a loop that take no time."""
 _VARIABLE: Final = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
-_ZERO: Final = constant(Kind.INT, 0)
+_ZERO: Final = constant(ValueKind.INT, 0)
 _LIST_TYPES: Final = {
-    float: Kind.REAL, int: Kind.INT, bool: Kind.BOOL,
-    np.float64: Kind.REAL, np.int64: Kind.INT, np.bool_: Kind.BOOL,
+    float: ValueKind.REAL, int: ValueKind.INT, bool: ValueKind.BOOL,
+    np.float64: ValueKind.REAL, np.int64: ValueKind.INT, np.bool_: ValueKind.BOOL,
 }  # fmt: skip
 Taken: TypeAlias = tuple[ast.expr, Value]
 """A name of a loop, and the value that it takes in each turn."""
@@ -86,7 +86,7 @@ class Results(Protocol):
 class Statements:
     """Checks and prints the statements of one function."""
 
-    def __init__(self, method: Method, scope: Scope, results: Results) -> None:
+    def __init__(self, method: Method, scope: FunctionScope, results: Results) -> None:
         self.method = method
         self.scope = scope
         self.results = results
@@ -220,7 +220,7 @@ class Statements:
         reference = None
         if isinstance(node, ast.Name | ast.Attribute):
             reference = self.expressions.reference(node)
-        if not isinstance(reference, Items | Table | Grid):
+        if not isinstance(reference, Items | RuleTable | RuleGrid):
             return None
         self._refer(target, reference)
         return []
@@ -250,7 +250,7 @@ class Statements:
                 return made
         if isinstance(node.value, ast.Name):
             grid = self.expressions.reference(node.value)
-            if isinstance(grid, Grid):
+            if isinstance(grid, RuleGrid):
                 what = f"an assignment of {node.value.id} to several names"
                 instead = f"write {node.value.id}.{grid.type._fields[0]}"
                 raise self.problem(node, what, instead)
@@ -313,7 +313,7 @@ class Statements:
         scope.rows[name] = scope.rows.get(name, True) and value.newborn
         if scope.assigned is not None:
             scope.assigned.add(name)
-        given = self.expressions.as_mixed(value) if kind is Kind.MIXED else value
+        given = self.expressions.as_mixed(value) if kind is ValueKind.MIXED else value
         return f"v_{name} = {given.text}"
 
     def _set_item(
@@ -326,7 +326,7 @@ class Statements:
         if items.item:
             value = self.expressions.as_number(target, value)
         if items.item == "int16":
-            if value.kind is not Kind.INT:
+            if value.kind is not ValueKind.INT:
                 what = "a real in Cells: Cells are ints"
                 raise self.problem(target, what, "write int(...), or use Reals")
             value = replace(value, text=f"short({value.text})")
@@ -349,7 +349,7 @@ class Statements:
             what = f"a list of {len(nodes) * times} items"
             raise self.problem(node, what, f"use 1 to {MAX_ITEMS} items")
         kind, values = self.expressions.alike(node, [self.value(each) for each in nodes])
-        if kind is Kind.MIXED:
+        if kind is ValueKind.MIXED:
             raise self.expressions.mixed(node)
         items = self._list(target, kind, len(nodes) * times)
         held = [self.held(value) for value in values]
@@ -369,7 +369,7 @@ class Statements:
             name = ast.unparse(node.func)
             what = f"these arguments of {name}"
             raise self.problem(node, what, "write its length and dtype only")
-        value = self.value(node.args[1]) if full else constant(Kind.REAL, function is np.ones)
+        value = self.value(node.args[1]) if full else constant(ValueKind.REAL, function is np.ones)
         kind = value.kind
         if types:
             known = self.expressions.reference(types[0])
@@ -386,17 +386,19 @@ class Statements:
 
     def _size(self, node: ast.expr) -> int:
         count = self.value(node)
-        if count.constant is None or count.kind is not Kind.INT or count.constant < 1:
+        if count.constant is None or count.kind is not ValueKind.INT or count.constant < 1:
             what = "a list whose length is not a constant"
             raise self.problem(node, what, "use a constant length")
         return int(count.constant)
 
-    def _list(self, target: ast.Name, kind: Kind, size: int) -> Items:
+    def _list(self, target: ast.Name, kind: ValueKind, size: int) -> Items:
         """The list of a variable."""
         if size > MAX_ITEMS:
             raise self.problem(target, f"a list of {size} items", f"use 1 to {MAX_ITEMS} items")
         lists = self.method.lists
-        items = Items(f"l_{len(lists)}", kind, str(size), size, item="real" * (kind is Kind.REAL))
+        items = Items(
+            f"l_{len(lists)}", kind, str(size), size, item="real" * (kind is ValueKind.REAL)
+        )
         items = lists.setdefault((id(self.scope), target.id, kind, size), items)
         self._refer(target, items)
         self.expressions.use(items.text)
@@ -406,7 +408,7 @@ class Statements:
 
     def _helper(
         self, node: ast.Call, function: FunctionType, bound: tuple[Reference, ...]
-    ) -> tuple[Kind | None, str, bool]:
+    ) -> tuple[ValueKind | None, str, bool]:
         if function.__code__.co_flags & _VARIABLE:
             what = f"{function.__name__}, a function with * or **, as decorators make"
             raise self.problem(node, what, "call a function with a parameter for each argument")
@@ -435,7 +437,7 @@ class Statements:
         name = slot.name.removeprefix("v_")
         if slot.name.startswith("v_") and isinstance(given.get(name), Value):
             value: Value = given[name]
-            return self.expressions.as_mixed(value) if slot.kind is Kind.MIXED else value
+            return self.expressions.as_mixed(value) if slot.kind is ValueKind.MIXED else value
         return self.expressions.use(slot.name, slot.kind)
 
     def _argument(self, node: ast.expr) -> Any:
@@ -471,13 +473,13 @@ class Statements:
         if key in method.helpers:
             return method.helpers[key]
         method.calling.append(function)
-        scope = Scope(origin, references, dict(values), assigned=set(values), helper=True)
+        scope = FunctionScope(origin, references, dict(values), assigned=set(values), helper=True)
         lines = Statements(method, scope, HelperResults()).function()
         method.calling.remove(function)
         slots = [Slot(f"v_{name}", scope.kinds[name]) for name in values]
         slots += [Slot(name, each.kind) for name, each in sorted(scope.reads.items())]
         name = f"h{len(method.helpers)}_{function.__name__}"
-        newborn = scope.newborn and scope.result is Kind.INT
+        newborn = scope.newborn and scope.result is ValueKind.INT
         made = Helper(name, tuple(slots), scope.result, lines, scope.accesses, newborn)
         method.helpers[key] = made
         return made
@@ -515,10 +517,10 @@ class Statements:
         reference = self.expressions.reference(node.iter)
         if isinstance(reference, EventItself):
             return self._for_events(node, reference)
-        if isinstance(reference, Table):
+        if isinstance(reference, RuleTable):
             raise self.expressions.whole_table(node.iter, reference.type, "NAME[k]")
         counter = self.scope.temporary()
-        taken, length = self._taken(node.target, node.iter, variable(Kind.INT, counter))
+        taken, length = self._taken(node.target, node.iter, variable(ValueKind.INT, counter))
         return self._counted(node, f"for {counter} in range({length}):", taken)
 
     def _called(self, node: ast.expr) -> object:
@@ -542,7 +544,7 @@ class Statements:
         named = [word.value for word in call.keywords if word.arg == "start"]
         given = [*call.args, *named]
         first = self.value(given[1]) if len(given) == 2 else _ZERO
-        known = first.constant is not None and first.kind is Kind.INT
+        known = first.constant is not None and first.kind is ValueKind.INT
         if not known or len(given) not in (1, 2) or len(named) != len(call.keywords):
             instead = "write enumerate(TABLE, 1), with a constant"
             raise self.problem(call, "these arguments of enumerate", instead)
@@ -574,9 +576,9 @@ class Statements:
         if call.keywords or not 1 <= len(call.args) <= 3:
             raise self.problem(call, "these arguments of range", "write range(start, stop, step)")
         values = [self.value(argument) for argument in call.args]
-        if any(value.kind is not Kind.INT for value in values):
+        if any(value.kind is not ValueKind.INT for value in values):
             raise self.problem(call, "a range of numbers that are not ints", "write int(...)")
-        step = values[2] if len(values) == 3 else constant(Kind.INT, 1)
+        step = values[2] if len(values) == 3 else constant(ValueKind.INT, 1)
         if not step.constant:
             raise self.problem(call, "a step that is not a constant", "write a number, such as 2")
         ends = [_ZERO, values[0]] if len(values) == 1 else values[:2]
@@ -588,7 +590,10 @@ class Statements:
             made.append(f"turns(progress, {texts}, {MOST_TURNS})")
         counter = self.scope.temporary()
         head = f"for {counter} in range({start.text}, {stop.text}, {step.text}):"
-        return [*made, *self._counted(node, head, [(node.target, variable(Kind.INT, counter))])]
+        return [
+            *made,
+            *self._counted(node, head, [(node.target, variable(ValueKind.INT, counter))]),
+        ]
 
     def _counted(self, node: ast.For, head: str, taken: Iterable[Taken]) -> list[Line]:
         # The loop may run zero times; then its names have no value.
@@ -636,7 +641,7 @@ class HelperResults:
             raise check.problem(node, "results of different types", "return one type")
         scope.result, scope.assigned = result, None
         scope.newborn = scope.newborn and value.newborn
-        made = check.expressions.as_mixed(value) if result is Kind.MIXED else value
+        made = check.expressions.as_mixed(value) if result is ValueKind.MIXED else value
         return [f"return {made.text}"]
 
     def end(self, check: Statements) -> list[Line]:

@@ -49,7 +49,7 @@ from minerva_fast.places import (
     sort_by_cell,
     sort_by_number,
 )
-from minerva_fast.values import Grid, Items, Kind, Reference
+from minerva_fast.values import Items, Reference, RuleGrid, ValueKind
 
 if TYPE_CHECKING:
     from minerva_fast.space import Space
@@ -82,7 +82,7 @@ class Inhabitants:
     """Other arrays and structures that a rule sees, after the columns."""
     sorted_rows: ClassVar[tuple[str, ...]] = ()
     """Those of a table that does not change, in the order of its cells."""
-    found: ClassVar[tuple[str, ...]] = ("nearby",)
+    searched: ClassVar[tuple[str, ...]] = ("nearby",)
     """Those with what the last search has found."""
 
     names: ClassVar[tuple[str, ...]] = ()
@@ -151,15 +151,15 @@ class Inhabitants:
         """
         before = name == BEFORE
         made: dict[str, Reference] = {}
-        for column in (*columns_of(cls), "cell", *cls.found):
+        for column in (*columns_of(cls), "cell", *cls.searched):
             moves = _MOVES.get(column, "keep other numbers in columns of the table")
             fixed = "" if column in cls.names and column not in cls.fixed else f"write {moves}"
             if before:
                 fixed = "change the subject of the rule: before is the state before it"
-            slot, ints = FOUND if column in cls.found else ROWS, column in ("cell", "nearby")
+            slot, ints = FOUND if column in cls.searched else ROWS, column in ("cell", "nearby")
             made[column] = Items(
                 f"c_{name}_{column}",
-                Kind.INT if ints else Kind.REAL,
+                ValueKind.INT if ints else ValueKind.REAL,
                 f"n_{name}[{slot}]",
                 owner=name,
                 column=column,
@@ -168,7 +168,7 @@ class Inhabitants:
                 own=own and slot == ROWS,
             )
         shape = FieldGrid if "x" in cls.position else CellGrid
-        return {**made, cls.extra[-1]: Grid(f"g_{name}", shape)}
+        return {**made, cls.extra[-1]: RuleGrid(f"g_{name}", shape)}
 
     @classmethod
     def check(cls, matrix: Reals) -> None:
@@ -200,7 +200,7 @@ class InField(Inhabitants):
     position = ("x", "y")
     sorted_rows: ClassVar[tuple[str, ...]] = ("starts", "sorted", "sorted_x", "sorted_y")
     extra = ("nearby", "dx", "dy", *sorted_rows, "field")
-    found = ("nearby", "dx", "dy")
+    searched = ("nearby", "dx", "dy")
     x: Column
     y: Column
     nearby: Rows
@@ -506,7 +506,7 @@ class Opened:
             if column not in ("id", "cell"):
                 arrays[column] = arrays["values"][row]
         counts = arrays["counts"]
-        slots = dict.fromkeys(self.kind.names, ROWS) | dict.fromkeys(self.kind.found, FOUND)
+        slots = dict.fromkeys(self.kind.names, ROWS) | dict.fromkeys(self.kind.searched, FOUND)
         for column, slot in slots.items():
             if column != "id":
                 arrays[column] = Guarded(f"{name}.{column}", arrays[column], counts, slot)

@@ -18,7 +18,7 @@ from minerva_bus.grammar.vocabulary import EventType
 from minerva_fast.origin import MISSING, Origin, lookup
 
 
-class Kind(Enum):
+class ValueKind(Enum):
     """Kinds of values. MIXED: an int in one case and a real in another, held as a real."""
 
     INT = "an int"
@@ -30,19 +30,21 @@ class Kind(Enum):
     @property
     def number(self) -> bool:
         """Whether it is an int or a real."""
-        return self in (Kind.INT, Kind.REAL, Kind.MIXED)
+        return self in (ValueKind.INT, ValueKind.REAL, ValueKind.MIXED)
 
     @property
     def machine(self) -> str:
         """The type of numba that holds it."""
-        return {Kind.BOOL: "boolean", Kind.INT: "int64", Kind.TEXT: "int64"}.get(self, "float64")
+        return {ValueKind.BOOL: "boolean", ValueKind.INT: "int64", ValueKind.TEXT: "int64"}.get(
+            self, "float64"
+        )
 
 
-DECLARED: Final[Mapping[str, Kind]] = {
-    "int": Kind.INT,
-    "real": Kind.REAL,
-    "bool": Kind.BOOL,
-    "text": Kind.TEXT,
+DECLARED: Final[Mapping[str, ValueKind]] = {
+    "int": ValueKind.INT,
+    "real": ValueKind.REAL,
+    "bool": ValueKind.BOOL,
+    "text": ValueKind.TEXT,
 }
 """Kinds by the declared kind of a type (grammar/types.py); a column cannot hold others."""
 
@@ -55,7 +57,7 @@ class Value:
     twice, as a variable or an item may. `newborn`: it is the row of a newborn.
     """
 
-    kind: Kind
+    kind: ValueKind
     text: str
     constant: Any = None
     simple: bool = False
@@ -67,16 +69,16 @@ class Value:
         return self.text if self.text.isidentifier() else ""
 
 
-def variable(kind: Kind, name: str) -> Value:
+def variable(kind: ValueKind, name: str) -> Value:
     """A variable of the generated function."""
     return Value(kind, name, simple=True)
 
 
-def constant(kind: Kind, number: Any) -> Value:
+def constant(kind: ValueKind, number: Any) -> Value:
     """A constant; reals keep every bit, and infinity and nan have names of `library`."""
-    if kind is Kind.BOOL:
+    if kind is ValueKind.BOOL:
         text = "True" if number else "False"
-    elif kind in (Kind.INT, Kind.TEXT):
+    elif kind in (ValueKind.INT, ValueKind.TEXT):
         # The literal of the least int would be the negative of a number beyond 64 bits.
         text = f"({int(number)})" if int(number) != -(2**63) else "LEAST_INT"
     elif number != number:
@@ -96,7 +98,7 @@ class Slot:
     """A named value with its kind: an attribute, a datum, a parameter or a cell of an output."""
 
     name: str
-    kind: Kind
+    kind: ValueKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,7 @@ class Attribute:
     """An attribute of the agent: its kind and type, and the codes of the texts that it may have."""
 
     name: str
-    kind: Kind
+    kind: ValueKind
     type: Type
     words: tuple[int, ...] = ()
 
@@ -233,7 +235,7 @@ class OwnRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class RuleGrid:
     """The shape of a lattice, a field or a graph: an argument of functions for rules."""
 
     text: str
@@ -241,7 +243,7 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class RuleTable:
     """A table of a rule, or its state before the rule; `own`: of its subject."""
 
     name: str
@@ -268,7 +270,7 @@ class Items:
     """
 
     text: str
-    kind: Kind
+    kind: ValueKind
     length: str
     size: int = 0
     owner: str = ""
@@ -286,14 +288,14 @@ Reference = (
     | Moment
     | Chance
     | OwnRow
-    | Grid
-    | Table
+    | RuleGrid
+    | RuleTable
     | Items
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
+class ColumnAccess:
     """What an activation of a rule does with a column of a table, or with a matrix ("")."""
 
     origin: Origin
@@ -315,9 +317,9 @@ class Helper:
 
     name: str
     parameters: tuple[Slot, ...]
-    kind: Kind | None
+    kind: ValueKind | None
     lines: Sequence[Line]
-    accesses: Sequence[Access]
+    accesses: Sequence[ColumnAccess]
     newborn: bool
 
 
@@ -331,15 +333,15 @@ class Method:
 
     cls: Any = None
     types: Mapping[str, Type] = field(default_factory=dict[str, Type])
-    kinds: dict[str, Kind] = field(default_factory=dict[str, Kind])
+    kinds: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
     event_type: EventType | None = None
     int_lines: dict[str, int] = field(default_factory=dict[str, int])
     """Lines that set a real attribute to an int, by variable, for errors."""
     texts: dict[str, int] = field(default_factory=dict[str, int])
     reads: dict[str, None] = field(default_factory=dict[str, None])
     writes: dict[str, None] = field(default_factory=dict[str, None])
-    data: dict[str, Kind] = field(default_factory=dict[str, Kind])
-    given: dict[str, Kind] = field(default_factory=dict[str, Kind])
+    data: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
+    given: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
     outputs: list[Output] = field(default_factory=list[Output])
     helpers: dict[Any, Helper] = field(default_factory=dict[Any, Helper])
     lists: dict[Any, Items] = field(default_factory=dict[Any, Items])
@@ -382,7 +384,7 @@ class Method:
 
 
 @dataclass(slots=True)
-class Scope:
+class FunctionScope:
     """The names within one function: of the method or rule, or of a helper.
 
     `assigned` are variables that certainly have a value; None where the code is not reached.
@@ -390,20 +392,22 @@ class Scope:
 
     origin: Origin
     references: dict[str, Reference]
-    kinds: dict[str, Kind] = field(default_factory=dict[str, Kind])
-    lines: dict[tuple[str, Kind], int] = field(default_factory=dict[tuple[str, Kind], int])
+    kinds: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
+    lines: dict[tuple[str, ValueKind], int] = field(
+        default_factory=dict[tuple[str, ValueKind], int]
+    )
     assigned: set[str] | None = field(default_factory=set[str])
     reads: dict[str, Value] = field(default_factory=dict[str, Value])
     """Variables of the row that a helper is passed, by name."""
     helper: bool = False
-    result: Kind | None = None
+    result: ValueKind | None = None
     newborn: bool = True
     """Whether each result of a helper is the row of a newborn."""
     litters: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
     """Newborns collected in a variable: their outputs."""
     rows: dict[str, bool] = field(default_factory=dict[str, bool])
     """Whether all values of a variable are rows of newborns."""
-    accesses: list[Access] = field(default_factory=list[Access])
+    accesses: list[ColumnAccess] = field(default_factory=list[ColumnAccess])
     aliases: set[str] = field(default_factory=set[str])
     """Variables that are other names of arrays and tables."""
     loops: int = 0
@@ -412,18 +416,20 @@ class Scope:
     @property
     def int_lines(self) -> dict[str, int]:
         """Lines that set a local variable to an int, by variable, for errors."""
-        return {f"v_{name}": line for (name, kind), line in self.lines.items() if kind is Kind.INT}
+        return {
+            f"v_{name}": line for (name, kind), line in self.lines.items() if kind is ValueKind.INT
+        }
 
     def temporary(self) -> str:
         """The name of a new variable of the generated function."""
         return f"t_{next(self.names)}"
 
 
-def joined(first: Kind, second: Kind) -> Kind | None:
+def joined(first: ValueKind, second: ValueKind) -> ValueKind | None:
     """The kind of a variable that has values of both kinds; None if there is none."""
     if first is second:
         return first
-    return Kind.MIXED if first.number and second.number else None
+    return ValueKind.MIXED if first.number and second.number else None
 
 
 def both(first: set[str] | None, second: set[str] | None) -> set[str] | None:

@@ -118,7 +118,7 @@ Episodes: TypeAlias = OwnEpisodes | AttachedEpisodes
 """Where episodes take place."""
 
 
-class Episode:
+class RunningEpisode:
     """The episodes of a task, one after the other; `states` are those of its agents now."""
 
     def __init__(self, episodes: Episodes, task: LearningTask, first: KindStates) -> None:
@@ -203,7 +203,7 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
         self.agents: list[str] = []
         if not task.births:
             self.possible_agents = list(first.ids)
-        self._episode = Episode(episodes, task, first)
+        self._episode = RunningEpisode(episodes, task, first)
         self._observations: dict[str, Any] = {}
         self._ended: set[str] = set()
         self._spaces: dict[str, tuple[Space[Any], Space[Any]]] = {}

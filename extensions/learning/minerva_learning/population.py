@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_learning.acting import AnySpace
-from minerva_learning.parallel import Episode, Episodes, LearningTask
+from minerva_learning.parallel import Episodes, LearningTask, RunningEpisode
 from minerva_learning.shared import checked_rows
 from minerva_learning.states import KindStates
 
@@ -43,7 +43,7 @@ class PopulationEnv(VectorEnv[Any, Any, Any]):
         self.single_action_space: AnySpace = task.acting.space
         self.observation_space = batch_space(single, self.num_envs)
         self.action_space = batch_space(task.acting.space, self.num_envs)
-        self._episode = Episode(episodes, task, first)
+        self._episode = RunningEpisode(episodes, task, first)
         shape = (self.num_envs, *(single.shape or ()))
         self._observed: NDArray[Any] = np.zeros(shape, single.dtype)
         self._ends: NDArray[np.bool_] = np.ones((2, self.num_envs), np.bool_)

@@ -99,13 +99,13 @@ def _compared(path: Path) -> Iterator[Found]:
         for process in read_world_file(path).processes
         if process.make_service is not None
     }
-    found = False
+    examined = False
     for name, service in services.items():
         if isinstance(service, Service):
-            found = True
+            examined = True
             yield from _fit(name, service)
         service.close()
-    if not found:
+    if not examined:
         yield str(path), False, "no process with the service ros2, ros2_robot or ros2_view"
 
 

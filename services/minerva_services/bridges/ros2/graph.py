@@ -100,7 +100,7 @@ def ros_type(name: str) -> str:
     return name.replace("::dds_::", "::").replace("::", "/").removesuffix("_")
 
 
-class Graph:
+class RosGraph:
     """What is announced on a network at present; thread-safe.
 
     What this program's own `session` announces is left out.

@@ -19,7 +19,7 @@ from typing import Any, Final
 import zenoh
 import zenoh.ext
 
-from minerva_services.bridges.ros2.graph import NO_HASH, TOKENS, Graph
+from minerva_services.bridges.ros2.graph import NO_HASH, TOKENS, RosGraph
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.uses import TopicUse, mismatches
@@ -120,12 +120,12 @@ def _opened(network: Ros2Network) -> zenoh.Session:
         raise SourceError(f"no ROS 2 network answers at {network.router}") from None
 
 
-def look_at(network: Ros2Network, seconds: float) -> Graph:
+def look_at(network: Ros2Network, seconds: float) -> RosGraph:
     """Everything that is announced on a network, without taking part in it.
 
     `seconds` is the longest wait for an answer. Raises SourceError if the network does not answer.
     """
-    graph = Graph()
+    graph = RosGraph()
     with _opened(network) as session:
         for pattern in TOKENS:
             for reply in session.liveliness().get(pattern, timeout=seconds):
@@ -150,7 +150,7 @@ class Ros2Session:
         self._declared: list[Any] = []
         self._publishers: list[TopicPublisher] = []
         self._uses, self._opened = uses, time.monotonic()
-        self.graph = Graph(self._id)
+        self.graph = RosGraph(self._id)
         for pattern in TOKENS:
             watch = partial(self._session.liveliness().declare_subscriber, history=True)
             self._declared.append(_declared("its nodes", watch, pattern, self._on_token))

@@ -90,10 +90,10 @@ def _elsewhere(everything: list[Announced], network: Ros2Network) -> tuple[str, 
         if domains and layout != network.layout:
             return "layout", f'its layout is not {network.layout}; set layout = "{layout}"'
         if domains:
-            one = f"set domain = {domains[0]}"
+            remedy = f"set domain = {domains[0]}"
             return (
                 "domain",
-                f"its nodes are in domain {_listed(domains)}, not {network.domain}; {one}",
+                f"its nodes are in domain {_listed(domains)}, not {network.domain}; {remedy}",
             )
     return "router", nobody(network)
 
@@ -107,12 +107,12 @@ def _namespace(here: list[Announced], network: Ros2Network, uses: Sequence[Topic
     """The namespace in which several topics are that are expected outside of it; "" if none is."""
     if network.namespace.strip("/"):
         return ""
-    found = Counter[str]()
+    namespaces = Counter[str]()
     for use in uses:
         wanted, topics = f"/{network.name(use.topic)}", _of_type(_ends(here, use), use)
         if wanted not in topics:
-            found.update(each.removesuffix(wanted) for each in topics if each.endswith(wanted))
-    ((namespace, count),) = found.most_common(1) or [("", 0)]
+            namespaces.update(each.removesuffix(wanted) for each in topics if each.endswith(wanted))
+    ((namespace, count),) = namespaces.most_common(1) or [("", 0)]
     return namespace if count > 1 else ""
 
 

@@ -89,8 +89,8 @@ def _coordinates(message: Any) -> NDArray[np.float64]:
         raise GarbageError(
             f"{data.size} bytes are not {width} × {height} points of {message.point_step}"
         ) from None
-    found = np.column_stack([points[name].astype(np.float64) for name in "xyz"])
-    return found[np.isfinite(found).all(axis=1)]
+    places = np.column_stack([points[name].astype(np.float64) for name in "xyz"])
+    return places[np.isfinite(places).all(axis=1)]
 
 
 def scan_of_range(
