@@ -224,7 +224,7 @@ class SpaceRule:
                 continue
             counts = [int(table.counts[ROWS]) for table in tables]
             room = [t.links.shape[1] - n for t, n in zip(tables, counts, strict=True)]
-            if self.room and min(room) < self.room:
+            if min(room, default=self.room) < self.room:
                 return k
             self.function(i, *arguments)
             for table, count in zip(tables, counts, strict=True):

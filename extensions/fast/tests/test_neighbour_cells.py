@@ -75,6 +75,28 @@ def test_cells_beside_a_cell_are_those_of_the_definition(width, height, periodic
         assert stepped(grid, as_python=as_python).ravel().tolist() == expected
 
 
+def test_a_rule_of_cells_without_source_runs_as_python():
+    scope = {"Reals": Reals}
+    exec(
+        compile("def count(cell: int, total: Reals):\n    total[cell] = cell", "<console>", "exec"),
+        scope,
+    )
+    with pytest.warns(UserWarning, match="it runs as Python"):
+        count = rule(ORDERED)(scope["count"])
+
+    class Counted(Space, symbol="ACounted"):
+        total: Reals
+
+        @on("eStep")
+        def step(self, step, moment):
+            self.run(moment, count)
+
+    field = Counted("c", width=3, height=2, total=np.zeros((2, 3)))
+    scene = evolve(field.string, [eStep()], [Counted], Frame(0, seed=1)).scene
+    (node,) = agents(scene)
+    assert node.state["total"].tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
 def unpack(cell: int, total: Reals, lattice: CellGrid):
     width, _, _ = lattice  # pyright: ignore[reportAssignmentType]
     total[cell] = cell % width
