@@ -126,7 +126,7 @@ class Clock(Generator, events=("eStep",)):
 
 
 class Idle(Generator):
-    """Has no events."""
+    by_agent = True  # It has no events, and may have many processes.
 
 
 PStone = Primitive("PStone")

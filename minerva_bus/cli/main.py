@@ -55,18 +55,20 @@ _MODULES: Final = {
     for module, names in COMMANDS.items()
     for name in names
 }
+TOPICS: Final = ("Run", "Observe", "Control", "Records", "Set up", "Studies", "Develop")
+"""Topics in the order of the help; others follow."""
 FURTHER: Final = "minerva.commands"
 """The entry points of further commands."""
 
 
 def topics() -> dict[str, list[str]]:
     """All commands by topic, in the order of the help."""
-    by_topic: dict[str, list[str]] = {}
+    by_topic: dict[str, list[str]] = {topic: [] for topic in TOPICS}
     for name, module in _MODULES.items():
         by_topic.setdefault(import_module(module).TOPIC, []).append(name)
     for name, entry in sorted(_further().items()):
         by_topic.setdefault(_loaded(name, import_module, entry.module).TOPIC, []).append(name)
-    return by_topic
+    return {topic: names for topic, names in by_topic.items() if names}
 
 
 def _further() -> Mapping[str, EntryPoint]:

@@ -12,6 +12,8 @@ vocabulary = Vocabulary.of(Primitive("PNothing"))
 class Busy(Generator):
     """Records the begin and end of its start, and computes in between."""
 
+    by_agent = True
+
     def __init__(self, seconds=0.0):
         folder = Path(os.environ.get("MINERVA_RUNTIME_DIR", ".")).parent / "starts"
         began = time.monotonic()
