@@ -7,7 +7,6 @@ is left out with its reason; one that has no time left makes the certificate inc
 from __future__ import annotations
 
 import json
-import os
 import platform
 import shlex
 import subprocess
@@ -161,7 +160,7 @@ class CertificatePlan:
         processes: further numbers of processes for each kind of agents, for the first world.
         pythons: commands of other interpreters, in words.
         until: the time on the monotonic clock at which no further check begins, seconds.
-        shown: called with each check and with the processes that are left out.
+        shown: called with each check.
 
     """
 
@@ -208,8 +207,7 @@ class _World:
         began = time.monotonic()
         done = run_in_layout(self._path, self._plan.frames, ALONE, self._base)
         if done.returncode:
-            result = LEFT_OUT if done.returncode == WRONG else FAILS
-            yield Check(self._spec, ALONE.name, result, lines=_said(done.stderr))
+            yield self._stopped(ALONE, done)
             return
         self.omitted = json.loads((self._folder / OMITTED).read_text(encoding="utf-8"))
         with Record(self._base) as record:
@@ -259,9 +257,7 @@ class _World:
         record = self._folder / f"{number}.mcap"
         done = run_in_layout(self._path, self._plan.frames, layout, record)
         if done.returncode:
-            # Such as the literal policy, which has one host.
-            result = LEFT_OUT if done.returncode == WRONG else FAILS
-            return Check(self._spec, layout.name, result, lines=_said(done.stderr))
+            return self._stopped(layout, done)
         difference = first_difference(self._base, record, (ALONE.name, layout.name))
         record.unlink()
         if not difference.same:
@@ -272,6 +268,11 @@ class _World:
             text = "it ended before a process was killed; --frames makes it longer"
             return Check(self._spec, layout.name, LEFT_OUT, difference.frames, lines=(text,))
         return Check(self._spec, layout.name, SAME, difference.frames, digest=last, lines=killed)
+
+    def _stopped(self, layout: Layout, done: subprocess.CompletedProcess[str]) -> Check:
+        """A run that ended with an error; the literal policy refuses several hosts."""
+        result = LEFT_OUT if done.returncode == WRONG else FAILS
+        return Check(self._spec, layout.name, result, lines=_said(done.stderr))
 
     def _recompute(self) -> Check:
         words = ["-m", "minerva_bus", "replay", str(self._base), str(self._path), "--recompute"]
@@ -305,7 +306,7 @@ class _World:
         arguments = [*words, "-c", ELSEWHERE, str(self._path), str(len(self._digests))]
         try:
             done = subprocess.run(  # noqa: S603
-                arguments, capture_output=True, text=True, check=False, env={**os.environ}
+                arguments, capture_output=True, text=True, check=False
             )
         except OSError as error:
             return Check(self._spec, "", LEFT_OUT, lines=(f"{words[0]}: {error.strerror}",))

@@ -133,12 +133,9 @@ def _names(process: ProcessSpec, hosts: int) -> list[str]:
 
 
 def run_in_layout(
-    path: Path, frames: int, layout: Layout, record: Path, within: float | None = None
+    path: Path, frames: int, layout: Layout, record: Path
 ) -> subprocess.CompletedProcess[str]:
-    """Run a world in a layout, in a new Python process with the record's folder as runtime folder.
-
-    Raises subprocess.TimeoutExpired after `within` seconds; the run has ended then, too.
-    """
+    """Run a world in a layout, in a new Python process with the runtime folder of the record."""
     environment = {**os.environ, **layout.environment, "MINERVA_RUNTIME_DIR": str(record.parent)}
     words = [str(path), str(frames), json.dumps(asdict(layout)), str(record)]
     with _killer(layout, environment, record.parent / KILLED):
@@ -152,7 +149,6 @@ def run_in_layout(
             text=True,
             errors="replace",
             check=False,
-            timeout=within,
         )
 
 

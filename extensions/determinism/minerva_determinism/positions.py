@@ -69,23 +69,21 @@ class Killed:
         try:
             runner.start()
             while runner.ended is None:
-                waits = runner.algorithm.phase is not Phase.READY
-                if waits or self._away:
-                    self._return(waits)
-                if not waits:
+                if runner.algorithm.phase is Phase.READY:
                     runner.handle(s.Begin())
+                else:
+                    self._return()
         finally:
             close_services(self._members, lambda name, text: None)
         return self.digests
 
-    def _return(self, waits: bool) -> None:
-        """Let the member that is away return, once the world has gone on as far as it can."""
-        if waits and not self._away:
+    def _return(self) -> None:
+        """Let the member that is away return; the world has gone on as far as it can."""
+        if not self._away:
             waiting = self._runner.algorithm.waiting_for()
             raise MinervaError(f"the world waits for {', '.join(waiting)} for ever")
-        if waits:
-            name, self._away = self._away, ""
-            self._runner.handle(s.Appeared(name))
+        name, self._away = self._away, ""
+        self._runner.handle(s.Appeared(name))
 
     def _note(self, notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):
