@@ -90,3 +90,14 @@ def save_map(folder, walls, marker):
     path = folder / "plan.yaml"
     path.write_text(json.dumps(keys))
     return path
+
+
+def hall(folder, **keys):
+    """The map of a hall of 6 m x 4 m, with these keys in its file; returns the path of the file."""
+    image = np.zeros((40, 60), np.uint8)
+    image[1:-1, 1:-1] = 254
+    (folder / "hall.pgm").write_bytes(b"P5\n60 40\n255\n" + image.tobytes())
+    written = {"image": "hall.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}
+    written |= {"occupied_thresh": 0.65, "free_thresh": 0.196}
+    (folder / "hall.yaml").write_text(json.dumps(written | keys))
+    return str(folder / "hall.yaml")

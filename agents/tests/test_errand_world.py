@@ -1,8 +1,6 @@
 """The robot's world file in one process: an errand from order to delivery."""
 
-import json
-
-import numpy as np
+import floor_plans
 import pytest
 from errands import FILE
 
@@ -21,14 +19,9 @@ from minerva_bus.settings.world_settings import Overrides
 @pytest.fixture
 def hall(tmp_path):
     """A hall of 6 m x 4 m with three markers, as options of the robot's world."""
-    image = np.zeros((40, 60), np.uint8)
-    image[1:-1, 1:-1] = 254
-    (tmp_path / "hall.pgm").write_bytes(b"P5\n60 40\n255\n" + image.tobytes())
-    keys = {"image": "hall.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}
-    keys |= {"occupied_thresh": 0.65, "free_thresh": 0.196, "start": [3.0, 2.0, 0.0]}
-    keys["markers"] = {"desk": [5.3, 3.2], "door": [0.7, 0.8], "window": [0.7, 3.2]}
-    (tmp_path / "hall.yaml").write_text(json.dumps(keys))
-    return {"map": str(tmp_path / "hall.yaml"), "objective": "window"}
+    markers = {"desk": [5.3, 3.2], "door": [0.7, 0.8], "window": [0.7, 3.2]}
+    plan = floor_plans.hall(tmp_path, start=[3.0, 2.0, 0.0], markers=markers)
+    return {"map": plan, "objective": "window"}
 
 
 class Run:

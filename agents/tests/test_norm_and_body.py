@@ -1,9 +1,8 @@
 """A norm rejects a robot's step: the body stays with the robot, which finds another way."""
 
-import json
 import math
 
-import numpy as np
+import floor_plans
 import pytest
 from errands import FILE
 
@@ -21,14 +20,9 @@ STEP = 0.08
 @pytest.fixture
 def hall(tmp_path):
     """A hall of 6 m x 4 m with markers, as options of the robot's world."""
-    image = np.zeros((40, 60), np.uint8)
-    image[1:-1, 1:-1] = 254
-    (tmp_path / "hall.pgm").write_bytes(b"P5\n60 40\n255\n" + image.tobytes())
-    keys = {"image": "hall.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}
-    keys |= {"occupied_thresh": 0.65, "free_thresh": 0.196, "start": [1.0, 1.0, 0.0]}
-    keys["markers"] = {"east": [5.3, 0.8], "west": [0.7, 3.2]}
-    (tmp_path / "hall.yaml").write_text(json.dumps(keys))
-    return {"map": str(tmp_path / "hall.yaml"), "objective": "east", "parcels": ""}
+    markers = {"east": [5.3, 0.8], "west": [0.7, 3.2]}
+    plan = floor_plans.hall(tmp_path, start=[1.0, 1.0, 0.0], markers=markers)
+    return {"map": plan, "objective": "east", "parcels": ""}
 
 
 class Watched:

@@ -4,6 +4,7 @@ import json
 import math
 from pathlib import Path
 
+import floor_plans
 import numpy as np
 import pytest
 
@@ -20,13 +21,7 @@ from minerva_bus.grammar.scene import agents
 @pytest.fixture
 def hall(tmp_path):
     """A map of a hall of 6 m x 4 m, turned by 30 degrees, without start and markers."""
-    image = np.zeros((40, 60), np.uint8)
-    image[1:-1, 1:-1] = 254
-    (tmp_path / "hall.pgm").write_bytes(b"P5\n60 40\n255\n" + image.tobytes())
-    keys = {"image": "hall.pgm", "resolution": 0.1, "origin": [2.0, -1.0, math.radians(30)]}
-    keys |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
-    (tmp_path / "hall.yaml").write_text(json.dumps(keys))
-    return str(tmp_path / "hall.yaml")
+    return floor_plans.hall(tmp_path, origin=[2.0, -1.0, math.radians(30)])
 
 
 def robots(string):

@@ -3,9 +3,9 @@
 import io
 import json
 from dataclasses import replace
-from typing import Any
 
 import pytest
+from arbitrary_records import files, written
 
 from minerva_analysis import diff as compared
 from minerva_bus.grammar.scene import AgentNode, Scene
@@ -13,25 +13,6 @@ from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
-
-
-def files(folder, *data) -> tuple[Any, Any]:
-    a, b = (folder / f"{name}.mcap" for name in "ab")
-    for path, content in zip((a, b), data, strict=False):
-        path.write_bytes(content)
-    return a, b
-
-
-def written(frames, **changed):
-    """A record of arbitrary frames that need not be from one run."""
-    file, _ = happened("meadow")
-    described = description(file)
-    stream = io.BytesIO()
-    writer = RecordWriter(stream, replace(described, world=replace(described.world, **changed)))
-    for record, string in frames:
-        writer.frame(replace(record, digest=string.digest), string, 0.0, {})
-    writer.finish()
-    return stream.getvalue()
 
 
 def diff(folder, a, b):

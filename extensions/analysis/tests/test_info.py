@@ -2,11 +2,10 @@
 
 import io
 import json
-from dataclasses import replace
-from typing import Any
 
 import pytest
 import typer
+from arbitrary_records import files
 
 from minerva_analysis.info_command import show_info
 from minerva_analysis.record_summary import info_of, moment_of
@@ -20,25 +19,6 @@ from tests.api.frogs import race
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
-
-
-def files(folder, *data) -> tuple[Any, Any]:
-    a, b = (folder / f"{name}.mcap" for name in "ab")
-    for path, content in zip((a, b), data, strict=False):
-        path.write_bytes(content)
-    return a, b
-
-
-def written(frames, **changed):
-    """A record of arbitrary frames that need not be from one run."""
-    file, _ = happened("meadow")
-    described = description(file)
-    stream = io.BytesIO()
-    writer = RecordWriter(stream, replace(described, world=replace(described.world, **changed)))
-    for record, string in frames:
-        writer.frame(replace(record, digest=string.digest), string, 0.0, {})
-    writer.finish()
-    return stream.getvalue()
 
 
 def test_info_describes_the_record(tmp_path, capsys):
