@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from minerva_bus.world.visualization import visualize
 
 
-__version__ = "0.6.0"
+__version__ = "0.7.0"
 
 _HOMES = {
     "api.live": "Live connect",
