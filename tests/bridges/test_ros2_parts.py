@@ -21,7 +21,7 @@ from minerva_services.bridges.ros2.driver import (
     State,
     driven,
 )
-from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
+from minerva_services.bridges.ros2.layout import Attachment, Ros2Network
 from minerva_services.bridges.ros2.messages import ODOMETRY, messages
 from minerva_services.bridges.ros2.mobile_base import (
     FramePacer,
@@ -39,7 +39,6 @@ from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.geometry import PhysicalGeometry
 
 SCAN = "sensor_msgs/msg/LaserScan"
-HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"
 LIMITS = MotorLimits(speed=0.5, turn=90.0, acceleration=1.0, turn_acceleration=360.0)
 
 
@@ -68,61 +67,13 @@ def test_after_a_rest_the_rhythm_restarts():
     assert rhythm.begin(0.1, 160.0) == pytest.approx(0.1)
 
 
-# --- keys, tokens, attachments ---
-
-
-def test_the_key_of_a_topic_in_rmw_zenoh():
-    network = Ros2Network("tcp/h:7447", domain=5)
-    assert network.key_of("scan", SCAN, HASH) == f"5/scan/sensor_msgs::msg::dds_::LaserScan_/{HASH}"
-    assert network.pattern("/scan", SCAN) == "5/scan/sensor_msgs::msg::dds_::LaserScan_/*"
-
-
-def test_the_key_of_a_topic_in_dds_is_its_name():
-    assert Ros2Network("tcp/h:7447", "dds").key_of("/scan", SCAN, HASH) == "scan"
-    for topic in ("scan", "/scan"):
-        network = Ros2Network("tcp/h:7447", "dds", namespace="/bot1")
-        assert network.pattern(topic, SCAN) == "bot1/scan"
+# --- names and attachments; test_ros2_golden.py has keys and tokens ---
 
 
 def test_a_topic_with_a_slash_is_in_no_namespace():
     network = Ros2Network("tcp/h:7447", namespace="bot1")
     assert network.name("cmd_vel") == "bot1/cmd_vel"
     assert network.name("/tf_static") == "tf_static"
-
-
-def test_the_tokens_of_a_node_and_its_publisher():
-    network = Ros2Network("tcp/h:7447")
-    assert network.node_token("abc", "motors") == "@ros2_lv/0/abc/0/0/NN/%/%/motors"
-    token = network.topic_token("abc", "motors", 3, "MP", "a/b", SCAN, HASH, lasting=False)
-    name = "%a%b/sensor_msgs::msg::dds_::LaserScan_"
-    assert token == f"@ros2_lv/0/abc/0/3/MP/%/%/motors/{name}/{HASH}/::,10:,:,:,,"
-
-
-def test_a_node_is_in_the_namespace_of_its_robot():
-    network = Ros2Network("tcp/h:7447", namespace="/fleet/bot1/")
-    assert network.node_token("abc", "motors") == "@ros2_lv/0/abc/0/0/NN/%/%fleet%bot1/motors"
-    token = network.topic_token("abc", "motors", 3, "MP", "b", SCAN, HASH, lasting=False)
-    assert token.startswith("@ros2_lv/0/abc/0/3/MP/%/%fleet%bot1/motors/%fleet%bot1%b/")
-
-
-def test_the_gid_of_a_token_is_that_of_rmw_zenoh():
-    # From a program with simplified_xxhash3.cpp, the same file in all five distributions, whose
-    # two halves are copied into the gid as liveliness_utils.cpp does.
-    token = (
-        "@ros2_lv/0/1f2e3d4c5b6a79880011223344556677/0/1/MP/%/%bot1/minerva_motors/%bot1%cmd_vel"
-        "/geometry_msgs::msg::dds_::Twist_"
-        "/RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a/::,10:,:,:,,"
-    )
-    assert gid_of(token).hex() == "18abdedb49b2632c571ef2044478a2b5"
-
-
-def test_an_attachment_is_that_of_zenohs_own_serializer():
-    ext = pytest.importorskip("zenoh.ext")
-    gid = bytes(range(16))
-    packed = Attachment(7, 1_700_000_000_123_456_789, gid).packed()
-    whole = (ext.Int64(7), ext.Int64(1_700_000_000_123_456_789))
-    assert packed == b"".join(ext.z_serialize(value).to_bytes() for value in (*whole, gid))
-    assert Attachment.unpacked(packed) == Attachment(7, 1_700_000_000_123_456_789, gid)
 
 
 @pytest.mark.parametrize("data", [b"", bytes(32), bytes(33), bytes(34)])

@@ -1,0 +1,153 @@
+"""The bridge against what the sources of each distribution put on a network, byte by byte.
+
+The files in ros2_golden name the sources with their lines. Their gids come from the hash of
+rmw_zenoh_cpp, their hashes of types from the generator of ROS 2, and their messages from the encoder of
+mcap-ros2-support with the definitions of the distribution.
+"""
+
+import tomllib
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rosbags")
+
+import zenoh
+
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.graph import NO_HASH, RosGraph, announced
+from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import Ros2Session
+from tests.bridges.ros2_rig import network
+from tests.patience import eventually
+
+GOLDEN = {
+    path.stem: tomllib.loads(path.read_text(encoding="utf-8"))
+    for path in sorted((Path(__file__).parent / "ros2_golden").glob("*.toml"))
+}
+NODES = [name for name in GOLDEN if name != "dds"]
+of_each = pytest.mark.parametrize("name", GOLDEN)
+of_nodes = pytest.mark.parametrize("name", NODES)
+
+
+def test_each_distribution_has_its_vectors():
+    assert list(GOLDEN) == ["dds", "humble", "jazzy", "kilted", "lyrical", "rolling"]
+
+
+@of_each
+def test_keys(name):
+    for case in GOLDEN[name]["keys"]:
+        ours = Ros2Network(
+            "tcp/h:1", GOLDEN[name]["layout"], case["domain"], namespace=case["namespace"]
+        )
+        topic, message, key = case["topic"], case["message"], case["key"]
+        assert ours.key_of(topic, message, key.rpartition("/")[2]) == key
+        assert zenoh.KeyExpr(ours.pattern(topic, message)).includes(zenoh.KeyExpr(key))
+        shown = messages().hash(message) if name != "humble" else NO_HASH
+        assert name == "dds" or key.endswith(shown)
+
+
+@of_each
+def test_tokens_of_robots_are_understood(name):
+    for case in GOLDEN[name]["tokens"]:
+        about = announced(case["token"])
+        read = about.kind, about.layout, about.topic, about.message, about.lasting, about.buffered
+        assert read == (
+            case["kind"], GOLDEN[name]["layout"], case.get("topic", ""), case.get("message", ""),
+            case.get("lasting", False), case.get("buffered", False),
+        )  # fmt: skip
+        assert about.node == (case["node"] and f"{case['namespace']}/{case['node']}")
+
+
+@of_nodes
+def test_our_tokens_and_gids_are_those_of_nodes(name):
+    for case in GOLDEN[name]["tokens"]:
+        token, node = case["token"], case["node"]
+        assert gid_of(token).hex() == case["gid"]
+        if case.get("of_robot"):  # another quality of service than ours
+            continue
+        ours, session = Ros2Network("tcp/h:1", namespace=case["namespace"]), token.split("/")[2]
+        if case["kind"] == "NN":
+            made = ours.node_token(session, node)
+        else:
+            made = ours.topic_token(
+                session, node, case["entity"], case["kind"], case["topic"], case["message"],
+                token.split("/")[11], lasting=case["lasting"], buffered=case["buffered"],
+            )  # fmt: skip
+        assert made == token
+
+
+@of_nodes
+def test_subscriptions_tell_the_hash_that_they_expect(name):
+    graph = RosGraph()
+    for case in GOLDEN[name]["tokens"]:
+        graph.update(case["token"], is_there=True)
+    expected = NO_HASH if name == "humble" else messages().hash(types.LASER_SCAN)
+    assert graph.hashes("/scan", types.LASER_SCAN) == {expected}
+
+
+@of_nodes
+def test_attachments(name):
+    case = GOLDEN[name]["attachment"]
+    about = Attachment(case["sequence"], case["nanoseconds"], bytes.fromhex(case["gid"]))
+    assert about.packed().hex() == case["bytes"]
+    assert Attachment.unpacked(bytes.fromhex(case["bytes"])) == about
+
+
+def test_a_session_declares_its_tokens_in_order():
+    seen = []
+    with network() as (endpoint, hub):
+        watch = hub.liveliness().declare_subscriber("@ros2_lv/**", lambda it: seen.append(it))
+        session = Ros2Session(Ros2Network(endpoint), "robot")
+        session.publisher("cmd_vel", types.TWIST)
+        session.subscribe("camera", types.IMAGE, print)
+        eventually(lambda: len(seen) == 3, "all tokens")
+        watch.undeclare()
+        session.close()
+    tokens = [str(sample.key_expr).split("/") for sample in seen]
+    assert len({token[4] for token in tokens}) == len(tokens)
+    for name in NODES:
+        expected = [token.split("/") for token in GOLDEN[name]["session"]["tokens"]]
+        known = {"SESSION": session._id, "NODE": session.node}
+        for token, golden in zip(tokens, expected, strict=True):
+            known["ENTITY"] = token[4]
+            assert token == [known.get(part, part) for part in golden]
+
+
+# --- messages ---
+
+
+def flat(value):
+    """All values of a message in the order of its fields, nested ones in place."""
+    if is_dataclass(value):
+        return [
+            leaf
+            for field in fields(value)
+            if field.name[0].islower()  # neither a constant nor the name of the type
+            for leaf in flat(getattr(value, field.name))
+        ]
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, list):
+        return [leaf for item in value for leaf in flat(item)]
+    return [value]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [(name, message) for name in NODES for message in GOLDEN[name]["messages"]]
+)
+def test_messages(name, message):
+    case, make = GOLDEN[name]["messages"][message], messages()
+    data = bytes.fromhex(case["cdr"])
+    value = make.decode(message, data)
+    assert flat(value) == case["values"]
+    assert make.hash(message) == case.get("hash", make.hash(message))
+    changed = name == "humble" and message == types.RANGE
+    assert changed or make.encode(message, value) == data
+
+
+def test_all_our_messages_have_vectors():
+    used = {each for each in vars(types).values() if isinstance(each, str) and "_msgs/msg/" in each}
+    assert all(used <= GOLDEN[name]["messages"].keys() for name in NODES)
