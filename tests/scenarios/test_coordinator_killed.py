@@ -10,7 +10,7 @@ from test_any_schedule import FRAMES, SETTINGS, both
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Abandoned
-from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
+from tests.memory_bus import BEGIN, MemoryBus
 
 
 def run(setting, kills):

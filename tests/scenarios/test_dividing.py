@@ -10,10 +10,10 @@ from minerva_bus import Generator
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.process_specs import names_of
-from minerva_bus.testing.memory_bus import BEGIN
 from minerva_bus.world.context import stream
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.readings import Sighting, Sightings
+from tests.memory_bus import BEGIN
 
 WHO = ("a", "c10", "c9", "b")
 """Not in the order of their ids, which is that of the events."""

@@ -6,7 +6,7 @@ from pond import Add, Counter, Steps, host, service, world
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.runtime.runner import Sink
-from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
+from tests.memory_bus import BEGIN, MemoryBus
 
 FRAMES = 9
 

@@ -13,7 +13,7 @@ from minerva_bus.frame.stimuli import FrameDone, Publish
 from minerva_bus.log import journal
 from minerva_bus.log.entries import Kept, RecordHeader, encode_checkpoint, encode_header
 from minerva_bus.log.journal import Journal, read_journal, resume_from
-from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
+from tests.memory_bus import BEGIN, MemoryBus
 
 
 def kept(algorithm):

@@ -15,8 +15,8 @@ from minerva_bus.frame.stimuli import Abandoned, Publish
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import SOURCE, Norm, Then
+from tests.memory_bus import MemoryBus
 from tests.one_process import run_world
 
 KINDS = (One, Light, Passer)

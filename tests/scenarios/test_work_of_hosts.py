@@ -26,8 +26,8 @@ from minerva_bus.frame.collection import EventWork
 from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import Norm, Then
+from tests.memory_bus import MemoryBus
 
 LONG = " or ".join(["n < 0"] * 300)
 """A condition of 2,696 characters, which the work of 338 events is."""

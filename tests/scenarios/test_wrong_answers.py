@@ -22,7 +22,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.members import MemberState
 from minerva_bus.grammar.columns import Delta, difference
-from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
+from tests.memory_bus import BEGIN, MemoryBus
 
 
 def member(bus, name):

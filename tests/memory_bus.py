@@ -30,7 +30,7 @@ from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.runtime.runner import Notice, Runner, Sink, observers, receivers
 
 
-def trace_line(what: object) -> str:  # noqa: C901
+def trace_line(what: object) -> str:
     """A stimulus or an instruction as a line; empty for one without information."""
     match what:
         case s.Send(to, message):
