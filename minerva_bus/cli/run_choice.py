@@ -65,7 +65,7 @@ def _run_here(
     for number in end_signals():
         # Every signal that ends a process becomes KeyboardInterrupt, so the run closes its record.
         signal.signal(number, signal.default_int_handler)
-    run = InProcessRun(file, console, began)
+    run = InProcessRun(file, console, began, alone=True)
     try:
         summary = run.run()
     except WorldStopped as stopped:

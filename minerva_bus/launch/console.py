@@ -2,9 +2,9 @@
 
 Members without a process of their own print to the standard output of the process, in which other
 threads print, and other worlds run. So `printed` replaces it by a stream that passes on what a
-thread writes to the run of this thread. A thread belongs to the run of the thread that has started
-it, which `Thread.start` notes while there are runs; threads that start otherwise (`_thread`, C
-code) belong to none.
+thread writes to the run of this thread. Python does not know which thread has started another, so
+a run names its threads. A thread that code of the world starts belongs to the run only if all
+threads do: if the process runs nothing else, as for `minerva run`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,12 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Container, Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Final, TextIO
-from weakref import WeakSet
 
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.wire.plain import on_screen
@@ -379,15 +378,22 @@ MEMBERS: Final = "in-process"
 """The name before such lines: all members share one output, so the member is unknown."""
 
 
+class AllThreads:
+    """The threads of a run whose process runs nothing else."""
+
+    def __contains__(self, thread: object) -> bool:
+        return True
+
+
 class _Lines(io.TextIOBase):
     """A text stream that passes on whole lines; any thread may write to it.
 
-    `own` are the threads that those of its run have started.
+    `own` are threads that write to it beside the one that has opened it.
     """
 
     encoding = "utf-8"
 
-    def __init__(self, tell: Callable[[str], None], own: WeakSet[threading.Thread]) -> None:
+    def __init__(self, tell: Callable[[str], None], own: Container[threading.Thread]) -> None:
         self.own = own
         self._tell = tell
         self._begun = ""
@@ -421,26 +427,6 @@ class _Output(io.TextIOBase):
     def __init__(self, original: TextIO) -> None:
         self.original = original
         self.runs: dict[threading.Thread, list[_Lines]] = {}
-        self._start = start = threading.Thread.start
-
-        def noted(thread: threading.Thread) -> None:
-            for lines in self._of_this_thread():
-                lines.own.add(thread)
-            start(thread)
-
-        self._noted = noted
-
-    def begin(self) -> None:
-        """Replace standard output and `Thread.start`."""
-        sys.stdout = self
-        threading.Thread.start = self._noted  # type: ignore[method-assign]
-
-    def end(self) -> None:
-        """Restore what nothing else has replaced meanwhile."""
-        if sys.stdout is self:
-            sys.stdout = self.original
-        if threading.Thread.start is self._noted:
-            threading.Thread.start = self._start  # type: ignore[method-assign]
 
     def __getattribute__(self, name: str) -> Any:
         # The base class has these of its own.
@@ -458,21 +444,19 @@ class _Output(io.TextIOBase):
         return self.original.fileno()
 
     def write(self, text: str, /) -> int:
-        return (self.lines() or self.original).write(text)
+        return (self._lines() or self.original).write(text)
 
     def flush(self) -> None:
-        (self.lines() or self.original).flush()
+        (self._lines() or self.original).flush()
 
-    def lines(self) -> _Lines | None:
-        """The lines of this thread's run; None if it has none."""
-        return next(reversed(self._of_this_thread()), None)
-
-    def _of_this_thread(self) -> list[_Lines]:
-        """The lines of this thread's run, and before them those of runs that contain it."""
+    def _lines(self) -> _Lines | None:
+        """The lines of this thread's innermost run; None if it has none."""
         thread = threading.current_thread()
+        if opened := self.runs.get(thread):
+            return opened[-1]
         # A copy, because runs begin and end in other threads.
         every = [lines for runs in [*self.runs.values()] for lines in [*runs]]
-        return [*self.runs.get(thread, ())] or [each for each in every if thread in each.own]
+        return next((lines for lines in reversed(every) if thread in lines.own), None)
 
 
 _installing: Final = threading.Lock()
@@ -480,20 +464,15 @@ _installing: Final = threading.Lock()
 
 
 @contextmanager
-def printed(tell: Callable[[str], None], own: WeakSet[threading.Thread]) -> Generator[None]:
-    """Pass to `tell`, line by line, what this thread prints, and the threads that it starts.
-
-    `own` are those that earlier blocks of the same run have started; new ones are added. Between
-    two blocks they print as others do.
-    """
+def printed(tell: Callable[[str], None], own: Container[threading.Thread] = ()) -> Generator[None]:
+    """Pass to `tell`, line by line, what this thread and those of `own` print during the block."""
     thread = threading.current_thread()
     with _Lines(tell, own) as lines:
         with _installing:
             output: Any = sys.stdout
             # A program may have replaced it since another run began.
             if not isinstance(output, _Output):
-                output = _Output(output)
-                output.begin()
+                output = sys.stdout = _Output(output)
             output.runs.setdefault(thread, []).append(lines)
         try:
             yield
@@ -502,5 +481,6 @@ def printed(tell: Callable[[str], None], own: WeakSet[threading.Thread]) -> Gene
                 output.runs[thread].remove(lines)
                 if not output.runs[thread]:
                     del output.runs[thread]
-                if not output.runs:
-                    output.end()
+                # Nothing else may have replaced it meanwhile.
+                if not output.runs and sys.stdout is output:
+                    sys.stdout = output.original

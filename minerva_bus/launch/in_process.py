@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
-from weakref import WeakSet
 
 from minerva_bus.errors import MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame import stimuli as s
@@ -29,6 +28,7 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.launch.child_processes import interrupts_deferred
 from minerva_bus.launch.console import (
     MEMBERS,
+    AllThreads,
     Console,
     EndReport,
     RunSummary,
@@ -93,7 +93,7 @@ class InProcessRun(WorldRun):
 
     `run` runs it to its end. Its parts are for stepping: `open`, any number of `advance`, and
     `close`, also after an error; all in one thread. `sinks` observe the run, beside its record,
-    console and log.
+    console and log. `alone`: the process runs nothing else, so all its threads are the run's.
     """
 
     def __init__(
@@ -102,6 +102,7 @@ class InProcessRun(WorldRun):
         console: Console,
         began: float,
         *sinks: Sink | Callable[[Notice], None],
+        alone: bool = False,
     ) -> None:
         limits = file.access.limits
         super().__init__(file.world, None, file.rate, limits, self._show, REAL)
@@ -115,7 +116,9 @@ class InProcessRun(WorldRun):
         self._asked: SimpleQueue[LocalQuestion] = SimpleQueue()
         self._record = RunRecord()
         self._parts: WorldParts | None = None
-        self._threads = WeakSet[threading.Thread]()
+        # Those of generators, which print as members do.
+        self._started: list[threading.Thread] = []
+        self._threads = AllThreads() if alone else self._started
         self._reason = ""
 
     @property
@@ -151,7 +154,8 @@ class InProcessRun(WorldRun):
             compile_agents(self._file.processes, self._console.progress)
             members = members_of(self._file)
             runner, record = self._prepare(members)
-            self._parts = WorldParts(runner, members, record, FreeRunning(runner, members))
+            services = FreeRunning(runner, members, self._started)
+            self._parts = WorldParts(runner, members, record, services)
             with self._reporting():
                 for note in self._file.notes:
                     self._note(note)
@@ -406,9 +410,13 @@ class FreeRunning:
     Frames run in the main thread only, so output waits in a queue until `deliver` is called.
     """
 
-    def __init__(self, runner: InProcessRunner, members: Iterable[Member]) -> None:
+    def __init__(
+        self, runner: InProcessRunner, members: Iterable[Member], threads: list[threading.Thread]
+    ) -> None:
+        """`threads` receives the threads."""
         self._runner = runner
         self._members = tuple(members)
+        self._threads = threads
         self._queue: SimpleQueue[tuple[Member, Any]] = SimpleQueue()
         self._waiting: dict[str, WaitingOutput] = {}
         self._pulsed: dict[str, float] = {}
@@ -419,7 +427,9 @@ class FreeRunning:
         for member in self._members:
             if isinstance(member.service, EventGenerator) and not member.when.is_awaited:
                 arguments = member, member.service
-                threading.Thread(target=self._generate, args=arguments, daemon=True).start()
+                thread = threading.Thread(target=self._generate, args=arguments, daemon=True)
+                self._threads.append(thread)
+                thread.start()
 
     def stop(self) -> None:
         """Request the end of all generators, without a join: their threads are daemons."""

@@ -9,13 +9,12 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stdout
 from pathlib import Path
-from weakref import WeakSet
 
 import pytest
 
 import minerva_bus
 from minerva_bus.cli.main import main
-from minerva_bus.launch.console import printed
+from minerva_bus.launch.console import AllThreads, printed
 from tests.runtime.running import MEMBERS, here, minerva, write_world
 
 SCREEN = MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n'
@@ -72,7 +71,7 @@ def test_these_lines_are_json_if_others_are(path):
 
 def test_lines_arrive_complete_and_the_last_one_needs_no_end():
     printed_lines = []
-    with printed(printed_lines.append, WeakSet()):
+    with printed(printed_lines.append, AllThreads()):
         print("one")
         print("two", "three", end="")
         print(" four\nfive\n\nsix", end="")
@@ -101,9 +100,8 @@ def test_other_threads_keep_their_output(capsys):
     lines, other, inside, go_on = [], [], threading.Event(), threading.Event()
 
     def run():
-        with printed(lines.append, WeakSet()):
+        with printed(lines.append):
             print("of the run")
-            in_thread(lambda: in_thread(lambda: print("of a thread of its thread")))
             inside.set()
             go_on.wait()
 
@@ -111,69 +109,62 @@ def test_other_threads_keep_their_output(capsys):
     running.start()
     inside.wait()
     print("of another thread")
-    with printed(other.append, WeakSet()):
-        in_thread(lambda: print("of another run"))
-    in_thread(lambda: print("of a thread of that"))
+    generator = threading.Thread(target=print, args=("of a generator of another run",))
+    with printed(other.append, [generator]):
+        print("of another run")
+        generator.start()
+        generator.join()
+        with printed(other.append):
+            print("of a run in it")
+        in_thread(lambda: print("of a thread of its code"))
     with redirect_stdout(io.StringIO()) as own:
         print("elsewhere")
     go_on.set()
     running.join()
     print("later")
-    assert lines == ["of the run", "of a thread of its thread"]
-    assert other == ["of another run"]
+    assert lines == ["of the run"]
+    assert other == ["of another run", "of a generator of another run", "of a run in it"]
     assert own.getvalue() == "elsewhere\n"
-    assert capsys.readouterr().out == "of another thread\nof a thread of that\nlater\n"
+    assert capsys.readouterr().out == "of another thread\nof a thread of its code\nlater\n"
 
 
-def test_a_run_has_what_its_threads_print_in_all_its_blocks(capsys):
-    lines, own, ready, end = [], WeakSet(), threading.Event(), threading.Event()
+THREADED = """
+import threading
 
-    def wait(text):
-        ready.wait()
-        print(text)
-        end.wait()
+from minerva_bus import Generator
 
-    def started(text):
-        thread = threading.Thread(target=wait, args=(text,), daemon=True)
+
+class Threaded(Generator):
+    def generate(self, tick):
+        thread = threading.Thread(target=print, args=("of a thread",))
         thread.start()
-        return thread
-
-    other, threads, begun = started("of another"), [], threading.Event()
-
-    def starts():
-        begun.wait()
-        threads.append(started("of a thread of another"))
-
-    starter = threading.Thread(target=starts)
-    starter.start()
-    with printed(lines.append, own):
-        service = started("of a service")
-        begun.set()
-        starter.join()
-    between = started("of one between two blocks")
-    with printed(lines.append, own):
-        ready.set()
-        end.set()
-        for thread in (other, service, between, *threads):
-            thread.join()
-    assert lines == ["of a service"]
-    printed_elsewhere = capsys.readouterr().out.splitlines()
-    assert sorted(printed_elsewhere) == [
-        "of a thread of another", "of another", "of one between two blocks",
-    ]  # fmt: skip
+        thread.join()
+        return ()
+"""
 
 
-def test_concurrent_runs_leave_standard_output_as_it_was():
-    before, lines = (sys.stdout, threading.Thread.start), [[] for _ in range(40)]
+def test_a_run_of_the_command_has_what_all_threads_print(tmp_path):
+    (tmp_path / "threaded.py").write_text(THREADED)
+    member = '[process.threaded]\nservice = "threaded:Threaded"\n'
+    path = write_world(tmp_path, MEMBERS + member, frames=1)
+    done = here(tmp_path, "run", path, "--in-process", "--json")
+    assert done.stderr.splitlines() == ["in-process │ of a thread"], done.stderr
+    assert json.loads(done.stdout)["frames"] == 1
+
+
+def test_runs_change_nothing_of_threads_and_leave_standard_output_as_it_was():
+    before, start = sys.stdout, threading.Thread.start
+    lines, seen = [[] for _ in range(40)], set()
 
     def run(number):
-        with printed(lines[number].append, WeakSet()):
+        with printed(lines[number].append):
             for _ in range(20):
                 print(number)
+            seen.add(threading.Thread.start)
 
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(run, range(40)))
-    assert (sys.stdout, threading.Thread.start) == before
+    assert (sys.stdout, seen) == (before, {start})
     assert lines == [[str(number)] * 20 for number in range(40)]
 
 

@@ -146,7 +146,7 @@ def test_viser_prints_nothing(tmp_path, monkeypatch, capfd):
     made = serve("127.0.0.1", 0)
     assert opened(url(made))[0] == 200
     stop(made)
-    eventually(lambda: not any(thread.is_alive() for thread in made.threads), "the end")
+    eventually(lambda: not made.thread.is_alive(), "the end")
     assert capfd.readouterr().out == ""
 
 

@@ -17,7 +17,6 @@ from collections.abc import Awaitable, Callable, Collection
 from functools import partial
 from html import escape
 from typing import Any, Final, TypeAlias
-from weakref import WeakSet
 
 from viser import ViserServer
 
@@ -34,7 +33,11 @@ class PageServer(ViserServer):
     """A server that is never announced outside, with the access rules of its page."""
 
     access: WebAccess
-    threads: WeakSet[threading.Thread]
+
+    @property
+    def thread(self) -> threading.Thread | None:
+        """The thread that serves."""
+        return self._websock_server._server_thread  # pyright: ignore[reportPrivateUsage]
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """None: pages are only for those who can reach the host."""
@@ -54,10 +57,9 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
         token = token_for(chosen, str(os.getppid()))
         access = WebAccess(host, chosen, token, frozenset(names))
         # viser prints its address, which lacks the token.
-        threads = WeakSet[threading.Thread]()
-        with printed(_drop, threads), guarding(access, partial(_entitle, title), tolerant):
+        with printed(_drop), guarding(access, partial(_entitle, title), tolerant):
             server = PageServer(host=host, port=chosen, verbose=False)
-        server.access, server.threads = access, threads
+        server.access = access
         # viser takes the next port if another process was faster, but the access is for this one.
         if server.get_port() == chosen:
             return server
@@ -81,7 +83,8 @@ def _entitle(title: str, response: Any) -> None:
 
 def stop(server: PageServer) -> None:
     """Stop a server; browsers keep their last picture."""
-    with printed(_drop, server.threads):
+    # Its thread, too, prints that it stops.
+    with printed(_drop, (server.thread,)):
         server.stop()
 
 
