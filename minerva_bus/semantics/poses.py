@@ -75,14 +75,3 @@ def interpolated(begin: HasPose, end: HasPose, part: float) -> Pose:
         begin.y + part * (end.y - begin.y),
         begin.angle + part * turn,
     )
-
-
-def moved(start: HasPose, before: HasPose, after: HasPose) -> Pose:
-    """The pose after the motion from `before` to `after`, applied to `start`."""
-    east, north = after.x - before.x, after.y - before.y
-    cos, sin = portable.cos_sin(math.radians(start.angle - before.angle))
-    return Pose(
-        start.x + cos * east - sin * north,
-        start.y + sin * east + cos * north,
-        start.angle + math.remainder(after.angle - before.angle, 360.0),
-    )

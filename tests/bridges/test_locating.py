@@ -9,9 +9,10 @@ from recorded import INTEL, Passed, flaser, needs_intel, odom, write
 
 from minerva_agents.robot.map_recording import map_recording
 from minerva_agents.robot.mapping import MapChoice, draw_map, errors_of
+from minerva_agents.robot.pose import moved
 from minerva_agents.robot.trajectories import Posed, located_scans, posed_scans
 from minerva_bus.errors import MisuseError
-from minerva_bus.semantics.poses import Pose, moved
+from minerva_bus.semantics.poses import Pose
 from minerva_services.sensors.carmen import CarmenLog, open_log
 
 

@@ -27,7 +27,7 @@ import scipy.spatial
 from scipy import sparse
 from scipy.sparse import linalg
 
-from minerva_agents.robot.pose import Reals
+from minerva_agents.robot.pose import Reals, moved
 from minerva_agents.robot.trajectories import (
     MIN_LOOP,
     ScanKeyframe,
@@ -38,7 +38,7 @@ from minerva_agents.robot.trajectories import (
     transformed,
 )
 from minerva_bus.log.recordings import Progress
-from minerva_bus.semantics.poses import Pose, moved
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan
 
 _MIN_WEIGHT: Final = 0.25

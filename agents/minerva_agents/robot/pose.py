@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from minerva_agents.robot.vocabulary import PRobot, TMove, TRotate
 from minerva_bus import Scene, portable
 from minerva_bus.grammar.scene import TransformationNode, walk
+from minerva_bus.semantics.poses import HasPose, Pose
 
 Cell: TypeAlias = tuple[int, int]
 Position: TypeAlias = tuple[float, float]
@@ -130,3 +131,14 @@ def wrapped(angle: float) -> float:
     """The same direction in [-180, 180)."""
     # An angle in range stays as it is: the modulo would round it.
     return angle if -180.0 <= angle < 180.0 else (angle + 180.0) % 360.0 - 180.0
+
+
+def moved(start: HasPose, before: HasPose, after: HasPose) -> Pose:
+    """The pose after the motion from `before` to `after`, applied to `start`."""
+    east, north = after.x - before.x, after.y - before.y
+    cos, sin = portable.cos_sin(math.radians(start.angle - before.angle))
+    return Pose(
+        start.x + cos * east - sin * north,
+        start.y + sin * east + cos * north,
+        start.angle + math.remainder(after.angle - before.angle, 360.0),
+    )

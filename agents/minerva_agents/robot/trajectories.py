@@ -20,7 +20,7 @@ import numpy as np
 
 from minerva_agents.robot.grid import clearing_part, mark_scan
 from minerva_agents.robot.matching import Uncertainty, match
-from minerva_agents.robot.pose import GridPose, Reals, at_distances
+from minerva_agents.robot.pose import GridPose, Reals, at_distances, moved
 from minerva_bus import Cells, portable
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.recordings import (
@@ -33,7 +33,7 @@ from minerva_bus.log.recordings import (
     needs_path,
     path_of,
 )
-from minerva_bus.semantics.poses import HasPose, Pose, interpolated, moved
+from minerva_bus.semantics.poses import HasPose, Pose, interpolated
 from minerva_bus.world.readings import Odometry, Scan, hits
 
 # --- poses of scans -------------------------------------------------------------------------------
