@@ -5,12 +5,17 @@ with the vocabulary, so a picture, a window or a web page can draw worlds whose 
 measure is a number, or the name of the symbol's parameter that has it. Lengths are in metres,
 angles in degrees, counter-clockwise from the x axis. The `meaning` of a shape is its text in the
 legend of a view; without one, the legend has the words of the primitive's name.
+
+These forms are those of the plane. `spatial` is the meaning of the same symbol in space: the name
+of a form, then its measures, for geometric systems that know it, such as those of the extension
+`bodies`. Views of the plane do not use it.
 """
 
 from dataclasses import dataclass
 from typing import TypeAlias
 
 Measure: TypeAlias = float | str
+Spatial: TypeAlias = tuple[Measure, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +28,7 @@ class Motion:
         x, y: translation, metres.
         turn: rotation, degrees, counter-clockwise.
         forward: translation along the x axis after the rotation, metres.
+        spatial: the same motion in space; see the module.
 
     Example:
         `TAt = Transformation("TAt", Motion(x="x", y="y"), x=Metres, y=Metres)`
@@ -33,6 +39,7 @@ class Motion:
     y: Measure = 0.0
     turn: Measure = 0.0
     forward: Measure = 0.0
+    spatial: Spatial = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +52,7 @@ class Disc:
         heading: whether a mark shows the direction of its x axis.
         height: metres, in three dimensions.
         meaning: text of the legend; "" for the words of the primitive's name.
+        spatial: the solid in space whose outline this is; see the module.
 
     Example:
         `PSnail = Primitive("PSnail", Disc(0.2, "#8a5a44"))`
@@ -56,6 +64,7 @@ class Disc:
     heading: bool = False
     height: float = 0.3
     meaning: str = ""
+    spatial: Spatial = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +77,7 @@ class Line:
         width: metres.
         dashed: whether the line is dashed.
         meaning: text of the legend; "" for the words of the primitive's name.
+        spatial: its meaning in space; see the module.
 
     Example:
         `PPath = Primitive("PPath", Line("xs", "ys"), xs=tuple[Metres, ...], ys=tuple[Metres, ...])`
@@ -80,6 +90,7 @@ class Line:
     width: float = 0.04
     dashed: bool = False
     meaning: str = ""
+    spatial: Spatial = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +103,7 @@ class Label:
         meaning: text of the legend; "" for the words of the primitive's name.
         marks: whether it draws no pin of its own but gives its colour to all other labels with the
             same text, wherever they are: for example, to the marker that an agent looks for.
+        spatial: its meaning in space; see the module.
 
     Example:
         `PMarker = Primitive("PMarker", Label("name"), name=str)`
@@ -102,6 +114,7 @@ class Label:
     color: str = "#444444"
     meaning: str = ""
     marks: bool = False
+    spatial: Spatial = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +124,7 @@ class Raster:
     `colors` pairs the lower bound of each range with a colour ("" draws nothing), in ascending
     order; a value has the colour of the last range whose bound does not exceed it. `opacity` is
     from 0 to 1. `meanings` are the legend's texts of the ranges, in their order; "" leaves a range
-    out.
+    out. `spatial` is its meaning in space; see the module.
     """
 
     cells: str
@@ -123,6 +136,7 @@ class Raster:
     opacity: float = 1.0
     height: float = 0.0
     meanings: tuple[str, ...] = ()
+    spatial: Spatial = ()
 
 
 def parameters_of(form: "Form") -> tuple[str, ...]:
@@ -137,7 +151,8 @@ def parameters_of(form: "Form") -> tuple[str, ...]:
         measures = (form.text,)
     else:
         measures = (form.cells, form.cell, form.x, form.y, form.turn)
-    return tuple(measure for measure in measures if isinstance(measure, str))
+    used = (*measures, *form.spatial[1:])
+    return tuple(measure for measure in used if isinstance(measure, str))
 
 
 Shape: TypeAlias = Disc | Line | Label | Raster

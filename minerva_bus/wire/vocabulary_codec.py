@@ -1,10 +1,10 @@
 """Vocabularies as plain data: section 4 of PROTOCOL.md.
 
 vocabulary     = {primitives: [...], transformations: [...], kinds: [...], events: [...],
-                  meanings: {primitive: [text]}, marks: [primitive],
+                  meanings: {primitive: [text]}, marks: [primitive], spatial: {symbol: [measure]},
                   completes: {event type: [order]}, fails: {event type: [order]},
                   replaces: {event type: [order]}}
-                                       the last five may be absent
+                                       the last six may be absent
 primitive      = [name, [field], shape or nil]
 transformation = [name, [field], motion or nil]
 kind           = [name, [field], [subscribed], [visual event types], [attribute at rest]]
@@ -16,6 +16,7 @@ field          = [name, type, default]     the type as `real m`; the default as 
 shape, motion  = [form's name, its measures in order]
 meanings       = texts of the legend, one for each colour of a shape
 marks          = primitives whose labels give their colour to other labels
+spatial        = a symbol's form in space: its name, then its measures
 completes      = event types of orders that agents report as carried out by an event of this type;
                  fails: as given up
 replaces       = event types of orders that agents drop for an order of this type
@@ -25,7 +26,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields as form_fields
-from dataclasses import replace
 from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, ProtocolError, SceneError
@@ -59,16 +59,20 @@ _FORMS: dict[str, type[Form]] = {
     form.__name__.lower(): form for form in (Disc, Line, Label, Raster, Motion)
 }
 _ENDS = ("completes", "fails", "replaces")
-_APART = frozenset(("meaning", "meanings", "marks"))
+_APART = frozenset(("meaning", "meanings", "marks", "spatial"))
 """Fields of forms with optional keys of their own, which older members do not know."""
 
 
 def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
     """A vocabulary as plain data."""
     shapes = {p.name: p.shape for p in vocabulary.primitives.values() if p.shape is not None}
-    meanings = {name: list(_meanings(shape)) for name, shape in shapes.items() if _meanings(shape)}
-    marks = [name for name, shape in shapes.items() if isinstance(shape, Label) and shape.marks]
-    ends = {key: _ended_orders(vocabulary, key) for key in _ENDS}
+    forms = shapes | {t.name: t.motion for t in vocabulary.transformations.values() if t.motion}
+    apart = {
+        "meanings": {n: list(_meanings(shape)) for n, shape in shapes.items() if _meanings(shape)},
+        "marks": [n for n, shape in shapes.items() if isinstance(shape, Label) and shape.marks],
+        "spatial": {n: list(form.spatial) for n, form in forms.items() if form.spatial},
+        **{key: _ended_orders(vocabulary, key) for key in _ENDS},
+    }
     return {
         "primitives": [
             [p.name, _plain_fields(p.fields), _plain_form(p.shape)]
@@ -80,9 +84,7 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
         ],
         "kinds": [plain_kind(kind) for kind in vocabulary.kinds.values()],
         "events": [[e.name, _plain_fields(e.fields), e.visual] for e in vocabulary.events.values()],
-        **({"meanings": meanings} if meanings else {}),
-        **({"marks": marks} if marks else {}),
-        **{key: orders for key, orders in ends.items() if orders},
+        **{key: given for key, given in apart.items() if given},
     }
 
 
@@ -131,15 +133,10 @@ def read_vocabulary(plain: Any) -> Vocabulary:
     """A vocabulary from plain data. Raises ProtocolError."""
     parts = as_map(plain, "a vocabulary")
     try:
-        primitives = [_primitive(item) for item in as_list(parts.get("primitives"), "primitives")]
-        meanings = as_map(parts.get("meanings", {}), "meanings")
-        marks = as_texts(parts.get("marks", []), "marks")
-        for primitive in primitives:
-            texts = as_texts(meanings.get(primitive.name, []), "the meanings of a primitive")
-            primitive.shape = _explained(primitive.shape, texts, primitive.name in marks)
+        transformations = as_list(parts.get("transformations"), "motions")
         return Vocabulary.of(
-            *primitives,
-            *(_transformation(item) for item in as_list(parts.get("transformations"), "motions")),
+            *(_primitive(item, parts) for item in as_list(parts.get("primitives"), "primitives")),
+            *(_transformation(item, parts) for item in transformations),
             *(_kind(item) for item in as_list(parts.get("kinds"), "kinds")),
             *(_event_type(item, parts) for item in as_list(parts.get("events"), "event types")),
         )
@@ -147,11 +144,11 @@ def read_vocabulary(plain: Any) -> Vocabulary:
         raise ProtocolError(f"invalid vocabulary: {error}"[:_MAX_ERROR_CHARS]) from None
 
 
-def _primitive(plain: Any) -> Primitive:
+def _primitive(plain: Any, parts: Mapping[str, Any]) -> Primitive:
     name, fields, shape = as_items(plain, "a primitive", 3)
     declared = Primitive(as_text(name, "a primitive's name"))
     declared.fields = _fields(fields)
-    form = _form(shape)
+    form = _form(shape, declared.name, parts)
     # Forms share one namespace on the wire, but a motion draws nothing.
     if isinstance(form, Motion):
         raise ProtocolError(f"{declared.name} is a primitive and cannot be a motion")
@@ -159,21 +156,11 @@ def _primitive(plain: Any) -> Primitive:
     return declared
 
 
-def _explained(shape: Shape | None, texts: tuple[str, ...], marks: bool) -> Shape | None:
-    """A shape with its meanings, and for a label whether it marks others."""
-    if isinstance(shape, Raster):
-        return replace(shape, meanings=texts)
-    meaning = "".join(texts[:1])
-    if isinstance(shape, Label):
-        return replace(shape, meaning=meaning, marks=marks)
-    return replace(shape, meaning=meaning) if shape is not None else None
-
-
-def _transformation(plain: Any) -> Transformation:
+def _transformation(plain: Any, parts: Mapping[str, Any]) -> Transformation:
     name, fields, motion = as_items(plain, "a transformation", 3)
     declared = Transformation(as_text(name, "a transformation's name"))
     declared.fields = _fields(fields)
-    form = _form(motion)
+    form = _form(motion, declared.name, parts)
     if form is not None and not isinstance(form, Motion):
         raise ProtocolError(f"{declared.name} is a transformation and has no shape")
     declared.motion = form
@@ -241,14 +228,26 @@ def _field(plain: Any) -> Field:
     return Field(declared.name, declared.type, declared.type.fit(value))
 
 
-def _form(plain: Any) -> Form | None:
+def _form(plain: Any, symbol: str, parts: Mapping[str, Any]) -> Form | None:
     if plain is None:
         return None
     items = as_list(plain, "a form")
     form = _FORMS.get(as_text(items[0] if items else None, "a form's name"))
     if form is None or len(items) != 1 + len(_measures(form)):
         raise ProtocolError(f"no form {str(items[:1])[:40]}; there are {', '.join(_FORMS)}")
-    return form(*(_measure(item) for item in items[1:]))
+    apart = _apart(symbol, parts)
+    own = {of.name: apart[of.name] for of in form_fields(form) if of.name in apart}
+    return form(*(_measure(item) for item in items[1:]), **own)
+
+
+def _apart(symbol: str, parts: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a symbol's form that have keys of their own."""
+    meanings = as_map(parts.get("meanings", {}), "meanings").get(symbol, [])
+    texts = as_texts(meanings, "the meanings of a primitive")
+    marks = symbol in as_texts(parts.get("marks", []), "marks")
+    spatial = as_map(parts.get("spatial", {}), "spatial").get(symbol, [])
+    measures = tuple([_measure(item) for item in as_list(spatial, "a form in space")])
+    return {"meaning": "".join(texts[:1]), "meanings": texts, "marks": marks, "spatial": measures}
 
 
 def _measure(plain: Any) -> Any:

@@ -126,3 +126,14 @@ def test_meanings_survive_the_wire_and_are_absent_without_any():
     back = read_vocabulary(unpack(msgpack.packb(plain)))
     shapes = {name: primitive.shape for name, primitive in back.primitives.items()}
     assert shapes == {name: primitive.shape for name, primitive in WOOD.primitives.items()}
+
+
+def test_meanings_in_space_survive_the_wire_and_are_absent_without_any():
+    brick = Primitive("PBrick", Disc("side", spatial=("box", "side", 0.2, 0.1)), side=float)
+    at = Transformation("TAt", Motion("x", spatial=("euler", "z", 0.0, 0.0)), x=float, z=float)
+    plain = plain_vocabulary(Vocabulary.of(brick, at, PFir))
+    assert plain["primitives"][0][2] == ["disc", "side", "#444444", False, 0.3]
+    back = read_vocabulary(unpack(msgpack.packb(plain)))
+    assert back.primitives["PBrick"].shape == brick.shape
+    assert back.transformations["TAt"].motion == at.motion
+    assert "spatial" not in plain_vocabulary(WOOD)

@@ -80,6 +80,7 @@ def test_calling_an_event_type():
         (lambda: Primitive("PX", Label("tex"), text=str), "did you mean 'text'"),
         (lambda: Primitive("PX", Raster("m", "c"), m="cells"), "uses c"),
         (lambda: Transformation("TX", Motion(forward="d")), "uses d"),
+        (lambda: Transformation("TX", Motion(spatial=("euler", "z", 0, 0))), "uses z"),
     ],
 )
 def test_misuse_names_the_mistake(call, said):
