@@ -73,16 +73,18 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
 
 
 def _checked(file: WorldFile) -> Checked:
-    members = _checked_services(file)
-    warnings = [*restless(file), *unplaced(file), *unpublished(file, members)]
+    warnings = list[str]()
+    members = _checked_services(file, warnings)
+    warnings += [*restless(file), *unplaced(file), *unpublished(file, members)]
     warnings += unanswered(file, members)
-    return Checked(_world_shown(len(file.processes), file.world.scene), warnings)
+    shown = f"a world of {counted(len(file.processes), 'process')}, {_size(file.world.scene)}"
+    return Checked(shown, warnings)
 
 
-def _checked_services(file: WorldFile) -> list[Member]:
+def _checked_services(file: WorldFile, warnings: list[str]) -> list[Member]:
     """The members with services, which have compared their options with the world.
 
-    Raises WorldFileError.
+    Their warnings are appended. Raises WorldFileError.
     """
     world, tables, members = file.world, set[str](), list[Member]()
     info = WorldInfo(world.name, world.vocabulary, world.seed, world.dt)
@@ -95,16 +97,12 @@ def _checked_services(file: WorldFile) -> list[Member]:
         if service is None:
             continue
         try:
-            service.check(info)
+            warnings += [f"[process.{process.name}]: {line}" for line in service.check(info) or ()]
         except MinervaError as error:
             raise WorldFileError(f"{file.path}: [process.{process.name}]: {error}") from None
         finally:
             service.close()
     return members
-
-
-def _world_shown(processes: int, scene: Scene) -> str:
-    return f"a world of {counted(processes, 'process')}, {_size(scene)}"
 
 
 def _check_string(path: Path, vocabulary: str) -> str:

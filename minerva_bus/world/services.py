@@ -283,11 +283,11 @@ class Service:
             if base is not cls and base.__module__ == __name__ and issubclass(base, Service):
                 check_overridden(cls, base, CALLED.get(base.__name__, ()))
 
-    def check(self, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> Iterable[str] | None:
         """Compare the options with a world, without effects. Raises MinervaError.
 
-        `minerva check` calls it, and `close`; of `world` it has the name, the vocabulary, the seed
-        and dt.
+        `minerva check` calls it, and `close`, and prints what it returns as warnings; of `world` it
+        has the name, the vocabulary, the seed and dt.
         """
 
     def joined(self, world: WorldInfo) -> None:

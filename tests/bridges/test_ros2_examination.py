@@ -1,9 +1,12 @@
 """What is on a robot's network, and how it differs from what a service expects."""
 
+import json
+
 import pytest
 
 pytest.importorskip("rosbags")
 
+from minerva_bus import check
 from minerva_bus.errors import MinervaError
 from minerva_services.bridges.ros2 import Ros2, Ros2Robot, Ros2View
 from minerva_services.bridges.ros2 import messages as types
@@ -86,6 +89,40 @@ def test_a_view_needs_nobody_but_the_right_layout_and_types():
     assert "goal" in problems(Ros2View(ROUTER), rmw("MP", "/goal_pose", types.PATH))
 
 
+def world_of(folder, options):
+    """A world file whose process `eye` is a bridge with these options."""
+    path = folder / "w.toml"
+    path.write_text(
+        '[world]\nscene = "minerva_agents.robot.world:scene"\n'
+        'vocabulary = "minerva_agents.robot.world:vocabulary"\n'
+        f'[process.eye]\nservice = "ros2"\n{options}'
+    )
+    return path
+
+
+UNFIT = {
+    "a domain of dds": ({"layout": "dds", "domain": 7}, "domain = 7 has no effect"),
+    "a namespace twice": (
+        {"namespace": "bot1", "scan": "bot1/scan"}, '/bot1/bot1/scan has the namespace twice; set scan = "scan"',
+    ),
+    "a topic of two types": (
+        {"odometry": "scan"}, f"/scan is of {types.LASER_SCAN} for scan, not of {types.ODOMETRY}; set odometry",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "problem"), UNFIT.values(), ids=UNFIT.keys())
+def test_check_warns_of_what_fits_no_robot(options, problem, tmp_path):
+    written = "".join(f"{name} = {json.dumps(value)}\n" for name, value in options.items())
+    world = world_of(tmp_path, f'router = "{ROUTER}"\n{written}')
+    (warning,) = [line for line in check(world).warnings if "[process.eye]" in line]
+    assert problem in warning
+    # In a log, and in the examination of a network, it is the first line.
+    service = Ros2(ROUTER, **options)
+    (_, first), *_ = mismatches([], service.network, service.uses())
+    assert first in warning
+
+
 @pytest.mark.parametrize("token", ["", "@ros2_lv/0", "@/abc/@ros2_lv", "@ros2_lv/x/a/0/0/NN/%/%/n"])
 def test_unknown_tokens_are_left_out(token):
     graph = RosGraph()
@@ -124,16 +161,11 @@ def test_a_network_is_listed_with_its_distributions():
 
 
 def test_the_services_of_a_world_are_compared_with_their_networks(tmp_path):
-    world = tmp_path / "w.toml"
     with network() as (endpoint, hub), Node(endpoint) as robot:
         robot.publisher("/front/scan", types.LASER_SCAN)
         eventually(lambda: len(list(hub.liveliness().get("@ros2_lv/**"))) == 2, "its tokens")
-        world.write_text(
-            '[world]\nscene = "minerva_agents.robot.world:scene"\n'
-            'vocabulary = "minerva_agents.robot.world:vocabulary"\n'
-            f'[process.eye]\nservice = "ros2"\nrouter = "{endpoint}"\n'
-            'mount = "0, 0, 0"\nodometry = ""\nbattery = ""\n'
-        )
+        options = 'mount = "0, 0, 0"\nodometry = ""\nbattery = ""\n'
+        world = world_of(tmp_path, f'router = "{endpoint}"\n{options}')
         assert [(what, good) for what, good, _ in examine(str(world))] == [("eye: scan", False)]
         world.write_text(world.read_text() + 'scan = "front/scan"\n')
         ((_, good, note),) = examine(str(world))

@@ -16,7 +16,7 @@ from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits, c
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
-from minerva_services.bridges.ros2.uses import TopicUse
+from minerva_services.bridges.ros2.uses import TopicUse, misfits
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.event_factory import EventFactory
 from minerva_services.options import grouped, takes_options
@@ -111,10 +111,11 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         self._collisions = 0
         self._name = self._robot
 
-    def check(self, world: WorldInfo) -> None:
-        """Raises MisuseError if rosbags is missing, or the world has no such event."""
+    def check(self, world: WorldInfo) -> list[str]:
+        """What fits no robot. Raises MisuseError without rosbags, or without the event."""
         messages()
         self._collision = EventFactory("ros2_robot", world, "eCollision", shortfall=Metres)
+        return [problem for _, problem in misfits(self.network, self.uses())]
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)

@@ -29,13 +29,15 @@ _HEARTBEAT_SECONDS: Final = 0.5
 """How often a lasting publisher repeats the number of its last message, as in rmw_zenoh."""
 
 _OPEN_TIMEOUT_MS: Final = 2000
+_LOOK_TIMEOUT_MS: Final = 700
+"""Shorter, because a person waits for the answer."""
+
 _CONFIG: Final[dict[str, Any]] = {
     "mode": "client",
     # Only the given router: scouting could connect the robot's network to the world's own.
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,
-    "connect/timeout_ms": _OPEN_TIMEOUT_MS,
     "connect/exit_on_failure": True,
     "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
     "timestamping/enabled": True,  # late subscribers query the newest sample
@@ -107,9 +109,12 @@ class TopicPublisher:
             self._publishers.clear()
 
 
-def _opened(network: Ros2Network) -> zenoh.Session:
+def _opened(network: Ros2Network, timeout_ms: int = _OPEN_TIMEOUT_MS) -> zenoh.Session:
     config = zenoh.Config()
-    settings = _CONFIG | {"connect/endpoints": [network.router]}
+    settings = _CONFIG | {
+        "connect/endpoints": [network.router],
+        "connect/timeout_ms": timeout_ms,
+    }
     if tls := network.tls_settings():
         settings |= {"transport/link/tls": tls}
     for key, value in settings.items():
@@ -126,7 +131,7 @@ def look_at(network: Ros2Network, seconds: float) -> RosGraph:
     `seconds` is the longest wait for an answer. Raises SourceError if the network does not answer.
     """
     graph = RosGraph()
-    with _opened(network) as session:
+    with _opened(network, _LOOK_TIMEOUT_MS) as session:
         for pattern in TOKENS:
             for reply in session.liveliness().get(pattern, timeout=seconds):
                 if reply.ok is not None:

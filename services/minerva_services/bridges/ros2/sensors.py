@@ -30,7 +30,7 @@ from minerva_services.bridges.ros2.messages import (
     messages,
 )
 from minerva_services.bridges.ros2.network import Ros2Session
-from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses
+from minerva_services.bridges.ros2.uses import TopicUse, misfits, transforms_uses
 from minerva_services.bridges.ros_messages import (
     Frames,
     GarbageError,
@@ -165,12 +165,13 @@ class Ros2(Bridge):
             FIX: ("fix", "position", partial(readings.position_of, robot=robot)),
         }
 
-    def check(self, world: WorldInfo) -> None:
-        """Raises MisuseError if rosbags is missing, or the world has no event for maps."""
+    def check(self, world: WorldInfo) -> list[str]:
+        """What fits no robot. Raises MisuseError without rosbags, or an event for maps."""
         messages()
         if self._map_event:
             data = {"cells": Cells, "cell": Metres, "x": Metres, "y": Metres, "angle": Degrees}
             self._makes_map = EventFactory("ros2", world, self._map_event, **data)
+        return [problem for _, problem in misfits(self.network, self.uses())]
 
     def generates(self) -> tuple[str, ...]:
         """The event type of maps."""

@@ -56,6 +56,8 @@ def mismatches(
     graph: Iterable[Announced], network: Ros2Network, uses: Sequence[TopicUse]
 ) -> Iterator[tuple[str, str]]:
     """By option, what does not fit between a service and a network, and what to do."""
+    wrong = dict(misfits(network, uses))
+    yield from wrong.items()
     everything = list(graph)
     # For a view, nobody has to be there: RViz may come later.
     may_be_empty = not any(use.needed for use in uses)
@@ -66,10 +68,35 @@ def mismatches(
         yield _elsewhere(everything, network)
         return
     namespace = _namespace(here, network, uses)
-    for use in uses:
+    for use in [use for use in uses if use.option not in wrong]:
         problem = _problem(here, network, use, namespace)
         if problem:
             yield use.option, problem
+
+
+def misfits(network: Ros2Network, uses: Sequence[TopicUse]) -> Iterator[tuple[str, str]]:
+    """By option, what fits no robot, and what to do."""
+    if network.layout == "dds" and network.domain:
+        yield (
+            "domain",
+            f'domain = {network.domain} has no effect with layout = "dds": the bridge has its'
+            " own; remove it",
+        )
+    namespace = network.namespace.strip("/")
+    taken: dict[str, TopicUse] = {}
+    for use in uses:
+        name = f"/{network.name(use.topic)}"
+        twice = f"/{namespace}/{namespace}/"
+        if namespace and name.startswith(twice):
+            remedy = use.set_to(name.removeprefix(twice))
+            yield use.option, f"{name} has the namespace twice; {remedy}"
+        first = taken.setdefault(name, use)
+        if first.message != use.message:
+            yield (
+                use.option,
+                f"{name} is of {first.message} for {first.option}, not of {use.message}; set"
+                f" {use.option} to another topic",
+            )
 
 
 def is_of(each: Announced, network: Ros2Network) -> bool:

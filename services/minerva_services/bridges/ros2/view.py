@@ -22,7 +22,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
-from minerva_services.bridges.ros2.uses import TopicUse
+from minerva_services.bridges.ros2.uses import TopicUse, misfits
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import place_of
 from minerva_services.bridging.bridge import log
@@ -155,9 +155,13 @@ class Ros2View(Device, draws=("ePicture",)):
         goal = TopicUse("goal", self._goal, types.POSE_STAMPED, needed=False)
         return (*shown, goal) if self._goal else tuple(shown)
 
-    def joined(self, world: WorldInfo) -> None:
-        """Raises MisuseError if rosbags is missing."""
+    def check(self, world: WorldInfo) -> list[str]:
+        """What fits no robot. Raises MisuseError if rosbags is missing."""
         messages()
+        return [problem for _, problem in misfits(self.network, self.uses())]
+
+    def joined(self, world: WorldInfo) -> None:
+        self.check(world)
         self._world = world
         self._link = NetworkLink(
             self.network, "minerva_view", self._declare, lambda: None, _BEAT_SECONDS, self.uses()
