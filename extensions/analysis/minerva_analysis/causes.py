@@ -397,11 +397,16 @@ class Causes:
             return [link], "unknown: the frames before this one are lost"
         if not actor:
             return [link], "unknown: its id derives from no other agent"
-        calls = self._calls(actor, change.frame)
+        calls = self.calls(actor, change.frame)
         call = _last_setter(calls, change.before, name, attribute, new)
         remark = self._remark(change, attribute, call, calls)
         link, event = self._caused(replace(link, remark=remark), actor, call, attribute)
         return self._follow(link, event, remark)
+
+    def of_event(self, event: Event, number: int) -> tuple[list[Cause], str]:
+        """The links from an event that an agent sent in a frame to its origin, and the origin."""
+        link, caused_by = self._sent(event, event.sender, number)
+        return self._follow(link, caused_by, "")
 
     def rejected(self, name: str, frames: Sequence[int]) -> Iterator[str]:
         """What norms rejected in these frames, of an agent or for it."""
@@ -410,7 +415,7 @@ class Causes:
         judged = any(not norm.on for norm in refusing)
         for then in [self._past[n] for n in frames if n in self._past] if refusing else ():
             yield from rejected_events(self._world, then, name)
-            calls = self._calls(name, then.frame.number) if judged else ()
+            calls = self.calls(name, then.frame.number) if judged else ()
             step = self._rejected_step(name, then, calls)
             if step:
                 yield step
@@ -425,15 +430,19 @@ class Causes:
                 return links, _origin(source, event)
             if len(links) == MAX_LINKS or source.frame not in self._past:
                 return links, f"#{source.name} sent {event.type}; the chain is longer than this"
-            sends = [
-                call
-                for call in self._calls(source.name, source.frame)
-                if any(same_event(sent, event) for sent in call.emitted)
-            ]
-            sent = Cause(source.frame, source.name, f"sent {event.type}")
-            link, event = self._caused(sent, source.name, sends[-1] if sends else None)
+            link, event = self._sent(event, source.name, source.frame)
             links.append(link)
         return links, remark or "unknown: no event explains it"
+
+    def _sent(self, event: Event, name: str, number: int) -> tuple[Cause, Event | None]:
+        """The link of an event that an agent sent in a frame, and the event that caused it."""
+        sends = [
+            call
+            for call in self.calls(name, number)
+            if any(same_event(sent, event) for sent in call.emitted)
+        ]
+        link = Cause(number, name, f"sent {event.type}")
+        return self._caused(link, name, sends[-1] if sends else None)
 
     def _caused(
         self, link: Cause, actor: str, call: TracedCall | None, attribute: str = ""
@@ -485,7 +494,7 @@ class Causes:
 
     # --- one agent in one frame ---
 
-    def _calls(self, name: str, number: int) -> list[TracedCall]:
+    def calls(self, name: str, number: int) -> list[TracedCall]:
         if not self._kinds:
             return []
         then = self._past[number]

@@ -198,6 +198,29 @@ def run_swapped(
     Raises RecordError and WorldFileError; MisuseError if the member or its replacement cannot be
     used; WorldStopped if user code fails.
     """
+    return _again(path, world, into, progress, lambda record, file: _members(record, file, swap))
+
+
+def run_again(
+    path: Path, world: WorldSource, into: str, progress: Callable[[int, int], None]
+) -> Swapped:
+    """Compute a recorded run with today's code, up to the first difference.
+
+    Agents run again, and generators in step unless they need readings that were not recorded. What
+    people and all others sent is repeated. Raises as `run_swapped`.
+    """
+    return _again(path, world, into, progress, _members_again, to_difference=True)
+
+
+def _again(
+    path: Path,
+    world: WorldSource,
+    into: str,
+    progress: Callable[[int, int], None],
+    members_of: Callable[[Record, WorldFile], tuple[list[Member], Without]],
+    *,
+    to_difference: bool = False,
+) -> Swapped:
     # The new record would replace the file while it is read.
     if into and Path(into).resolve() == path.resolve():
         raise MisuseError(f"--record {into}: it is the record that is replayed; name another file")
@@ -207,7 +230,7 @@ def run_swapped(
         last = record.last()[0]
         if not last:
             raise no_frame(record)
-        members, without = _members(record, file, swap)
+        members, without = members_of(record, file)
         expected = frozenset(member.name for member in members)
         played = replace(description.world, frames=last, expected=expected)
         settings = RecordSettings(into) if into else RecordSettings()
@@ -216,7 +239,7 @@ def run_swapped(
         again = replace(
             file, world=played, record=settings, text=description.file, rate=description.rate
         )
-        return _run(record, again, members, without, progress)
+        return _run(record, again, members, without, progress, to_difference)
 
 
 # --- members ---
@@ -225,15 +248,38 @@ def run_swapped(
 def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member], Without]:
     """Hosts, the new member and recorded readings; and the inputs that they replace."""
     old = _replaced(file, swap.member)
-    others = [process for process in file.processes if process not in old]
-    # A command has none of these: what it offers is known only when it joins.
-    hellos = [process.make_member().hello() for process in old]
-    # The member that publishes recorded readings needs a name that no process has.
-    names = {process.name for process in file.processes}
-    reader = Member(next(name for name in READERS if name not in names), RecordedReadings(record))
+    reader = _reader(record, file)
     new = [_new_member(process, swap, file) for process in old]
     for member in new:
         _check_new(member, file, reader.hello().publishes, swap)
+    return _beside(file, old, reader, new)
+
+
+def _members_again(record: Record, file: WorldFile) -> tuple[list[Member], Without]:
+    """All members that can run again, and the inputs that they replace."""
+    reader, generators = _reader(record, file), list[tuple[ProcessSpec, Member]]()
+    for process in file.processes:
+        member = None if process.command else process.make_member()
+        if member is None or not isinstance(member.service, Generator):
+            continue
+        if member.when.is_awaited and set(member.topics) <= set(reader.hello().publishes):
+            generators.append((process, member))
+    return _beside(file, [process for process, _ in generators], reader, [m for _, m in generators])
+
+
+def _reader(record: Record, file: WorldFile) -> Member:
+    """The member that publishes recorded readings; it needs a name that no process has."""
+    names = {process.name for process in file.processes}
+    return Member(next(name for name in READERS if name not in names), RecordedReadings(record))
+
+
+def _beside(
+    file: WorldFile, old: list[ProcessSpec], reader: Member, new: list[Member]
+) -> tuple[list[Member], Without]:
+    """The members of a run in which `new` take the places of `old`, and the inputs not to feed."""
+    others = [process for process in file.processes if process not in old]
+    # A command has none of these: what it offers is known only when it joins.
+    hellos = [process.make_member().hello() for process in old]
     hosts = [process.make_member() for process in others if process.agents]
     drawn = {event for process in others for event in process.make_member().hello().draws}
     without = Without(
@@ -297,6 +343,7 @@ def _run(
     members: list[Member],
     without: Without,
     progress: Callable[[int, int], None],
+    to_difference: bool,
 ) -> Swapped:
     algorithm = FrameAlgorithm(file.world)
     rerun = Rerun(record, algorithm, without.inputs)
@@ -314,7 +361,7 @@ def _run(
         algorithm, members, rerun.compare, again, watch, on_readings=on_readings
     )
     try:
-        rerun.run(runner)
+        rerun.run(runner, to_difference=to_difference)
     except Exception as error:
         own = isinstance(error, MinervaError)
         problem = error if own else f"{type(error).__name__}: {error}"

@@ -87,6 +87,45 @@ def diff(
 
 
 @examples(
+    "minerva bisect run.mcap",
+    "minerva bisect before.mcap after.mcap --world-a old/pond.toml --world-b new/pond.toml",
+)
+def bisect(
+    a: Record,
+    b: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Another record; default: today's code, run again on the inputs of A.",
+            autocompletion=completing.records,
+        ),
+    ] = None,
+    world_a: Annotated[
+        str, typer.Option(help="World file with the code of A; default: the one of its record.")
+    ] = "",
+    world_b: Annotated[str, typer.Option(help="World file with the code of B.")] = "",
+    json: Json = False,
+) -> None:
+    """Show why two runs part: the agent, method, event and line whose result differs first.
+
+    Their first different frame is computed again from its recorded inputs, with the code of each
+    side; of two revisions of the code it also shows the functions that differ. The exit code is 1
+    if the runs differ. This runs the Python code of the world files.
+    """
+    from minerva_analysis.bisection import bisect as search
+    from minerva_bus.cli.output import FAILED, print_answer, print_message, progress_bar
+    from minerva_bus.errors import WorldStopped
+
+    try:
+        with progress_bar("recompute") as report:
+            parting = search(a, b, world_a=world_a, world_b=world_b, progress=report)
+    except WorldStopped as stopped:
+        print_message(f"minerva: {stopped}")
+        raise typer.Exit(FAILED) from stopped
+    print_answer(parting, json)
+    raise typer.Exit(0 if parting.difference.same else FAILED)
+
+
+@examples(
     "minerva plot run.mcap --output run.pdf",
     "minerva plot run.mcap --collect 'mean(APerson.days)' --collect 'count(APerson)'",
     "minerva plot sir.parquet --series sick,immune",
