@@ -2,6 +2,7 @@
 
 records, explaining, causes   `explain`: how a value came about; `diff`
 past_frames                   frames of a record that are computed again
+bisection, first_cause        `bisect`: why two runs part
 swapping                      `swap`: a recorded run again with one member replaced
 halts                         why a running world does not advance
 record_tables, table_files    `export`: tables of what was not collected while a world ran
@@ -15,12 +16,14 @@ from minerva_bus.public_names import imported_at_first_use
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from minerva_analysis.bisection import Parting, bisect
     from minerva_analysis.graphs import Graph, graph
     from minerva_analysis.record_tables import Export, export
     from minerva_analysis.records import diff, explain
     from minerva_analysis.swapping import replay_swapped
 
 _HOMES = {
+    "bisection": "Parting bisect",
     "graphs": "Graph graph",
     "record_tables": "Export export",
     "records": "diff explain",
@@ -28,4 +31,14 @@ _HOMES = {
 }
 __getattr__ = imported_at_first_use(__name__, _HOMES)
 
-__all__ = ["Export", "Graph", "diff", "explain", "export", "graph", "replay_swapped"]
+__all__ = [
+    "Export",
+    "Graph",
+    "Parting",
+    "bisect",
+    "diff",
+    "explain",
+    "export",
+    "graph",
+    "replay_swapped",
+]

@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from minerva_analysis.causes import person_behind, sources_of
 from minerva_analysis.comparing import compare
-from minerva_analysis.first_cause import Answer, Function, Question
+from minerva_analysis.first_cause import CauseAnswer, CauseQuestion, SourceFunction
 from minerva_analysis.past_frames import PastFrame, past_frames
 from minerva_analysis.swapping import run_again
 from minerva_bus.arguments import path_of
@@ -142,7 +142,7 @@ def _parting(a: Path, b: Path, sides: tuple[str, str], world_a: str, world_b: st
         in_a, in_b = (next(past_frames(each, number, number + 1), None) for each in (first, second))
     if in_a is None or in_b is None or in_a.frame.number != in_b.frame.number:
         return Parting(difference)
-    asked = (Question(str(a), world_a, number), Question(str(b), world_b, number))
+    asked = (CauseQuestion(str(a), world_a, number), CauseQuestion(str(b), world_b, number))
     if not same_events(in_a.frame.events, in_b.frame.events):
         return _of_events(difference, asked, (in_a, in_b))
     for change in difference.changes:
@@ -156,7 +156,9 @@ def _parting(a: Path, b: Path, sides: tuple[str, str], world_a: str, world_b: st
 
 
 def _of_events(
-    difference: Difference, asked: tuple[Question, Question], pasts: tuple[PastFrame, PastFrame]
+    difference: Difference,
+    asked: tuple[CauseQuestion, CauseQuestion],
+    pasts: tuple[PastFrame, PastFrame],
 ) -> Parting:
     """The cause of other events: the first source that sent others."""
     number, in_a, in_b = pasts[0].frame.number, *map(sources_of, pasts)
@@ -182,7 +184,7 @@ def _of_events(
 
 def _of_agents(
     difference: Difference,
-    asked: tuple[Question, Question],
+    asked: tuple[CauseQuestion, CauseQuestion],
     sent: tuple[list[Event], list[Event]],
 ) -> Parting:
     """The cause of other events of agents: the first agent that sent another, a frame before."""
@@ -214,7 +216,7 @@ def _first_without(events: list[Event], others: list[Event]) -> int:
     return next((place for place, event in enumerate(events) if event not in known), -1)
 
 
-def _answered(difference: Difference, cause: str, asked: Sequence[Question]) -> Parting:
+def _answered(difference: Difference, cause: str, asked: Sequence[CauseQuestion]) -> Parting:
     """The cause with the answers of both sides. Raises MinervaError."""
     running = [_ask(question, seed) for seed, question in enumerate(asked)]
     try:
@@ -228,7 +230,7 @@ def _answered(difference: Difference, cause: str, asked: Sequence[Question]) -> 
     return Parting(difference, cause, asked[0].frame, (a.lines, b.lines), functions, remark)
 
 
-def _ask(question: Question, seed: int) -> subprocess.Popen[str]:
+def _ask(question: CauseQuestion, seed: int) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "minerva_analysis.first_cause"]
     process = subprocess.Popen(  # noqa: S603
         command,
@@ -246,7 +248,7 @@ def _ask(question: Question, seed: int) -> subprocess.Popen[str]:
     return process
 
 
-def _answer(process: subprocess.Popen[str]) -> Answer:
+def _answer(process: subprocess.Popen[str]) -> CauseAnswer:
     try:
         printed, problems = process.communicate(timeout=SECONDS)
     except subprocess.TimeoutExpired:
@@ -256,11 +258,11 @@ def _answer(process: subprocess.Popen[str]) -> Answer:
     if process.returncode:
         error = WorldStopped if process.returncode == 1 else MinervaError
         raise error(problems.strip() or "a process ended without an answer")
-    return Answer.of_plain(json.loads(printed.splitlines()[-1]))
+    return CauseAnswer.of_plain(json.loads(printed.splitlines()[-1]))
 
 
 def _differing(
-    a: Mapping[str, Function], b: Mapping[str, Function]
+    a: Mapping[str, SourceFunction], b: Mapping[str, SourceFunction]
 ) -> Iterator[FunctionDifference]:
     for name in sorted({*a, *b}):
         x, y = a.get(name), b.get(name)
@@ -274,17 +276,17 @@ def _differing(
                 break
 
 
-def _numbered(function: Function) -> list[tuple[int, str]]:
+def _numbered(function: SourceFunction) -> list[tuple[int, str]]:
     """The lines of a function that are not blank, with their numbers."""
     lines = enumerate(function.text.split("\n"), function.line)
     return [(number, line) for number, line in lines if line.strip()]
 
 
-def _at(function: Function, number: int, line: str) -> str:
+def _at(function: SourceFunction, number: int, line: str) -> str:
     return f"{function.file}:{number}  {line.strip()}" if number else line
 
 
-def _remark(a: Answer, b: Answer, first: str, second: str) -> str:
+def _remark(a: CauseAnswer, b: CauseAnswer, first: str, second: str) -> str:
     """What the same code computes now on both sides."""
     if a.computed != b.computed:
         return (

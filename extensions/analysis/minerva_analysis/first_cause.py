@@ -42,7 +42,7 @@ BEFORE: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class CauseQuestion:
     """What differs in frame `frame` of the record at `path`, with the code of `world`.
 
     `agent` and `attribute`: a value that became so in this frame, or an agent without attribute.
@@ -61,7 +61,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Function:
+class SourceFunction:
     """A function of a user's code, or what a module has outside of functions."""
 
     file: str
@@ -70,7 +70,7 @@ class Function:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class CauseAnswer:
     """The steps that led to it, as lines, and what the code computes now from the same inputs.
 
     `computed` is empty if no code ran. `repeated`: whether it is what the record has. `functions`:
@@ -80,16 +80,16 @@ class Answer:
     lines: tuple[str, ...] = ()
     computed: str = ""
     repeated: bool = False
-    functions: Mapping[str, Function] = field(default_factory=dict[str, Function])
+    functions: Mapping[str, SourceFunction] = field(default_factory=dict[str, SourceFunction])
 
     @classmethod
-    def of_plain(cls, plain: Mapping[str, Any]) -> Answer:
+    def of_plain(cls, plain: Mapping[str, Any]) -> CauseAnswer:
         """An answer from a JSON object."""
-        functions = {name: Function(**each) for name, each in plain["functions"].items()}
+        functions = {name: SourceFunction(**each) for name, each in plain["functions"].items()}
         return cls(tuple(plain["lines"]), plain["computed"], plain["repeated"], functions)
 
 
-def answered(question: Question) -> Answer:
+def answered(question: CauseQuestion) -> CauseAnswer:
     """The answer to a question. Raises MinervaError."""
     path, frame = Path(question.path), question.frame
     with Record(path) as record:
@@ -111,8 +111,11 @@ def answered(question: Question) -> Answer:
 
 
 def _changed(
-    question: Question, causes: Causes, past: Mapping[int, PastFrame], calls: Sequence[TracedCall]
-) -> Answer:
+    question: CauseQuestion,
+    causes: Causes,
+    past: Mapping[int, PastFrame],
+    calls: Sequence[TracedCall],
+) -> CauseAnswer:
     """How the value became so in this record."""
     name, then = question.agent, past[question.frame]
     before, after = agent_in(then.before, name), agent_in(then.after, name)
@@ -127,10 +130,10 @@ def _changed(
     else:
         change = ValueChange(then.frame.number, before, after)
         lines = _shown(*causes.of_change(change, attribute))
-    return Answer(tuple(lines), computed, repeated)
+    return CauseAnswer(tuple(lines), computed, repeated)
 
 
-def _value(agent: AgentNode | None, question: Question) -> str:
+def _value(agent: AgentNode | None, question: CauseQuestion) -> str:
     """The agent, or its attribute, in words."""
     if agent is None or not question.attribute:
         return f"#{question.agent} is {'not ' if agent is None else ''}there"
@@ -138,41 +141,44 @@ def _value(agent: AgentNode | None, question: Question) -> str:
 
 
 def _sent(
-    question: Question, causes: Causes, past: Mapping[int, PastFrame], calls: Sequence[TracedCall]
-) -> Answer:
+    question: CauseQuestion,
+    causes: Causes,
+    past: Mapping[int, PastFrame],
+    calls: Sequence[TracedCall],
+) -> CauseAnswer:
     """How the event came to be sent in this record."""
     frame = question.frame
     emitted = [event for call in calls for event in call.emitted]
     computed = ("; ".join(map(event_text, emitted)) or "no event") if calls else ""
     if question.place < 0:
-        return Answer((f"frame {frame}: #{question.agent} did not send it",), computed)
+        return CauseAnswer((f"frame {frame}: #{question.agent} did not send it",), computed)
     after = past.get(frame + 1)
     sent = after.checkpoint.emitted if after is not None and after.checkpoint is not None else ()
     event = next(islice(single(sent), question.place, None))
     repeated = any(same_event(event, each) for each in emitted)
-    return Answer(tuple(_shown(*causes.of_event(event, frame))), computed, repeated)
+    return CauseAnswer(tuple(_shown(*causes.of_event(event, frame))), computed, repeated)
 
 
 def _shown(links: Sequence[Cause], origin: str) -> list[str]:
     return [*(line for link in links for line in link.lines()), f"origin: {origin}"]
 
 
-def _generated(question: Question, file: WorldFile) -> Answer:
+def _generated(question: CauseQuestion, file: WorldFile) -> CauseAnswer:
     """The class of a generator, whose state before the frame is not in a record."""
     process = next((each for each in file.processes if each.name == question.member), None)
     if process is None or process.make_service is None:
-        return Answer()
+        return CauseAnswer()
     cls = type(process.make_service())
     lines = [f"frame {question.frame}: {question.member} generated it"]
     if issubclass(cls, Generator) and (place := defined(cls.generate)) is not None:
         lines.append(f"  in {cls.__name__}.generate, {place.where}")
-    return Answer(tuple(lines), functions=_functions([cls]))
+    return CauseAnswer(tuple(lines), functions=_functions([cls]))
 
 
 # --- the code ---
 
 
-def _functions(classes: Iterable[type]) -> dict[str, Function]:
+def _functions(classes: Iterable[type]) -> dict[str, SourceFunction]:
     """The functions of users' modules in the folders of classes, by qualified name.
 
     The name of a module stands for all that it has outside of functions.
@@ -184,7 +190,7 @@ def _functions(classes: Iterable[type]) -> dict[str, Function]:
     }
     bases = {base.__module__ for cls in classes for base in cls.__mro__}
     folders = {files[name].parent for name in bases if name in files}
-    functions: dict[str, Function] = {}
+    functions: dict[str, SourceFunction] = {}
     for module, path in files.items():
         if path.parent not in folders or path.suffix != ".py":
             continue
@@ -192,10 +198,12 @@ def _functions(classes: Iterable[type]) -> dict[str, Function]:
         lines = dict(enumerate(text.splitlines(), 1))
         for name, node in _defined(ast.parse(text), module):
             own = range(node.lineno, (node.end_lineno or node.lineno) + 1)
-            functions[name] = Function(str(path), node.lineno, "\n".join(lines[n] for n in own))
+            functions[name] = SourceFunction(
+                str(path), node.lineno, "\n".join(lines[n] for n in own)
+            )
             # The other lines keep their numbers.
             lines.update(dict.fromkeys(own, ""))
-        functions[module] = Function(str(path), 1, "\n".join(lines.values()))
+        functions[module] = SourceFunction(str(path), 1, "\n".join(lines.values()))
     return functions
 
 
@@ -211,12 +219,12 @@ def _defined(
 
 
 def main() -> int:
-    """Answer the question of standard input.
+    """CauseAnswer the question of standard input.
 
     With a message on standard error, the exit code is 2 for bad input and 1 if users' code fails.
     """
     try:
-        answer = answered(Question(**json.load(sys.stdin)))
+        answer = answered(CauseQuestion(**json.load(sys.stdin)))
     except Exception as error:
         foreign = isinstance(error, MinervaError) and not isinstance(error, UserCodeError)
         sys.stderr.write(f"{error if foreign else report(error)}\n")
