@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from sweeping import drive, place_at, spread, swept, without_path
 
 from minerva_agents.robot.mapping import MapChoice, draw_map
+from minerva_agents.robot.time_offset import OffsetEstimator
 from minerva_agents.robot.trajectories import ScanMotion, located_scans
 from minerva_bus.log.recordings import Compensator, Recorded, path_of
 from minerva_bus.semantics.poses import Pose
@@ -223,3 +224,57 @@ def test_without_odometry_matching_finds_the_motion_first():
     before, after = spreads([message.scan for message in again], place)
     assert (before > 8.0, after < 1.0) == (True, True)
     assert wall_cells(recorded, poses="matched")[1] == 0
+
+
+# --- the time offset is estimated ---
+
+
+def sharper(place, late=0.0, **more):
+    """The estimate for a recording whose scans are stamped too late."""
+    estimator = OffsetEstimator()
+    recorded = drive(place, **{"seconds": 8.0, "beams": 120, "step": 3.0, **more})
+    for _ in estimator.watched(Compensator(late).all(recorded)):
+        pass
+    return estimator.sharper(0.05)
+
+
+def wavering(time):
+    """A robot that turns to one side and to the other."""
+    return Pose(0.3 * np.sin(time), 0.2 * np.cos(time), float(40 * np.sin(1.5 * time)))
+
+
+@pytest.mark.parametrize("late", [0.15, -0.3])
+@pytest.mark.parametrize("step", [3.0, -3.0], ids=["counter-clockwise", "clockwise"])
+def test_the_offset_with_the_sharpest_walls_is_suggested(late, step):
+    found = sharper(wavering, late, step=step, mount=(0.2, -0.1, 90.0))
+    assert found.offset == pytest.approx(-late, abs=0.02)
+    assert found.cells < 0.9
+
+
+@pytest.mark.parametrize(
+    ("place", "late", "more"),
+    [
+        (wavering, 0.0, {}),
+        (partial(place_at, speed=0.2, turn=0.0), 0.2, {}),
+        (wavering, 2.0, {}),
+        (wavering, 0.15, {"rate": 1.0}),
+        (wavering, 0.15, {"odometry": False}),
+    ],
+    ids=["right", "no turn", "too far", "rare odometry", "no odometry"],
+)
+def test_no_offset_is_suggested_without_a_sharper_map(place, late, more):
+    assert sharper(place, late, **more) is None
+
+
+@pytest.mark.parametrize("poses", ["published", "matched"])
+@pytest.mark.parametrize(
+    ("present", "suggested"),
+    [(0.25, "with --time-offset 0.00"), (0.0, None)],
+    ids=["late", "right"],
+)
+def test_a_map_suggests_its_time_offset(poses, present, suggested):
+    recorded = drive(wavering, seconds=6.0, beams=120, step=3.0)
+    choice = MapChoice(poses=poses, time_offset=present)
+    notes = draw_map(lambda: Tape(recorded), choice, lambda part: None).notes
+    said = [note for note in notes if "walls are sharper" in note]
+    assert [suggested in note for note in said] == [True] * (suggested is not None)

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from minerva_agents.robot.grid import free, obstacles
 from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from minerva_agents.robot.pose import Reals
+from minerva_agents.robot.time_offset import OffsetEstimator
 from minerva_agents.robot.trajectories import (
     MIN_LOOP,
     NEAR,
@@ -218,9 +219,12 @@ def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progres
     way, angle = np.array(canvas.way), canvas.first_angle
     left_out, drift = extent.unposed, located.drift
     scans, places = [item.scan for item in posed_all], [place_of(item) for item in posed_all]
+    # Poses that the recording gives for its scans do not depend on times.
+    by_times = not all(item.is_published for item in posed_all) or choice.poses != "published"
     notes = (
         *_window_notes(choice, located.outside),
         *located.notes,
+        *(_offset_notes(choice, located.offsets) if by_times else ()),
         *doubling_notes(scans, places, choice.poses),
     )
     return Drawn(
@@ -245,6 +249,7 @@ class _Trajectory:
         self._points: list[TrajectoryPoint] = []
         self.notes: list[str] = []
         self.outside = Counter[str]()
+        self.offsets = OffsetEstimator()
 
     @property
     def drift(self) -> Drift | None:
@@ -254,16 +259,19 @@ class _Trajectory:
     def first(
         self, recording: Recording, choice: MapChoice, progress: Progress
     ) -> Iterator[Posed | Unposed]:
+        part_of_all = 1.0 if choice.poses == "published" else 0.6
+        readings = self.offsets.watched(
+            _between(recording, choice, lambda part: progress(part_of_all * part), Counter())
+        )
         if choice.poses == "published":
-            yield from _published(recording, choice, progress, Counter())
+            yield from _published(readings, choice)
             return
-        located = list(_located(recording, choice, lambda part: progress(0.6 * part), NO_MOTION))
+        located = list(_located(readings, choice, NO_MOTION))
         if choice.poses == "matched":
             # The matched poses give the motion by which a second round corrects its scans.
             if any(needs_path(scan.scan) for scan in located):
-                located = list(
-                    _located(recording, choice, lambda part: None, ScanMotion.of(located))
-                )
+                readings = _between(recording, choice, lambda part: None, Counter())
+                located = list(_located(readings, choice, ScanMotion.of(located)))
             located = self._closed(located, lambda part: progress(0.6 + 0.4 * part))
         for scan in located:
             self._remember(scan)
@@ -289,7 +297,7 @@ class _Trajectory:
     def again(
         self, recording: Recording, choice: MapChoice, progress: Progress
     ) -> Iterator[Posed | Unposed]:
-        published = _published(recording, choice, progress, self.outside)
+        published = _published(_between(recording, choice, progress, self.outside), choice)
         if choice.poses == "published":
             yield from published
             return
@@ -307,11 +315,11 @@ class _Trajectory:
 
 
 def _located(
-    recording: Recording, choice: MapChoice, progress: Progress, motion: ScanMotion
+    readings: Iterable[Recorded], choice: MapChoice, motion: ScanMotion
 ) -> Iterator[Located]:
     """The scans at estimated poses."""
     return located_scans(
-        _between(recording, choice, progress, Counter()),
+        readings,
         cell=choice.cell,
         farthest=choice.farthest,
         matched=choice.poses == "matched",
@@ -319,11 +327,9 @@ def _located(
     )
 
 
-def _published(
-    recording: Recording, choice: MapChoice, progress: Progress, outside: Counter[str]
-) -> Iterator[Posed | Unposed]:
+def _published(readings: Iterable[Recorded], choice: MapChoice) -> Iterator[Posed | Unposed]:
     """The scans to draw, at the recording's own poses."""
-    for posed in posed_scans(_between(recording, choice, progress, outside)):
+    for posed in posed_scans(readings):
         yield replace(posed, scan=shortened(posed.scan, choice.farthest))
 
 
@@ -354,6 +360,17 @@ def _window_notes(choice: MapChoice, outside: Counter[str]) -> list[str]:
     if outside["after"]:
         notes.append(f"readings after {choice.end:g} s are not read (--to)")
     return notes
+
+
+def _offset_notes(choice: MapChoice, offsets: OffsetEstimator) -> list[str]:
+    """A line with another time offset, if walls are sharper with it."""
+    better = offsets.sharper(choice.cell)
+    if better is None:
+        return []
+    return [
+        f"walls are sharper with --time-offset {choice.time_offset + better.offset:.2f}: where the"
+        f" robot turns, {1 - better.cells:.0%} fewer cells are hit"
+    ]
 
 
 # --- files ----------------------------------------------------------------------------------------
