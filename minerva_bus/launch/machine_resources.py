@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import column_bytes
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wording import counted
 
@@ -210,17 +210,6 @@ def prepare(wanted: bool | None, scene: Scene, needed: int, note: Callable[[str]
     if wanted and not shared:
         note(f"no room for {needed >> 20} MB of shared memory; large messages go through sockets")
     return shared
-
-
-def column_bytes(scene: Scene) -> int:
-    """Bytes of the numbers in a string's columns, which its populations will send."""
-    return sum(
-        column.array.nbytes
-        for piece in scene.pieces
-        if isinstance(piece, Columns)
-        for column in piece.all_columns()
-        if column.array.dtype != object
-    )
 
 
 def has_room(needed: int, folder: Path = SHARED_MEMORY) -> bool:

@@ -7,9 +7,9 @@ import signal
 import numpy as np
 
 from minerva_bus import parse
+from minerva_bus.grammar.columns import column_bytes
 from minerva_bus.launch.machine_resources import (
     SHARED_MEMORY,
-    column_bytes,
     has_room,
     remove_orphans,
 )
