@@ -20,6 +20,7 @@ from minerva_bus.files import check_output, check_replaceable
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.frame.world_state import WorldSpec
+from minerva_bus.grammar.columns import column_bytes
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
 from minerva_bus.log.channels import check_installed, encode_log
@@ -46,6 +47,9 @@ if TYPE_CHECKING:
 CHUNK: Final = 4 << 20
 """Bytes of a chunk before compression. Large, because the maps of robots repeat between frames."""
 
+LARGE: Final = CHUNK
+"""Bytes of the numbers in columns from which on a frame alone fills a chunk with them."""
+
 HEAD: Final = 31
 """Bytes of a message without its data (MCAP specification, Message)."""
 
@@ -66,7 +70,7 @@ class McapFile:
         self._is_dirty = False
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._writer = _mcap_writer(stream)
+        self._writer = _mcap_writer(stream, is_large=column_bytes(world.scene) >= LARGE)
         self._writer.start(c.PROFILE, f"minerva-bus {__version__}")
         self._writer.add_metadata(
             "minerva", {"world": world.name, "seed": str(world.seed), "dt": repr(world.dt)}
@@ -134,11 +138,14 @@ class McapFile:
         _sync(self._stream)
 
 
-def _mcap_writer(stream: IO[bytes]) -> Writer:
+def _mcap_writer(stream: IO[bytes], *, is_large: bool) -> Writer:
     check_installed()
     from mcap.writer import CompressionType, Writer
 
-    return Writer(stream, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+    # Most numbers of a large population compress badly, and zstd takes as long for them as all else
+    # in the record.
+    compression = CompressionType.LZ4 if is_large else CompressionType.ZSTD
+    return Writer(stream, chunk_size=CHUNK, compression=compression)
 
 
 def _sync(stream: IO[bytes]) -> None:

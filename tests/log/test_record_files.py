@@ -8,7 +8,7 @@ import pytest
 from minerva_bus.errors import RecordError
 from minerva_bus.grammar.events import single
 from minerva_bus.log import channels as c
-from minerva_bus.log import chunks
+from minerva_bus.log import chunks, record_writer
 from minerva_bus.log.entries import encode_frame, encode_header
 from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import (
@@ -38,6 +38,14 @@ def test_frames_and_strings_survive_a_round_trip(name, tmp_path):
         assert frame.digest == done.digest
         assert list(single(frame.events)) == list(single(done.events))
         assert frame.seconds == pytest.approx(0.01 * frame.number)
+
+
+def test_large_populations_are_packed_quickly(tmp_path, monkeypatch):
+    monkeypatch.setattr(record_writer, "LARGE", 80 * 4 * 8)
+    _, frames = happened("flock")
+    with record_of(bytes_of("flock", 20), tmp_path) as record:
+        assert {place.packing for place in record._chunks.places} == {"lz4"}
+        assert [string for _, string in record.strings(check=True)] == [w for _, w in frames]
 
 
 @pytest.mark.parametrize("name", NAMES)
