@@ -9,10 +9,13 @@ import pytest
 pytest.importorskip("rosbags")
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.log.recordings import RecordingError
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.rosbag import Rosbag, open_bag
 from minerva_services.bridging.testing import RunningBridge
+from tests.bridges.recorded import write_bag
 from tests.bridges.ros2_peers import Node
 from tests.bridges.ros2_rig import network, scan, transforms
 from tests.patience import eventually
@@ -72,6 +75,33 @@ def test_points_in_a_band_of_heights_are_a_scan(kind, order):
     assert topic == "scan"
     assert hits == {90.0: pytest.approx(2.0), -180.0: pytest.approx(1.5)}
     assert (reading.mount_x, reading.mount_angle, reading.time) == (pytest.approx(-0.04), 0.0, 1.5)
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_a_bag_plays_points_as_a_network_does(tmp_path, suffix):
+    said, store = [], messages().store
+    points = cloud([(2.0, 0.0, 0.5), (3.0, 0.0, 0.5), (0.0, 1.5, 3.0)])
+    placed = [(0.0, "/tf_static", transforms(90.0)), (0.1, "/a_points", points)]
+    path = write_bag(tmp_path / f"points{suffix}", store, placed)
+    _, expected = read(bridge(points="points"), types.POINTS, points)
+    (played,) = open_bag(path, said.append).readings()
+    assert (played.topic, played.reading.ranges.tolist()) == ("scan", expected.ranges.tolist())
+    assert (played.reading.mount_x, played.reading.time) == (pytest.approx(-0.04), 1.5)
+    # Scans of the same bag are preferred; another band needs the topic's own name.
+    path = write_bag(tmp_path / f"both{suffix}", store, [*placed, (0.2, "/scan", scan())])
+    (played,) = open_bag(path, lambda *line: said.append(line)).readings()
+    assert len(played.reading.ranges) == 6
+    bridged = Rosbag(str(path), topics={"/a_points": "cloud"}, points_low=1.0, points_high=4.0)
+    (played,) = bridged.recording().readings()
+    assert (played.topic, sum(played.reading.ranges > 0)) == ("cloud", 1)
+
+
+def test_points_of_a_bag_without_transforms_say_so(tmp_path):
+    path = write_bag(
+        tmp_path / "points.db3", messages().store, [(0.0, "/points", cloud([(1, 1, 1)]))]
+    )
+    with pytest.raises(RecordingError, match="no transform from laser to base_link in /tf_static"):
+        list(open_bag(path, lambda *line: None).readings())
 
 
 def test_clouds_that_are_none():

@@ -85,12 +85,25 @@ class Frames:
 
     def on_its_robot(self, frame: str) -> SensorMount:
         """Mount of a sensor on the `base_link` above it, otherwise on the topmost frame."""
-        base = frame
-        for base, _ in self._above(_bare(frame)):
-            if base.rpartition("/")[2] == BASE:
-                break
+        base = self._base_above(frame)
         mounting = self.mounting(base, frame) if base != _bare(frame) else None
         return mounting or SensorMount()
+
+    def placed_on_its_robot(self, frame: str) -> Matrix:
+        """The transform from a frame to that `base_link` or topmost frame. Raises UnplacedError."""
+        base = self._base_above(frame)
+        placed = self.matrix(base, frame)
+        # Heights of points are those above the base, which a sensor's own frame does not tell.
+        if placed is None or (
+            base == _bare(frame) and not base.rpartition("/")[2].startswith("base")
+        ):
+            raise UnplacedError(f"no transform from {frame} to {BASE} in /tf_static")
+        return placed
+
+    def _base_above(self, frame: str) -> str:
+        """The `base_link` above a frame, otherwise the topmost frame."""
+        above = [name for name, _ in self._above(_bare(frame))]
+        return next((name for name in above if name.rpartition("/")[2] == BASE), above[-1])
 
     def _above(self, frame: str) -> Iterator[tuple[str, Matrix]]:
         """A frame and its ancestors, each with the transform to it."""

@@ -27,20 +27,22 @@ _CENTRE: Final = SensorMount()
 class HeightBand:
     """Which points of a cloud are obstacles: metres above the robot's base, and from the sensor."""
 
-    low: float
-    high: float
-    reach: float
+    low: float = 0.1
+    high: float = 1.0
+    reach: float = 10.0
 
     def __post_init__(self) -> None:
         numbers = self.low, self.high, self.reach
         if not (all(map(math.isfinite, numbers)) and self.low < self.high and self.reach > 0):
             raise MisuseError(
-                f"ros2: points_low, points_high and points_range are {self.low}, {self.high} and"
+                f"points_low, points_high and points_range are {self.low}, {self.high} and"
                 f" {self.reach}; expected a lower height, a higher one, and metres above 0"
             )
 
 
-def scan_of_points(message: Any, robot: str, placed: Matrix, band: HeightBand) -> Scan:
+def scan_of_points(
+    message: Any, robot: str, placed: Matrix, band: HeightBand, time: float | None = None
+) -> Scan:
     """A PointCloud2 as a scan around the sensor: in each direction, the nearest point of the band.
 
     A direction without a point is not measured: a cloud does not tell what is free. `placed` is
@@ -59,7 +61,7 @@ def scan_of_points(message: Any, robot: str, placed: Matrix, band: HeightBand) -
     ranges[np.isinf(ranges)] = 0.0
     return Scan(
         robot, ranges.astype(np.float32), -180.0, 360.0 / _BEAMS, band.reach,
-        stamp_of(message), float(placed[0, 3]), float(placed[1, 3]), 0.0,
+        stamp_of(message) if time is None else time, float(placed[0, 3]), float(placed[1, 3]), 0.0,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from minerva_services.bridges.ros_messages import (
     images,
     readings,
 )
-from minerva_services.bridges.ros_messages.ranges import scan_of_range
+from minerva_services.bridges.ros_messages.ranges import HeightBand, scan_of_points, scan_of_range
 from minerva_services.sensors.clocks import FirstSkip, watched
 from minerva_services.sensors.playback import MountOverride
 
@@ -26,24 +26,27 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 
-@dataclass(frozen=True, slots=True)
-class Conversion:
-    """Conversion of a message type, and its default topic."""
-
-    topic: str
-    read: Callable[[Any, str, SensorMount, float | None], Reading]
-
-
-CONVERSIONS: Final[Mapping[str, Conversion]] = {
-    "sensor_msgs/msg/LaserScan": Conversion("scan", readings.scan_of),
-    "nav_msgs/msg/Odometry": Conversion("odometry", readings.odometry_of),
-    "sensor_msgs/msg/Image": Conversion("image", images.image_of),
-    "sensor_msgs/msg/CompressedImage": Conversion("image", images.file_of),
-    "sensor_msgs/msg/BatteryState": Conversion("battery", readings.battery_of),
-    "sensor_msgs/msg/NavSatFix": Conversion("position", readings.position_of),
-    "sensor_msgs/msg/Range": Conversion("range", scan_of_range),
+_POINTS: Final = "sensor_msgs/msg/PointCloud2"
+_READERS: Final[Mapping[str, Callable[[Any, str, SensorMount, float | None], Reading]]] = {
+    "sensor_msgs/msg/LaserScan": readings.scan_of,
+    "nav_msgs/msg/Odometry": readings.odometry_of,
+    "sensor_msgs/msg/Image": images.image_of,
+    "sensor_msgs/msg/CompressedImage": images.file_of,
+    "sensor_msgs/msg/BatteryState": readings.battery_of,
+    "sensor_msgs/msg/NavSatFix": readings.position_of,
+    "sensor_msgs/msg/Range": scan_of_range,
 }
-"""Keyed by type name; rosbags uses the same names for ROS 1."""
+TOPICS: Final[Mapping[str, str]] = {
+    "sensor_msgs/msg/LaserScan": "scan",
+    "nav_msgs/msg/Odometry": "odometry",
+    "sensor_msgs/msg/Image": "image",
+    "sensor_msgs/msg/CompressedImage": "image",
+    "sensor_msgs/msg/BatteryState": "battery",
+    "sensor_msgs/msg/NavSatFix": "position",
+    "sensor_msgs/msg/Range": "range",
+    _POINTS: "scan",
+}
+"""Default topics by type name; rosbags uses the same names for ROS 1."""
 
 
 _TF_STATIC: Final = "tf_static"
@@ -66,8 +69,8 @@ class PlayedTopic:
 class Bag:
     """An open bag. `topics` maps topics of the bag to those of the world.
 
-    Without `topics`, the first topic by name of each kind of reading is played. Raises
-    RecordingError.
+    Without `topics`, the first topic by name of each kind of reading is played, and point clouds
+    only without laser scans. `band` is that of their points. Raises RecordingError.
     """
 
     path: Path
@@ -75,6 +78,7 @@ class Bag:
     robot: str = "r1"
     mounting: MountOverride = field(default_factory=MountOverride)
     topics: Mapping[str, str] = field(default_factory=dict[str, str])
+    band: HeightBand = field(default_factory=HeightBand)
     part: float = 0.0
     _reader: AnyReader = field(init=False)
     _is_open: bool = field(init=False, default=True)
@@ -161,17 +165,21 @@ class Bag:
         header = message.header
         # Some drivers leave the stamp at 0.
         time = header.stamp.sec + header.stamp.nanosec * _NANOSECOND or stamp
+        kind = _kind(played.connection)
+        if kind == _POINTS:
+            placed = self._frames.placed_on_its_robot(header.frame_id)
+            scan = scan_of_points(message, self.robot, placed, self.band, time)
+            return Recorded(stamp, played.topic, scan)
         sensor = self._frames.on_its_robot(header.frame_id)
         mounting = replace(sensor, mount=self.mounting.over(sensor.mount))
-        read = CONVERSIONS[_kind(played.connection)].read
-        return Recorded(stamp, played.topic, read(message, self.robot, mounting, time))
+        return Recorded(stamp, played.topic, _READERS[kind](message, self.robot, mounting, time))
 
     def _chosen(self) -> Iterator[PlayedTopic]:
         """The connections to play. Raises RecordingError."""
         known = {item.topic: _kind(item) for item in self._reader.connections}
         chosen = self._named(known) if self.topics else self._first_ones(known)
         for connection in self._reader.connections:
-            if connection.topic in chosen and _kind(connection) in CONVERSIONS:
+            if connection.topic in chosen and _kind(connection) in TOPICS:
                 yield PlayedTopic(connection, chosen[connection.topic])
 
     def _named(self, known: Mapping[str, str]) -> Mapping[str, str]:
@@ -179,23 +187,27 @@ class Bag:
             if topic not in known:
                 there = ", ".join(sorted(known)) or "none"
                 raise RecordingError(f"{self.path}: no topic {topic}; available: {there}")
-            if known[topic] not in CONVERSIONS:
+            if known[topic] not in TOPICS:
                 raise RecordingError(
                     f"{self.path}: {topic} is of {known[topic]}; expected one of"
-                    f" {', '.join(CONVERSIONS)}"
+                    f" {', '.join(TOPICS)}"
                 )
         return self.topics
 
     def _first_ones(self, known: Mapping[str, str]) -> Mapping[str, str]:
         chosen: dict[str, str] = {}
-        for topic, kind in sorted(known.items()):
+
+        def rank(item: tuple[str, str]) -> tuple[bool, str]:
+            return item[1] == _POINTS, item[0]
+
+        for topic, kind in sorted(known.items(), key=rank):
             if topic.lstrip("/") == _TF_STATIC:
                 continue  # It has the mounts of sensors.
-            if kind not in CONVERSIONS:
+            if kind not in TOPICS:
                 line = f"{self.path}: {topic} skipped: messages {kind} are not read"
                 self.pass_over(_OTHER_TOPICS, line)
                 continue
-            here = CONVERSIONS[kind].topic
+            here = TOPICS[kind]
             # Two topics of one kind would mix their readings in one topic of the world.
             if here in chosen.values():
                 line = f"{self.path}: {topic} skipped; add it to the option topics to play it"
@@ -205,7 +217,7 @@ class Bag:
         if not chosen:
             there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(known.items()))
             raise RecordingError(
-                f"{self.path}: nothing to play; expected one of {', '.join(CONVERSIONS)};"
+                f"{self.path}: nothing to play; expected one of {', '.join(TOPICS)};"
                 f" available: {there or 'no topics'}"
             )
         return chosen

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
-from minerva_services.bridges.rosbag.bag import CONVERSIONS, Bag
+from minerva_services.bridges.ros_messages.ranges import HeightBand
+from minerva_services.bridges.rosbag.bag import TOPICS, Bag
 from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
 
@@ -18,7 +19,8 @@ class Rosbag(Playing, when="freely"):
         file: a .bag, .db3 or .mcap, or the folder of a ROS 2 bag.
         robot: the id of the agent that carries the sensors.
         topics: what to play, and as which topic: {"/base_scan" = "scan"}; by default the first
-          topic of each kind, on `scan`, `odometry`, `image`, `battery`, `position` and `range`.
+          topic of each kind, on `scan`, `odometry`, `image`, `battery`, `position` and `range`;
+          point clouds become a `scan`, too.
         speed: playback speed relative to the recording; 0: as fast as possible.
         loop: start over at the end.
         offset: seconds to skip at the start.
@@ -27,10 +29,13 @@ class Rosbag(Playing, when="freely"):
         mount_angle: degrees, likewise.
         time_offset: seconds added to the times of scans if the lidar's clock differs from that of
           odometry.
+        points_low: metres above the base from which points of a cloud are obstacles.
+        points_high: metres above the base up to which they are.
+        points_range: metres from the sensor up to which they are.
 
     """
 
-    publishes = tuple(sorted({conversion.topic for conversion in CONVERSIONS.values()}))
+    publishes = tuple(sorted(set(TOPICS.values())))
 
     def __init__(
         self,
@@ -44,16 +49,21 @@ class Rosbag(Playing, when="freely"):
         mount_y: float | None = None,
         mount_angle: float | None = None,
         time_offset: float = 0.0,
+        points_low: float = 0.1,
+        points_high: float = 1.0,
+        points_range: float = 10.0,
     ) -> None:
         super().__init__(file, PlaybackPace(speed, loop, offset), time_offset)
         self._robot, self._topics = robot, _checked(topics)
         self._mounting = MountOverride(mount_x, mount_y, mount_angle)
+        self._band = HeightBand(points_low, points_high, points_range)
         if self._topics:
             # Topics differ between worlds, so the instance attribute hides the class's.
             self.publishes = tuple(sorted(set(self._topics.values())))
 
     def recording(self) -> Bag:
-        return Bag(Path(self.source), self.pass_over, self._robot, self._mounting, self._topics)
+        path, passed = Path(self.source), self.pass_over
+        return Bag(path, passed, self._robot, self._mounting, self._topics, self._band)
 
 
 def _checked(topics: Any) -> Mapping[str, str]:
