@@ -6,7 +6,8 @@ thousands of commands, so `tests/starts.py` requests them here:
     python tests/fork_server.py SOCKET
 
 The child has the arguments, environment, folder, standard files and parent of a process that the
-requesting process has started itself, and imports the command line again.
+requesting process has started itself, and imports the command line again. It does not outlive that
+process, which may be killed.
 """
 
 import atexit
@@ -32,6 +33,8 @@ from types import ModuleType
 
 NEW_MOUNTS, BIND, SLAVE = 0x20000, 0x1000, 0x84000
 """CLONE_NEWNS, MS_BIND, and MS_SLAVE with MS_REC in Linux."""
+SET_PARENT_DEATH_SIGNAL = 1
+"""The number of PR_SET_PDEATHSIG in Linux."""
 LARGEST = 1 << 17
 """Maximum size of a request, bytes: a message of a socket has to fit into its buffer."""
 
@@ -133,11 +136,20 @@ def serve(requests):
         os.close(read)
 
 
+def end_with_parent():
+    """Let the system kill this process when its parent ends, also by a signal."""
+    parent = os.getppid()
+    ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:  # It has ended just before.
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
 def become(request, files):
     """Give this process the standard files, environment and folder of a request."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # The server ignores it if the tests run under nohup.
     signal.signal(signal.SIGHUP, signal.SIG_IGN if request["nohup"] else signal.SIG_DFL)
+    end_with_parent()
     if request["session"]:
         os.setsid()
     for number, file in enumerate(files):

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import eventually
+
 pytest_plugins = ["pytester"]
 
 ROOT = Path(__file__).parents[2]
@@ -106,6 +108,17 @@ def test_meets_the_other(own, other):
     while not Path(other).exists():
         time.sleep(0.01)
 """
+ABANDONED = """
+import os, signal, subprocess, sys
+from pathlib import Path
+
+def test_waits_without_end():
+    Path("wait.py").write_text("import signal; signal.pause()")
+    child = subprocess.Popen([sys.executable, "wait.py"])
+    Path("processes").write_text(f"{os.getpid()} {child.pid}")
+    os.kill(os.getppid(), signal.SIGKILL)
+    child.wait()
+"""
 LIMITED = """
 import pytest
 
@@ -161,6 +174,18 @@ def test_a_run_that_stops_finishes_the_fixtures_of_other_forks(suite):
     result = suite("-x", stopped=STOPPED, stopping=STOPPING)
     result.assert_outcomes(failed=1)
     assert Path("closed").exists()
+
+
+def test_nothing_outlives_a_run_that_is_killed(suite):
+    suite("-p", "tests.starts", abandoned=ABANDONED)
+    processes = Path("processes").read_text().split()
+    eventually(lambda: not any(map(runs, processes)), processes)
+
+
+def runs(process):
+    """Whether a process has not ended, also if nobody has asked for its exit code."""
+    stat = Path("/proc", process, "stat")
+    return stat.exists() and stat.read_text().rpartition(") ")[2][0] != "Z"
 
 
 def test_files_with_higher_limits_come_first(suite):
