@@ -95,9 +95,11 @@ def extensions() -> list[str]:
 
 @cache  # Every extension asks for all files.
 def imported(path: Path) -> frozenset[str]:
-    """The top-level packages that a file imports."""
-    names = set[str]()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    """The top-level packages that a file imports; none if it does not name an extension."""
+    text, names = path.read_text(encoding="utf-8"), set[str]()
+    if not any(f"minerva_{name}" in text for name in extensions()):
+        return frozenset()
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             names |= {each.name for each in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
