@@ -204,7 +204,7 @@ def problems(draw):
     return blocked, start, goal
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(problems())
 def test_paths_are_as_short_as_dijkstra_finds(problem):
     blocked, start, goal = problem
@@ -218,7 +218,7 @@ def test_paths_are_as_short_as_dijkstra_finds(problem):
     assert path.length == pytest.approx(best[goal], abs=1e-9)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(problems(), st.integers(0, 2**32 - 1), st.sampled_from([0.02, 0.1, 0.5]))
 def test_nearest_targets_are_as_near_as_dijkstra_finds(problem, seed, density):
     blocked, start, _ = problem
@@ -234,7 +234,7 @@ def test_nearest_targets_are_as_near_as_dijkstra_finds(problem, seed, density):
     assert path.length == pytest.approx(near, abs=1e-9)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(problems(), st.floats(0, 6))
 def test_clearance_and_inflate_agree_with_every_pair_of_cells(problem, radius):
     obstacles, _, _ = problem
@@ -247,7 +247,7 @@ def test_clearance_and_inflate_agree_with_every_pair_of_cells(problem, radius):
     assert np.array_equal(inflate(obstacles, radius), squared <= radius * radius)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(problems(), st.integers(1, 4), st.integers(0, 2**32 - 1))
 def test_small_windows_change_no_length(problem, margin, seed):
     blocked, start, goal = problem

@@ -16,10 +16,10 @@ from tests.simulator.writing import read_back, written
 
 HISTORIES = range(0, 1000, 25)
 """The first seeds of groups of histories."""
-USUAL = 400
+USUAL = 200
 """The histories of each run; the others run on demand.
 
-The broken engines of test_broken_engines.py are detected within a quarter of these.
+The broken engines of test_broken_engines.py are detected within the first 110.
 """
 FAILED = Path(__file__).with_name("failed.jsonl")
 """Histories that failed once, each with its error."""
