@@ -48,7 +48,7 @@ def left_out(path):
     return name if top == EXTENSIONS.name and not (EXTENSIONS / name).is_dir() else None
 
 
-EXAMPLES = 20
+EXAMPLES = 10
 """Maximum number of examples of a law; the full run uses 30 to 200."""
 _SETTINGS = "_hypothesis_internal_use_settings"
 
