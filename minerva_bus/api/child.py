@@ -12,13 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_analysis.replays import Replay
 from minerva_bus.api.world import ContinuedRecord
 from minerva_bus.collect.plans import read_expression
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.replays import Replay
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import Collecting, WorldFile, read_world_file
 from minerva_bus.runtime.coordinator import Coordinator, Watchers

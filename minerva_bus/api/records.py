@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from minerva_analysis.comparing import Difference
+from minerva_analysis.replays import recomputed
 from minerva_bus.api.running import Run, check_film, run_request
 from minerva_bus.api.world import ContinuedRecord, World, request_of, world_of
 from minerva_bus.arguments import path_of, text_list
 from minerva_bus.launch.past import WorldSource, find_file
-from minerva_bus.launch.replays import recomputed
 from minerva_bus.launch.world_files import Collecting
-from minerva_bus.log.comparison import Difference
 from minerva_bus.log.record import Record
 
 

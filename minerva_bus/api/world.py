@@ -30,9 +30,9 @@ from minerva_bus.settings.world_settings import AS_WRITTEN, OPTIONS, Overrides
 from minerva_bus.world.agent import Agent
 
 if TYPE_CHECKING:
+    from minerva_analysis.replays import Replay
     from minerva_bus.api.live import Live
     from minerva_bus.launch.past import WorldSource
-    from minerva_bus.launch.replays import Replay
 
 
 class World:
@@ -240,8 +240,8 @@ class ContinuedRecord:
     def read(self, world: WorldSource, overrides: Overrides) -> Replay:
         """The world of the run and its coordinator. Raises RecordError and MinervaError."""
         # Only here: the library of records is an extra.
+        from minerva_analysis.replays import Replay, read_replay
         from minerva_bus.launch.past import read_resumed
-        from minerva_bus.launch.replays import Replay, read_replay
         from minerva_bus.runtime.coordinator import Coordinator
 
         path = path_of("record", self.record)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from minerva_analysis.replays import Rerun
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.replays import Rerun
 from minerva_bus.log.record import Cursor
 from minerva_bus.runtime.runner import InProcessRunner
 from tests.log.recorded_runs import CHECKPOINTS, bytes_of, happened, record_of, strings_of

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from minerva_analysis.plot_command import plot_file
 from minerva_analysis.record_summary import info_of, recover, recovered_name
+from minerva_analysis.replays import read_replay
 from minerva_bus.errors import DamagedRecordWarning, MisuseError, RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.past import read_resumed
-from minerva_bus.launch.replays import read_replay
 from minerva_bus.log import channels as c
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter

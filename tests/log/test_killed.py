@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from minerva_analysis.replays import recomputed
 from minerva_bus.errors import RecordError
 from minerva_bus.launch.past import read_resumed
-from minerva_bus.launch.replays import recomputed
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import Overrides
 from tests.log.recorded_runs import ROOT

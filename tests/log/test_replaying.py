@@ -4,15 +4,15 @@ from functools import cache
 
 import pytest
 
+from minerva_analysis.replay_algorithm import OVER, ReplayAlgorithm
+from minerva_analysis.replays import recompute
 from minerva_bus import Device
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.replay import OVER, ReplayAlgorithm
 from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.launch.past import kinds_in
-from minerva_bus.launch.replays import recompute
 from minerva_bus.log.record import Cursor
 from minerva_bus.runtime.runner import InProcessRunner
 from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from minerva_analysis.frame_texts import FrameText, kinds_in
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import check_new, replacing
 from minerva_bus.frame.stimuli import RecordedFrame
@@ -15,7 +16,6 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.chunks import Losses
 from minerva_bus.log.entries import Dropped
-from minerva_bus.log.frame_texts import FrameText, kinds_in
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_bus.wording import counted, frames_up_to

@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from minerva_analysis.causes import Explanation
-from minerva_analysis.comparing import compare
+from minerva_analysis.comparing import Difference, compare
 from minerva_analysis.explaining import explain_running_value, explained_in
 from minerva_bus.api.live import Live
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, text, whole_number
 from minerva_bus.errors import MisuseError
-from minerva_bus.log.comparison import Difference
 from minerva_bus.log.record import Record
 
 

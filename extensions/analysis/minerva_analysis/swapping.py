@@ -13,6 +13,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_analysis.comparing import Difference
+from minerva_analysis.replays import RECORDED, Rerun, recorded_inputs
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, text
 from minerva_bus.errors import (
@@ -34,12 +36,10 @@ from minerva_bus.launch.past import (
     world_file_of,
 )
 from minerva_bus.launch.process_specs import ProcessSpec
-from minerva_bus.launch.replays import RECORDED, Rerun, recorded_inputs
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
 from minerva_bus.launch.toml_tables import option_text, typed_options
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.log.comparison import Difference
 from minerva_bus.log.record import Record
 from minerva_bus.runtime.runner import InProcessRunner, Notice
 from minerva_bus.settings.world_settings import Overrides, RecordSettings

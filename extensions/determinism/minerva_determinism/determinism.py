@@ -8,10 +8,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from minerva_analysis.comparing import Difference
 from minerva_bus.cli.output import FAILED, WRONG, print_json, print_message, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.installed import find_world
-from minerva_bus.log.comparison import Difference
 from minerva_bus.wording import counted
 from minerva_determinism.layouts import ALONE, APART, OMITTED, first_difference, run_in_layout
 

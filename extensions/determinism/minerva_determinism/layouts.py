@@ -19,6 +19,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
+from minerva_analysis.comparing import Difference, apart, same_events
 from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.output import INTERRUPTED, WRONG
 from minerva_bus.cli.run_choice import run_world
@@ -26,7 +27,6 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.launch.past import Past, continued
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import Access, WorldFile, read_world_file
-from minerva_bus.log.comparison import Difference, apart, same_events
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.world.services import Generator as EventGenerator

@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_analysis.frame_texts import kinds_in
 from minerva_analysis.places import SHOWN, Positions, Surveyor
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_file
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.frame_texts import kinds_in
 from minerva_bus.log.record import Record
 from minerva_bus.world.readings import Battery, Image, Odometry, Position, Reading, Scan
 from minerva_exporters.datasets import ExportChoice, ExportProgress

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from minerva_analysis.frame_texts import kinds_in
 from minerva_bus.collect.collector import agent_rows
 from minerva_bus.collect.data_tables import texts
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
-from minerva_bus.log.frame_texts import kinds_in
 from minerva_bus.log.record import Record
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.world.readings import Image, Reading

@@ -16,6 +16,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from minerva_analysis.comparing import Difference, apart, same_events
+from minerva_analysis.replay_algorithm import ReplayAlgorithm
 from minerva_bus.errors import (
     MinervaError,
     MisuseError,
@@ -27,7 +29,6 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
-from minerva_bus.frame.replay import ReplayAlgorithm
 from minerva_bus.frame.stimuli import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.world_state import Phase, WorldSpec
 from minerva_bus.grammar.events import AnyEvent, senders_of
@@ -40,7 +41,6 @@ from minerva_bus.launch.past import (
     world_file_of,
 )
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.log.comparison import Difference, apart, same_events
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.questions import COMMANDS, WorldRun, status_of

@@ -6,6 +6,8 @@ import json
 import sys
 from pathlib import Path
 
+from minerva_analysis.frame_texts import frames_after
+from minerva_analysis.replays import read_replay
 from minerva_bus.api.records import replay
 from minerva_bus.cli.output import (
     FAILED,
@@ -17,9 +19,7 @@ from minerva_bus.cli.output import (
     progress_bar,
 )
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.replays import read_replay
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.log.frame_texts import frames_after
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import Overrides
 
