@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from minerva_bus.api.python_tables import each, service
     from minerva_bus.api.records import (
         record,
-        replay,
-        replay_views,
         resume,
     )
     from minerva_bus.api.running import Interrupted, Run, run
@@ -59,7 +57,7 @@ __version__ = "0.7.0"
 _HOMES = {
     "api.live": "Live connect",
     "api.checking": "check",
-    "api.records": "record replay replay_views resume",
+    "api.records": "record resume",
     "api.running": "Interrupted Run run",
     "api.python_tables": "each service",
     "api.world": "World",
@@ -145,8 +143,6 @@ __all__ = [
     "on",
     "parse",
     "record",
-    "replay",
-    "replay_views",
     "resume",
     "run",
     "service",

@@ -9,11 +9,10 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_analysis.replays import Replay
-from minerva_bus.api.world import ContinuedRecord
 from minerva_bus.collect.plans import read_expression
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
@@ -39,10 +38,10 @@ def main() -> None:
     sys.path[:] = [*dict.fromkeys([*config["folders"], *sys.path])]
     end = Path(config["end"])
     try:
-        played = _opened(config)
-        file, last = played.file, end.with_name("last.json")
+        file, create = _opened(config)
+        last = end.with_name("last.json")
         console = Console(quiet=config["quiet"], world=file.world.name)
-        make = _witnesses(played.coordinator, last, config["paused"])
+        make = _witnesses(create, last, config["paused"])
         supervisor = Supervisor(file, console, time.monotonic(), coordinator=make)
         summary = supervisor.run()
         result: dict[str, Any] = {}
@@ -68,8 +67,8 @@ def main() -> None:
         sys.exit(1)
 
 
-def _opened(config: dict[str, Any]) -> Replay:
-    """The world of a configuration, and the factory of its coordinator."""
+def _opened(config: dict[str, Any]) -> tuple[WorldFile, Callable[..., Coordinator]]:
+    """The world of a configuration, and what makes its coordinator."""
     given, past = Overrides(config["given"]), config["past"]
     overrides = Overrides(
         config["options"], tuple(config["settings"]), tuple(config["views"]), **config["values"]
@@ -78,16 +77,15 @@ def _opened(config: dict[str, Any]) -> Replay:
     def read(settings: Overrides) -> WorldFile:
         return read_world_file(Path(config["world"]), settings.over(given))
 
-    played = (
-        ContinuedRecord(**past).read(read, overrides)
-        if past
-        else Replay(read(overrides), Coordinator)
-    )
+    if past is None:
+        file, create = read(overrides), Coordinator
+    else:
+        module, name, values = past
+        file, create = getattr(import_module(module), name)(**values).read(read, overrides)
     entries = {
         name: read_expression(text, f"collect: {name}") for name, text in config["collect"].items()
     }
-    file = replace(played.file, collect=Collecting(entries, config["into"]))
-    return replace(played, file=file)
+    return replace(file, collect=Collecting(entries, config["into"])), create
 
 
 def _witnesses(create: Callable[..., Coordinator], last: Path, paused: bool) -> Any:

@@ -65,7 +65,7 @@ class Launched:
         if path is None:
             path = folder / f"{world.name}.toml"
             path.write_text(world.toml(), encoding="utf-8")
-        overrides = request.overrides
+        overrides, past = request.overrides, request.past
         config = {
             "world": str(path),
             # An empty entry means the current folder, which is given by its name instead.
@@ -77,7 +77,7 @@ class Launched:
             "values": dict(overrides.values),
             "collect": {name: str(entry) for name, entry in request.file.collect.entries.items()},
             "into": into,
-            "past": None if request.past is None else asdict(request.past),
+            "past": past and [type(past).__module__, type(past).__name__, asdict(past)],
             "paused": paused,
             "quiet": quiet,
             "end": str(self._end),

@@ -30,9 +30,9 @@ from minerva_bus.settings.world_settings import AS_WRITTEN, OPTIONS, Overrides
 from minerva_bus.world.agent import Agent
 
 if TYPE_CHECKING:
-    from minerva_analysis.replays import Replay
     from minerva_bus.api.live import Live
     from minerva_bus.launch.past import WorldSource
+    from minerva_bus.runtime.coordinator import Coordinator
 
 
 class World:
@@ -227,32 +227,31 @@ Processes: TypeAlias = int | Literal["auto"] | None
 
 @dataclass(frozen=True, slots=True)
 class ContinuedRecord:
-    """The record that a run continues, or that it plays from frame `begin` if `plays`.
+    """The record that a run continues.
 
-    `speed` is that of a played record: 1: real time; 0: as fast as possible.
+    A subclass begins with a record otherwise. Its fields are JSON values, with which the launcher
+    of the run makes an equal object.
     """
 
     record: str
-    plays: bool = False
-    begin: int = 0
-    speed: float = 1.0
 
-    def read(self, world: WorldSource, overrides: Overrides) -> Replay:
-        """The world of the run and its coordinator. Raises RecordError and MinervaError."""
+    def read(
+        self, world: WorldSource, overrides: Overrides
+    ) -> tuple[WorldFile, Callable[..., Coordinator]]:
+        """The world of the run, and what makes its coordinator.
+
+        Raises RecordError and MinervaError.
+        """
         # Only here: the library of records is an extra.
-        from minerva_analysis.replays import Replay, read_replay
         from minerva_bus.launch.past import read_resumed
         from minerva_bus.runtime.coordinator import Coordinator
 
-        path = path_of("record", self.record)
-        if self.plays:
-            return read_replay(path, world, overrides, begin=self.begin, speed=self.speed)
-        return Replay(read_resumed(path, world, overrides), Coordinator)
+        return read_resumed(path_of("record", self.record), world, overrides), Coordinator
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A world with the settings of one run; `past`: the record that it continues or plays."""
+    """A world with the settings of one run; `past`: the record that it continues."""
 
     world: World
     overrides: Overrides
@@ -285,7 +284,7 @@ def request_of(
         into=str(into) if into and collect is None else None,
         **values,
     )
-    file = world.read(overrides) if past is None else past.read(world.read, overrides).file
+    file = world.read(overrides) if past is None else past.read(world.read, overrides)[0]
     if collect is not None:
         file = _collecting(file, collect, into)
     return Request(world, overrides, file, past)

@@ -47,7 +47,6 @@ COMMANDS: Final = {
     "worlds": ("run", "worlds", "check", "attach"),
     "observing": ("list", "logs", "echo"),
     "operating": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
-    "records": ("replay", "seek"),
 }
 """The kernel's commands by module of cli/commands, in the order of the help."""
 _MODULES: Final = {

@@ -36,7 +36,7 @@ def stop_world(by: str, target: WorldTarget, as_json: bool) -> None:
     """Stop a world."""
     with client(target) as world:
         world.ask("stop", by=by)
-        _print_done(world, as_json, "asked to stop")
+        print_done(world, as_json, "asked to stop")
 
 
 def pause_world(by: str, target: WorldTarget, as_json: bool) -> None:
@@ -50,7 +50,7 @@ def resume_world(by: str, target: WorldTarget, as_json: bool) -> None:
     """Resume a world."""
     with client(target) as world:
         world.operator.named(by).resume()
-        _print_done(world, as_json, "resumed")
+        print_done(world, as_json, "resumed")
 
 
 def step_world(frames: int, by: str, target: WorldTarget, as_json: bool) -> None:
@@ -65,14 +65,14 @@ def set_rate(hz: float, by: str, target: WorldTarget, as_json: bool) -> None:
     with client(target) as world:
         world.operator.named(by).set_rate(hz)
         limit = f"{hz:g} frames per second" if hz else "as fast as possible"
-        _print_done(world, as_json, limit, hz=hz)
+        print_done(world, as_json, limit, hz=hz)
 
 
 def restart_member(member: str, by: str, target: WorldTarget, as_json: bool) -> None:
     """Restart a process of a world."""
     with client(target) as world:
         world.operator.named(by).restart(member)
-        _print_done(world, as_json, f"restarting {member}", member=member)
+        print_done(world, as_json, f"restarting {member}", member=member)
 
 
 def drain_member(member: str, by: str, target: WorldTarget, as_json: bool) -> None:
@@ -80,24 +80,18 @@ def drain_member(member: str, by: str, target: WorldTarget, as_json: bool) -> No
     with client(target) as world:
         hosts = world.operator.named(by).drain(member)
         text = f"the agents of {member} move to {', '.join(hosts)}"
-        _print_done(world, as_json, text, member=member, hosts=hosts)
+        print_done(world, as_json, text, member=member, hosts=hosts)
 
 
-def seek_frame(frame: int, target: WorldTarget, as_json: bool) -> None:
-    """Continue a replay at another frame."""
-    with client(target) as world:
-        world.ask("seek", frame=frame)
-        _print_done(world, as_json, f"continues from frame {frame}", frame=frame)
-
-
-def _print_done(world: Client, as_json: bool, text: str, **fields: Any) -> None:
+def print_done(world: Client, as_json: bool, text: str, **fields: Any) -> None:
+    """Print what a command has done to a world, with the fields of its JSON object."""
     done = Done(f"{world.world}: {text}", {"world": world.world, **fields})
     print_answer(done, as_json)
 
 
 def _print_paused(world: Client, as_json: bool) -> None:
     frame = _paused_before(world)
-    _print_done(world, as_json, f"paused before frame {frame}", frame=frame)
+    print_done(world, as_json, f"paused before frame {frame}", frame=frame)
 
 
 def _paused_before(world: Client) -> int:

@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 WorldSource: TypeAlias = str | Callable[[Overrides], WorldFile]
 """A world with the code of a record: its file or installed name ("": as recorded), or a reader."""
 
-CODE: Final = Overrides(only_code=True)
-"""Recorded events take the place of the services, whose backends may be gone."""
-
 MAX_NAMED: Final = 5
 """Names of each difference in a message."""
 
@@ -105,11 +102,6 @@ def damage_of(record: Record) -> Iterator[str]:
         yield message
 
 
-def no_frame(record: Record) -> MisuseError:
-    """The error of a record without frames, with the damage that took them."""
-    return MisuseError("; ".join((f"{record.path}: there is no frame in it", *damage_of(record))))
-
-
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
     """Messages about saved data of members that are not in the world file."""
     own = {SOURCE, GIVEN_UP, HALTED, *(process.name for process in file.processes)}
@@ -141,19 +133,6 @@ def read_source(
     if not isinstance(world, str):
         return world(given)
     return read_world_file(find_file(world, description, wanted), given)
-
-
-def world_file_of(
-    path: Path, world: WorldSource, description: RecordHeader, given: Overrides
-) -> WorldFile:
-    """The world file with the code of a record's agents."""
-    wanted = f"minerva replay {path} WORLD"
-    file = read_source(world, description, wanted, completed(given, description))
-    # Only the vocabulary must agree: seed, rules and norms are those of the record.
-    what = differing_vocabulary(file.world.vocabulary, description.world.vocabulary)
-    if what:
-        raise MinervaError(f"{path}: it is the record of another world: {what}")
-    return file
 
 
 def completed(overrides: Overrides, description: RecordHeader) -> Overrides:

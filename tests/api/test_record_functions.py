@@ -1,18 +1,14 @@
 """Functions about records give what the commands give: strings, tables, differences."""
 
-from pathlib import Path
-
 import pytest
 from frogs import Frog, pond
 
-from minerva_bus import MinervaError, count, record, replay, replay_views, resume, run
-from minerva_bus.errors import MisuseError, WorldFileError
-from tests.runtime.running import here, minerva, summary
+from minerva_bus import MinervaError, count, record, resume, run
+from tests.runtime.running import here, summary
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
 CURVES = {"n": count(Frog), "x": Frog.x}
-PAPER = "svg:path={},every=5"
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +53,6 @@ def test_a_resumed_run_writes_another_record_and_a_table(copy):
     assert done.into == str(table)
     assert len(table.read_text().splitlines()) == 1 + 3
     assert copy.read_bytes() == before
-    assert replay(other).same
     with pytest.raises(MinervaError, match="over after 12 frames"):
         resume(other)
 
@@ -70,28 +65,3 @@ def test_a_resumed_run_writes_another_record_and_a_table(copy):
 def test_wrong_settings_of_a_resumed_run_are_named(copy, settings, problem):
     with pytest.raises(MinervaError, match=problem):
         resume(copy, frames=20, **settings)
-
-
-def test_a_record_is_shown_in_a_view_as_by_the_command(folder, tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    own, other = tmp_path / "own.svg", tmp_path / "other.svg"
-    words = "--view", PAPER.format(other), "--speed", 0, "--json"
-    # Its processes are forked, which must not happen after this process has used Zenoh.
-    command = summary(minerva(folder, "replay", folder / "run.mcap", *words))
-    done = replay_views(folder / "run.mcap", PAPER.format(own), speed=0, quiet=True)
-    assert (done.frames, done.ended) == (10, "the record is over")
-    assert (done.digest, done.ended) == (command["digest"], command["ended"])
-    assert done.scene == run(folder / "pond.toml", frames=10, seed=5).scene
-    assert own.read_text() == other.read_text()
-
-
-@pytest.mark.parametrize(("views", "settings", "error", "problem"), [
-    ("svgg", {}, WorldFileError, "no view 'svgg'"),
-    ("svg", {"begin": 10}, MisuseError, "it has frames 0 to 9, not 10"),
-    ("svg", {"speed": -1}, MisuseError, "must be a number from 0"),
-])  # fmt: skip
-def test_a_wrong_view_or_frame_is_reported_before_processes_start(
-    folder, views, settings, error, problem
-):
-    with pytest.raises(error, match=problem):
-        replay_views(folder / "run.mcap", views, **settings)

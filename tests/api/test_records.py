@@ -1,9 +1,9 @@
-"""Checks, records, replays and sweeps as functions."""
+"""Checks and records as functions."""
 
 import pytest
 from frogs import Frog, eTick, pond
 
-from minerva_bus import Agent, MinervaError, World, check, each, on, record, replay, resume, run
+from minerva_bus import MinervaError, World, check, each, record, resume, run
 from minerva_bus.errors import WorldFileError
 
 
@@ -17,37 +17,17 @@ def many(**settings):
     )
 
 
-def test_a_record_of_a_world_is_replayed_and_resumed(tmp_path):
+def test_a_record_of_a_world_is_resumed(tmp_path):
     a = tmp_path / "a.mcap"
     whole = run(pond(), frames=20, seed=5)
     done = record(pond(), a, frames=10, seed=5)
     assert done.frames == 10
-    assert replay(a, pond()).same
     with pytest.raises(WorldFileError, match="name it"):
-        replay(a)
+        resume(a)
     resumed = resume(a, pond(), frames=20)
     assert (resumed.frames, resumed.digest) == (20, whole.digest)
     with pytest.raises(MinervaError, match="over after 20 frames"):
         resume(a, pond())
-
-
-def test_a_changed_agent_is_found_by_a_replay(tmp_path):
-    path = tmp_path / "a.mcap"
-
-    class Frog(Agent, symbol="AHopper"):
-        x: int = 0
-        step = 1
-
-        @on("eTick")
-        def live(self, tick, moment):
-            self.x += Frog.step
-
-    world = World("AHopper#a", agents=[Frog], services=[each(eTick)])
-    record(world, path, frames=5)
-    assert replay(path, world).same
-    Frog.step = 2
-    result = replay(path, world)
-    assert (result.same, result.frame) == (False, 0)
 
 
 def test_check_describes_worlds_and_files(tmp_path):

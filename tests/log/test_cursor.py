@@ -4,10 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from minerva_analysis.replays import Rerun
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.log.record import Cursor
-from minerva_bus.runtime.runner import InProcessRunner
 from tests.log.recorded_runs import CHECKPOINTS, bytes_of, happened, record_of, strings_of
 from tests.one_process import run_world
 
@@ -47,15 +44,3 @@ def test_a_run_has_more_than_one_future(tmp_path):
         assert futures(record, 20, file, file.world.seed) == digests
         assert futures(record, 20, file, file.world.seed + 1) != digests
         assert futures(record, 20, file, file.world.seed) == digests
-
-
-def test_a_missing_frame_ends_a_rerun(tmp_path):
-    file, _ = happened("meadow")
-    with record_of(bytes_of("meadow"), tmp_path) as record:
-        algorithm = FrameAlgorithm(file.world)
-        rerun = Rerun(record, algorithm)
-        runner = InProcessRunner(algorithm, [process.make_member() for process in file.processes])
-        runner.start()
-        algorithm.now.frame = 3
-        with pytest.raises(Exception, match="frame 3 is not in the record, so the run cannot"):
-            rerun.step(runner)

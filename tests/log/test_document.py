@@ -5,14 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from minerva_analysis.places import SHOWN
-from minerva_analysis.tracks import MAX_AGENTS
 from minerva_bus.log import channels as c
 from minerva_bus.log.chunks import CHUNK_FLOOR, FEWEST_MESSAGES, FLOOR, RATIO, Chunks
 from minerva_bus.log.record_writer import KEY_AFTER
 from minerva_bus.log.recorder import PATIENCE, WAITING
 from minerva_bus.wire.plain import ON_DISK, unpack
-from minerva_exporters.foxglove_channels import SHOWN_EVERY
 from tests.log.recorded_runs import bytes_of, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
@@ -57,9 +54,6 @@ def test_the_figures_are_those_of_the_code():
     for said in (
         f"up to {WAITING} frames",
         f"become {KEY_AFTER} times as long",
-        f"every {SHOWN_EVERY} s",
-        f"about {SHOWN}.",
-        f"about {MAX_AGENTS} in all",
         f"at most {CHUNK_FLOOR >> 20} MiB, all chunks of a file to {FLOOR >> 20} MiB",
         f"{RATIO:,} bytes more for each packed byte",
         f"at most {FEWEST_MESSAGES} messages",

@@ -41,6 +41,7 @@ ONLY = {
 
 REQUIRED = {
     "assistants": {"analysis"},
+    "determinism": {"analysis"},
     "exporters": {"analysis"},
     "study": {"analysis"},
 }

@@ -24,11 +24,12 @@ from minerva_analysis.causes import (
 )
 from minerva_analysis.halts import Halt, explain_halt
 from minerva_analysis.past_frames import last_written, wait_for_frame
+from minerva_analysis.replays import CODE, world_file_of
 from minerva_bus.errors import MinervaError, MisuseError, RecordError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.child_processes import ENDS
-from minerva_bus.launch.past import CODE, WorldSource, kinds_in, world_file_of
+from minerva_bus.launch.past import WorldSource, kinds_in
 from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.log.entries import Kept
 from minerva_bus.log.journal import keyframes_in, read_described, resume_from

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 from minerva_analysis.frame_texts import frames_after
+from minerva_analysis.records import replay
 from minerva_analysis.replays import read_replay
-from minerva_bus.api.records import replay
 from minerva_bus.cli.output import (
     FAILED,
     INTERRUPTED,

@@ -14,10 +14,12 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from minerva_analysis.comparing import Difference, apart, same_events
 from minerva_analysis.replay_algorithm import ReplayAlgorithm
+from minerva_bus.api.world import ContinuedRecord
+from minerva_bus.arguments import path_of
 from minerva_bus.errors import (
     MinervaError,
     MisuseError,
@@ -33,12 +35,12 @@ from minerva_bus.frame.stimuli import AGENTS, Checkpoint, FrameInputs, RecordedF
 from minerva_bus.frame.world_state import Phase, WorldSpec
 from minerva_bus.grammar.events import AnyEvent, senders_of
 from minerva_bus.launch.past import (
-    CODE,
     WorldSource,
+    completed,
     damage_of,
+    differing_vocabulary,
     kinds_in,
-    no_frame,
-    world_file_of,
+    read_source,
 )
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.record import Cursor, Record
@@ -57,6 +59,9 @@ from minerva_bus.world.operator import FileStatus
 if TYPE_CHECKING:
     from minerva_bus.log.entries import RecordHeader
 
+CODE: Final = Overrides(only_code=True)
+"""Recorded events take the place of the services, whose backends may be gone."""
+
 SIDES: Final = ("the record", "this run")
 RECORDED: Final = "~record"
 """Source of recorded events if the record does not have the inputs of each member."""
@@ -64,8 +69,25 @@ RECORDED: Final = "~record"
 _HOST: Final = "~host"
 
 
-@dataclass(frozen=True, slots=True)
-class Replay:
+def no_frame(record: Record) -> MisuseError:
+    """The error of a record without frames, with the damage that took them."""
+    return MisuseError("; ".join((f"{record.path}: there is no frame in it", *damage_of(record))))
+
+
+def world_file_of(
+    path: Path, world: WorldSource, description: RecordHeader, given: Overrides
+) -> WorldFile:
+    """The world file with the code of a record's agents."""
+    wanted = f"minerva replay {path} WORLD"
+    file = read_source(world, description, wanted, completed(given, description))
+    # Only the vocabulary must agree: seed, rules and norms are those of the record.
+    what = differing_vocabulary(file.world.vocabulary, description.world.vocabulary)
+    if what:
+        raise MinervaError(f"{path}: it is the record of another world: {what}")
+    return file
+
+
+class Replay(NamedTuple):
     """A record to be replayed: its views as a world file, and the factory of its coordinator."""
 
     file: WorldFile
@@ -147,22 +169,24 @@ def read_replay(
     return Replay(shown, partial(replay_coordinator, path, kinds_in(file), stay))
 
 
+@dataclass(frozen=True, slots=True)
+class ReplayedRecord(ContinuedRecord):
+    """The record that a run shows from frame `begin`; see `read_replay`."""
+
+    begin: int = 0
+    speed: float = 1.0
+
+    def read(self, world: WorldSource, overrides: Overrides) -> Replay:
+        """Its replay. Raises as `read_replay`."""
+        path = path_of("record", self.record)
+        return read_replay(path, world, overrides, begin=self.begin, speed=self.speed)
+
+
 def _name(overrides: Overrides, description: RecordHeader) -> str:
     # Another name, because the original world may run on this machine.
     return checked_name(
         overrides.values.get("name") or f"{description.world.name}-replay", "a world"
     )
-
-
-def recomputed(path: Path, world: WorldSource, progress: Callable[[int, int], None]) -> Difference:
-    """Run λ again on a record; `progress` receives the number of frames done and their total.
-
-    Raises RecordError and WorldFileError, and ActivityError if user code fails.
-    """
-    with Record(path) as record:
-        file = world_file_of(path, world, record.description, CODE)
-        last = record.last()[0]
-        return recompute(record, kinds_in(file), lambda done: progress(done, last))
 
 
 def recorded_inputs(frame: RecordedFrame) -> FrameInputs:
@@ -292,3 +316,7 @@ def _deliver_without_views(
     if isinstance(message, m.EvolveRequest):
         message = replace(message, visual=())
     return member.receive(message)
+
+
+def no_progress(done: int, total: int) -> None:
+    """Report no progress."""

@@ -14,7 +14,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_analysis.comparing import Difference
-from minerva_analysis.replays import RECORDED, Rerun, recorded_inputs
+from minerva_analysis.replays import (
+    RECORDED,
+    Rerun,
+    no_frame,
+    no_progress,
+    recorded_inputs,
+    world_file_of,
+)
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, text
 from minerva_bus.errors import (
@@ -30,11 +37,7 @@ from minerva_bus.frame.members import incompatibility
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.stimuli import FrameInputs, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.launch.past import (
-    WorldSource,
-    no_frame,
-    world_file_of,
-)
+from minerva_bus.launch.past import WorldSource
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.run_outputs import recording
 from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
@@ -183,11 +186,7 @@ def replay_swapped(
     texts = {name: option_text(value) for name, value in (options or {}).items()}
     swap, path = Swap(text("member", member), replacement, texts), path_of("record", record)
     source = world.read if isinstance(world, World) else str(world)
-    return run_swapped(path, source, swap, str(into), progress or _no_progress)
-
-
-def _no_progress(done: int, total: int) -> None:
-    """Show nothing."""
+    return run_swapped(path, source, swap, str(into), progress or no_progress)
 
 
 def run_swapped(

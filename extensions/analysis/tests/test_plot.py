@@ -2,15 +2,16 @@
 
 import io
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from extensions.analysis.tests.test_table_files import swept
-from minerva_analysis.places import Surveyor
+from minerva_analysis.places import SHOWN, Surveyor
 from minerva_analysis.plot_command import plot_file
 from minerva_analysis.tables import read_table
-from minerva_analysis.tracks import story_of
+from minerva_analysis.tracks import MAX_AGENTS, story_of
 from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation, Vocabulary
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MinervaError, MisuseError
@@ -189,3 +190,9 @@ def test_the_command_plots_a_table(tmp_path, capsys):
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(MisuseError, match="--collect is of records"):
         app(["plot", str(tmp_path / "t.csv"), "--collect", "count(A)"], standalone_mode=False)
+
+
+def test_the_document_has_the_limits_of_followed_agents():
+    document = (Path(__file__).parents[3] / "docs" / "records.md").read_text(encoding="utf-8")
+    assert f"about {MAX_AGENTS} in all" in document
+    assert f"about {SHOWN}." in document

@@ -3,8 +3,12 @@
 import pytest
 
 from minerva_analysis.table_files import TableFiles
+from minerva_bus import record
 from minerva_bus.collect.data_tables import CsvWriter
 from minerva_bus.collect.plans import TablePlan
+from minerva_exporters import export_dataset
+from tests.api.frogs import pond
+from tests.odd_arguments import check_refusals
 
 PLAN = TablePlan("t", 1, {"n": "int64"})
 
@@ -32,3 +36,8 @@ def test_a_link_stays_and_names_the_new_file(tmp_path):
     assert table.is_symlink()
     assert table.read_text() == "n\n"
     assert [path.name for path in folder.iterdir()] == ["b.csv"]
+
+
+def test_odd_formats_of_data_sets_are_refused_by_an_error_of_ours(tmp_path):
+    record(pond(), tmp_path / "pond.mcap", frames=2)
+    check_refusals(lambda odd: export_dataset(tmp_path / "pond.mcap", tmp_path / "set", odd))

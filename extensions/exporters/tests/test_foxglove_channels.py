@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from minerva_bus.frame.messages import Readings
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter
 from minerva_exporters import foxglove_channels
-from minerva_exporters.foxglove_channels import SCHEMAS, shown_readings
+from minerva_exporters.foxglove_channels import SCHEMAS, SHOWN_EVERY, shown_readings
 from tests.log.recorded_runs import bytes_of, description, fits, happened, others, strings_of
 from tests.log.test_sensing import ALL
 from tests.runtime.running import here
@@ -87,3 +88,8 @@ def test_a_world_of_many_shows_some_of_them(monkeypatch):
     shown = [len(poses["poses"]) for _, _, poses in others(stream.getvalue())["poses/ABird"]]
     assert shown
     assert all(8 <= count <= 20 for count in shown)
+
+
+def test_the_document_has_the_interval():
+    document = (Path(__file__).parents[3] / "docs" / "records.md").read_text(encoding="utf-8")
+    assert f"every {SHOWN_EVERY} s of world time" in document

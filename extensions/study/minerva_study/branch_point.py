@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from minerva_analysis.replays import world_file_of
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.assignment import assigned
 from minerva_bus.launch.past import (
@@ -18,7 +19,6 @@ from minerva_bus.launch.past import (
     check_unfinished,
     completed,
     continued,
-    world_file_of,
 )
 from minerva_bus.launch.toml_tables import of_nodes
 from minerva_bus.launch.world_files import WorldFile

@@ -13,11 +13,13 @@ from minerva_bus import (
     count,
     each,
     on,
+    record,
     run,
 )
 from minerva_bus.errors import MisuseError
-from minerva_study import evolve_strings, sweep
-from tests.api.frogs import Frog, eTick
+from minerva_study import branch, evolve_strings, sweep
+from tests.api.frogs import Frog, eTick, pond
+from tests.odd_arguments import check_refusals
 
 
 def frogs(options):
@@ -146,3 +148,15 @@ def test_strings_evolve():
         evolve_strings(world, largest, frames=2, mutable=["#zed"], quiet=True)
     with pytest.raises(MisuseError, match="no string could be evaluated"):
         evolve_strings(world, lambda outcome: "x", frames=2, generations=0, quiet=True)
+
+
+@pytest.mark.parametrize("call", [
+    lambda odd: sweep(pond(), odd, frames=1, quiet=True),
+    lambda odd: sweep(pond(), seeds=[odd], frames=1, quiet=True),
+    lambda odd: sweep(pond(), seeds=odd, frames=1, quiet=True),
+    lambda odd: branch("pond.mcap", odd, world=pond()),
+], ids=["grid", "seeds", "number of seeds", "branch"])  # fmt: skip
+def test_odd_arguments_are_refused_by_an_error_of_ours(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    record(pond(), "pond.mcap", frames=2)
+    check_refusals(call)

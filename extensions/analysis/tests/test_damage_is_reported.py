@@ -1,6 +1,8 @@
 """Every reader names the damage of a record on standard error, and no check of one succeeds."""
 
 import json
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -8,13 +10,18 @@ import pytest
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
-from minerva_analysis import diff, export
-from minerva_analysis.record_summary import recover
-from minerva_bus.api.records import replay
-from minerva_bus.errors import DamagedRecordWarning, RecordError
-from tests.log.recorded_runs import bytes_of
-from tests.log.test_damaged import CHUNK, flipped, parts
+from minerva_analysis import diff, export, replay
+from minerva_analysis.plot_command import plot_file
+from minerva_analysis.record_summary import info_of, recover, recovered_name
+from minerva_analysis.replays import read_replay
+from minerva_bus.errors import DamagedRecordWarning, MisuseError, RecordError
+from minerva_bus.log.record import Record
+from minerva_bus.settings.world_settings import Overrides
+from tests.log.recorded_runs import bytes_of, record_of
+from tests.log.test_damaged import CHUNK, flipped, parts, stopped
 from tests.runtime.running import here
+
+pytestmark = pytest.mark.filterwarnings("ignore::minerva_bus.errors.DamagedRecordWarning")
 
 WHOLE = "lost: all from frame 0 on"
 
@@ -138,3 +145,86 @@ def test_nothing_is_recovered_from_nothing(records):
         pytest.raises(RecordError, match="no frame in it is intact"),
     ):
         recover(records / "empty.mcap", records / "new.mcap")
+
+
+def test_commands_name_the_damage_that_took_all_frames(tmp_path):
+    broken = bytes_of("meadow")
+    for at, _ in parts(broken, CHUNK)[1:]:
+        broken = flipped(broken, at + 100)
+    with record_of(broken, tmp_path) as record:
+        path = record.path
+    with pytest.raises(
+        MisuseError, match=r"there is no frame in it; .* is damaged: bytes .*; lost"
+    ):
+        read_replay(path, "meadow", Overrides())
+    damage = "is damaged: bytes .*; lost: all from frame 0 on"
+    pytest.importorskip("matplotlib")
+    with pytest.warns(DamagedRecordWarning, match=damage):
+        plot_file(path, None, (), "", "", bars=False, as_json=False)
+
+
+@pytest.mark.parametrize("chunk", [2, 5, 10, 16])
+def test_a_recovered_record_is_usable_like_any_other(chunk, tmp_path):
+    path, new = tmp_path / "run.mcap", tmp_path / "new.mcap"
+    data = stopped(path)
+    at, _ = parts(data, CHUNK)[chunk]
+    path.write_bytes(flipped(data, at + 80))
+    done = recover(path, new)
+    with Record(path) as old, Record(new) as record:
+        expected = {frame.number: string for frame, string in old.strings(check=True)}
+        strings = {frame.number: string for frame, string in record.strings(check=True)}
+        assert strings == expected
+        assert done.frames == len(strings) >= 20
+        assert record.complete
+        assert not record.losses().damage
+        assert record.end()[0] == old.end()[0]
+        for number in strings:
+            assert record.string(number + 1) == strings[number]
+        assert done.losses == old.losses()
+        assert done.losses.lost or done.losses.open_from == 56
+
+
+def test_recover_overwrites_nothing(tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes_of("meadow", finished=False))
+    assert recovered_name(path) == tmp_path / "run.recovered.mcap"
+    with pytest.raises(MisuseError, match="is an input of this run"):
+        recover(path, path)
+    done = recover(path, recovered_name(path))
+    assert done.lines()[-1] == "nothing was damaged"
+    before = done.path.read_bytes()
+    with pytest.raises(MisuseError, match="already exists"):
+        recover(path, done.path)
+    path.write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(RecordError, match="cut off before anything"):
+        recover(path, tmp_path / "none.mcap")
+    assert done.path.read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.mcap", "run.recovered.mcap"]
+
+
+def test_the_command_reports_losses(tmp_path):
+    path = tmp_path / "run.mcap"
+    data = bytes_of("meadow")
+    at, _ = parts(data, CHUNK)[3]
+    path.write_bytes(flipped(data, at + 100))
+    words = [sys.executable, "-m", "minerva_bus", "recover", str(path), "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=tmp_path)
+    said = json.loads(done.stdout)
+    assert said["record"] == str(tmp_path / "run.recovered.mcap")
+    assert said["lost"][0][0] == 8
+    assert said["damage"][0]["begin"] == at
+
+
+def test_info_reports_losses(tmp_path):
+    data = bytes_of("meadow")
+    at, _ = parts(data, CHUNK)[3]
+    with record_of(flipped(data, at + 100), tmp_path) as record:
+        info = info_of(record)
+    lines = "\n".join(info.lines())
+    assert f"bytes {at:,} to " in lines
+    assert "frames 8 to " in lines
+    assert "minerva recover" in lines
+    assert info.plain()["damage"][0]["begin"] == at
+    assert info.frames == 60 - info.missing
+    with record_of(data, tmp_path) as record:
+        assert "damage" not in "\n".join(info_of(record).lines())

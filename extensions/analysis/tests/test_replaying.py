@@ -5,11 +5,12 @@ from functools import cache
 import pytest
 
 from minerva_analysis.replay_algorithm import OVER, ReplayAlgorithm
-from minerva_analysis.replays import recompute
+from minerva_analysis.replays import Rerun, recompute
 from minerva_bus import Device
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.launch.past import kinds_in
@@ -211,3 +212,15 @@ def test_events_that_agents_send_no_more_are_a_difference(tmp_path, monkeypatch)
     assert result.frame == first
     assert result.only_a
     assert "events of the record alone:" in result.lines()[1]
+
+
+def test_a_missing_frame_ends_a_rerun(tmp_path):
+    file, _ = happened("meadow")
+    with record_of(bytes_of("meadow"), tmp_path) as record:
+        algorithm = FrameAlgorithm(file.world)
+        rerun = Rerun(record, algorithm)
+        runner = InProcessRunner(algorithm, [process.make_member() for process in file.processes])
+        runner.start()
+        algorithm.now.frame = 3
+        with pytest.raises(Exception, match="frame 3 is not in the record, so the run cannot"):
+            rerun.step(runner)
