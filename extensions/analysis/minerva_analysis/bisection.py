@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from minerva_analysis.causes import person_behind, sources_of
-from minerva_analysis.comparing import compare
+from minerva_analysis.comparing import Difference, compare, same_events
 from minerva_analysis.first_cause import CauseAnswer, CauseQuestion, SourceFunction
 from minerva_analysis.past_frames import PastFrame, past_frames
 from minerva_analysis.swapping import run_again
@@ -27,7 +27,6 @@ from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldStopped
 from minerva_bus.frame.stimuli import AGENTS, is_people
 from minerva_bus.grammar.events import Event, single
-from minerva_bus.log.comparison import Difference, same_events
 from minerva_bus.log.record import Record
 from minerva_bus.wording import short
 

@@ -25,12 +25,13 @@ from minerva_analysis.past_frames import (
     same_value,
     value_of,
 )
+from minerva_analysis.replays import world_file_of
 from minerva_analysis.traced_calls import TracedCall
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.printer import shown_value
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.launch.past import kinds_in, world_file_of
+from minerva_bus.launch.past import kinds_in
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import Overrides
