@@ -17,7 +17,7 @@ from minerva_bus.errors import KeysError, MisuseError, UnknownOption, WorldFileE
 from minerva_bus.frame.member import Member, WorldRestarted
 from minerva_bus.launch.child_processes import end_signals
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.process_specs import compile_agents, compile_classes, no_progress
+from minerva_bus.launch.process_specs import ProcessSpec, compile_agents
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
 from minerva_bus.launch.toml_tables import typed_options
 from minerva_bus.launch.world_files import read_world_file
@@ -141,7 +141,7 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
         if options:
             raise WorldFileError(f"{spec} names agents, which have no options")
         agent = find_agent(spec, folder)
-        compile_classes([agent], no_progress)
+        compile_agents([ProcessSpec(name, agents=(agent,))])
         return Member(name, None, [agent])
     service = find_service(spec, folder)
     known = [flag.split()[0] for flag, _ in described(spec)] if ":" not in spec else []
@@ -162,5 +162,5 @@ def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> tup
     if known[process].command:
         raise WorldFileError(f"{process} is a command: run it itself, with MINERVA_CONNECT set")
     # Before it joins, because the world waits for its members in each frame.
-    compile_agents([replace(known[process], elsewhere=False)], no_progress)
+    compile_agents([replace(known[process], elsewhere=False)])
     return file.world.name, replace(known[process], name=name or process).make_member()

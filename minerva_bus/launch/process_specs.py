@@ -19,6 +19,8 @@ from minerva_bus.errors import MisuseError, WorldFileError, nearest
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import incompatibility
 from minerva_bus.frame.messages import Hello
+from minerva_bus.grammar.columns import MANY
+from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import bind, divisible_names, find_agent, find_service, find_view
 from minerva_bus.launch.toml_tables import Table, beside, read_view, settings_by_process
@@ -322,21 +324,26 @@ def sharing(
     )
 
 
-def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, path: Path) -> list[str]:
+def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, scene: Scene, path: Path) -> list[str]:
     """Mark methods and views of all agent classes as `[world] compiled` asks; returns lines.
 
-    Raises WorldFileError if one cannot be compiled and `mode` is True.
+    With "if possible", only those of classes with enough agents in the scene to be columns. Raises
+    WorldFileError if one cannot be compiled and `mode` is True.
     """
     notes: list[str] = []
-    for cls in _classes(processes):
+    classes, counts = _classes(processes), kind_counts(*scene.pieces)
+    for cls in classes:
+        enough = mode != IF_POSSIBLE or counts[cls.kind.name] >= MANY
         try:
-            notes += [f"not compiled: {_first(reason)}" for reason in compile_all(cls, mode)]
+            reasons = [*map(_first, compile_all(cls, mode if enough else False))]
         except NotCompilable as error:
             raise WorldFileError(
                 f'{path}: [world] compiled = true: {error}\n  or: compiled = "{IF_POSSIBLE}"'
             ) from None
+        reasons += [] if enough else [f"{cls.__name__}, fewer than {MANY} agents"]
+        notes += [f"not compiled: {each}" for each in dict.fromkeys(reasons)]
     if mode == IF_POSSIBLE:
-        made = [cls.accelerator for cls in _classes(processes) if cls.accelerator is not None]
+        made = [cls.accelerator for cls in classes if cls.accelerator is not None]
         methods = counted(sum(len(each.methods) for each in made), "method")
         views = counted(sum(len(each.views) for each in made), "view")
         notes.insert(0, f"compiled {methods} and {views} of agents")
@@ -344,29 +351,19 @@ def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, path: Path) -> list
 
 
 def compile_agents(
-    processes: Iterable[ProcessSpec], progress: Callable[[str, int, int, str], None]
+    processes: Iterable[ProcessSpec], progress: Callable[..., None] = lambda *_: None
 ) -> None:
     """Compile the methods of the agents that run on this machine, and the rules of their spaces.
 
-    Before the launcher starts processes, so that they inherit the machine code. Raises MisuseError
-    without numba, or if a rule cannot be compiled.
+    Before the launcher starts processes, so that they inherit the machine code; `progress` is
+    passed a word, the number compiled, that of all, and a title. Raises MisuseError without numba,
+    or if a rule cannot be compiled.
     """
-    local = [process for process in processes if not process.elsewhere]
-    compile_classes(_classes(local), progress)
-
-
-def compile_classes(
-    classes: Iterable[type[Agent]], progress: Callable[[str, int, int, str], None]
-) -> None:
-    """Compile the methods and rules of agent classes. Raises MisuseError like `compile_agents`."""
+    classes = _classes([process for process in processes if not process.elsewhere])
     code = [each for cls in classes for each in cls.machine_code()]
     for done, (title, compiled) in enumerate(code):
         progress("compiling", done, len(code), title)
         compiled()
-
-
-def no_progress(name: str, done: int, total: int, rest: str) -> None:
-    """Show no progress."""
 
 
 def _classes(processes: Iterable[ProcessSpec]) -> list[type[Agent]]:

@@ -234,7 +234,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     record = _record_settings(top)
     settings = top.read(WorldSettings)
     world = read_description(top, settings, path, options, processes)
-    compiled = apply_mode(processes, settings.compiled, path)
+    compiled = apply_mode(processes, settings.compiled, world.scene, path)
     names = [world.shares.get(process.name, process.name) for process in processes]
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     watch = top.read(WatchSettings)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -13,7 +14,10 @@ pytest.importorskip("numba")
 
 from minerva_bus import run
 from minerva_bus.errors import WorldFileError
+from minerva_bus.launch import process_specs
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
+from minerva_bus.settings.world_settings import Overrides
 
 MODULE = """
 import numpy as np
@@ -76,7 +80,7 @@ class Days(Generator, events=("eDay",)):
 
 
 def flock(options):
-    return Sheep.many("s", 300, x=np.linspace(0, 9, 300)) + Odd("o").string
+    return Sheep.many("s", 300, x=np.linspace(0, 9, 300)) + Odd.many("o", 40)
 """
 WORLD = """
 [world]
@@ -147,6 +151,34 @@ def test_if_possible_reports_what_it_did(world):
     file = read_world_file(world(more=more))
     classes = [cls for process in file.processes for cls in process.agents]
     assert [cls.accelerator for cls in classes] == [None, None]
+
+
+def test_if_possible_compiles_nothing_for_agents_too_few_to_be_columns(world, monkeypatch):
+    monkeypatch.setattr(process_specs, "MANY", 41)
+    more = '[process.odd]\nagents = "compiled_pasture:Odd"\n'
+    file = read_world_file(world('compiled = "if possible"', more=more))
+    counted = "compiled 2 methods and 1 view of agents"
+    assert file.notes[:2] == (counted, "not compiled: Odd, fewer than 41 agents")
+
+
+GALLERY = {
+    "flock": {"birds": "80"},
+    "slime": {"cells": "400", "width": "60", "height": "40"},
+    "traffic": {"cars": "40"},
+}
+
+
+@pytest.mark.parametrize(("name", "options"), GALLERY.items())
+def test_worlds_of_the_gallery_say_what_is_compiled_and_keep_their_digest(name, options):
+    notes = read_world_file(find_world(name), Overrides(options=options)).notes
+    said = re.compile(r"compiled [1-9] methods? and [1-9] views? of agents")
+    assert any(map(said.fullmatch, notes))
+    given = [word for key, value in options.items() for word in (f"--{key}", value)]
+    words = ["--in-process", "--rate", "0", "--frames", "8", *given]
+    compiled, plain = (
+        digest(find_world(name), *words, *more)[0] for more in ([], ["--no-compiled"])
+    )
+    assert compiled == plain
 
 
 def test_another_value_is_an_error(world):

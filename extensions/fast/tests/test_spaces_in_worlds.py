@@ -4,10 +4,12 @@ import space_worlds as worlds
 from space_worlds import Flock, Meadow, eStep, graze, grow, hunt, meadow
 
 from minerva_bus import Vocabulary, World, each, on, run
-from minerva_bus.launch.process_specs import compile_classes
+from minerva_bus.launch.process_specs import ProcessSpec, compile_agents
 from minerva_fast import Space, driving, interpreted, rules
 from minerva_fast.rules import loops_of
 from minerva_fast.space import rules_of
+
+FLOCK = ProcessSpec("flock", agents=(Flock,))
 
 
 def world(agents):
@@ -57,9 +59,9 @@ def test_rules_are_compiled_before_the_first_frame(monkeypatch):
     for loop in loops_of(rules_of(Flock)):  # also those of tables, which other rules share
         monkeypatch.setattr(loop, "_compiled", None)
     with interpreted():
-        compile_classes([Flock], lambda *shown: None)
+        compile_agents([FLOCK])
     assert compiled == []
-    compile_classes([Flock], lambda *line: shown.append(line))
+    compile_agents([FLOCK], lambda *line: shown.append(line))
     for name in ("drift, a rule", "look, a rule", "'locate'"):
         assert any(name in text for text in compiled)
     names = [title for _, _, _, title in shown]
