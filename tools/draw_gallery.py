@@ -93,6 +93,7 @@ FILMS = {
     "robot": Film([*FAST]),
     "robots": Film([*FAST, "--frames", "1201"], every=15),
     "ros2": Film(["--map", str(MAP)], 12, robot),
+    "slime": Film([*FAST, "--frames", "200"]),
     "traffic": Film([*FAST, "--frames", "400"], every=5),
     "village": Film([*FAST, "--frames", "480"]),
     "warehouse": Film([*FAST, "--frames", "600"]),

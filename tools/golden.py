@@ -39,6 +39,10 @@ WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
     "plants": ("worlds/minerva_worlds/plants/plants.toml", {"frames": 40}),
     "robot": ("robot", {"frames": 25}),
     "robots": ("worlds/minerva_worlds/robots/robots.toml", {"frames": 12}),
+    "slime": (
+        "worlds/minerva_worlds/slime/slime.toml",
+        {"frames": 12, "options": {"cells": "400", "width": "60", "height": "40"}},
+    ),
     "traffic": ("worlds/minerva_worlds/traffic/traffic.toml", {"frames": 40}),
     "village": ("worlds/minerva_worlds/village/village.toml", {"frames": 40}),
     "warehouse": ("worlds/minerva_worlds/warehouse/warehouse.toml", {"frames": 40}),

@@ -1,7 +1,7 @@
 """A flock: birds that steer by events about their neighbours, and a hawk among them.
 
-A bird has a state, steers by its neighbours, and shows its position and its picture. The methods of
-birds process the whole population: `self.x` is an array with one number per bird.
+A bird has a state, steers by its neighbours, and shows its position and its picture. Its methods
+are for one bird; with numba, `compiled` in flock.toml runs them as machine code for all birds.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 
 from minerva_bus import (
     Agent,
-    BatchContext,
     Cells,
     Context,
     Default,
@@ -72,29 +71,29 @@ class Bird(Agent, symbol="ABird"):
     vx: float
     vy: float
 
-    @on("eNear", population=True)
-    def steer(self, near: Event, moment: BatchContext) -> None:
-        flee = np.where(near.fear > 0, -0.3, 0.012)  # away from the neighbours, or towards them
+    @on("eNear")
+    def steer(self, near: Event, moment: Context) -> None:
+        flee = -0.3 if near.fear > 0 else 0.012  # away from the neighbours, or towards them
         vx = self.vx + flee * near.dx + 0.03 * near.apart_x + 0.12 * near.vx
         vy = self.vy + flee * near.dy + 0.03 * near.apart_y + 0.12 * near.vy
-        speed = np.maximum(portable.hypot(vx, vy), 0.01)
+        speed = max(portable.hypot(vx, vy), 0.01)
         self.vx, self.vy = vx / speed, vy / speed
         self.x = (self.x + 0.25 * self.vx) % WIDTH
         self.y = (self.y + 0.25 * self.vy) % HEIGHT
 
-    @on("eTurn", population=True)
-    def turn(self, turn: Event, moment: BatchContext) -> None:
-        angle = turn.angle * (math.pi / 180)
+    @on("eTurn")
+    def turn(self, turn: Event, moment: Context) -> None:
+        angle = math.radians(turn.angle)
         cos, sin, vx, vy = portable.cos(angle), portable.sin(angle), self.vx, self.vy
         self.vx, self.vy = cos * vx - sin * vy, sin * vx + cos * vy
 
-    @view("eWhere", population=True)
+    @view("eWhere")
     def where(self, event: Event) -> Scene:
         return TMove(self.x, self.y)(PSpot(self.id, self.vx, self.vy))
 
-    @view("ePicture", population=True)
+    @view("ePicture")
     def picture(self, event: Event) -> Scene:
-        angle = np.degrees(portable.atan2(self.vy, self.vx))
+        angle = math.degrees(portable.atan2(self.vy, self.vx))
         return TMove(self.x, self.y)(TTurn(angle)(PBird(0.3)))
 
 
