@@ -95,6 +95,23 @@ def test_a_robot_that_restarts_is_driven_again():
         session.close()
 
 
+def test_the_clock_of_a_robot_may_jump():
+    with network() as (endpoint, _), Node(endpoint) as robot:
+        put = robot.publisher("/scan", types.LASER_SCAN)
+        with RunningBridge(Ros2(endpoint, mount="0, 0, 0", odometry="")) as running:
+            for second in (100, 5000, 50, 51):
+                message = scan()
+                message.header.stamp.sec = second
+
+                def arrived(message=message, second=second):
+                    put(message)
+                    return running.published and running.published[-1][1].time >= second
+
+                eventually(arrived, f"the scan of {second} s")
+                running.published.clear()
+            assert running.counted("clock steps back") == 1
+
+
 def drive(motors, speed):
     motors.put(messages().twist(speed, 0.0))
 

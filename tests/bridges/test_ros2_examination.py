@@ -15,7 +15,7 @@ from minerva_services.bridges.ros2.graph import RosGraph
 from minerva_services.bridges.ros2.uses import mismatches
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import DEFAULT_QOS, LASTING_QOS, LyricalPublisher, Node, dds
-from tests.bridges.ros2_rig import network
+from tests.bridges.ros2_rig import network, scan
 from tests.patience import eventually
 
 ROUTER = "tcp/h:7447"
@@ -140,6 +140,24 @@ def test_a_bridge_says_what_differs(capsys):
                 "it says so",
             )
     assert f"{endpoint}: nobody publishes /scan of {types.LASER_SCAN}" in "".join(said)
+
+
+def test_a_bridge_says_that_a_topic_has_another_type_than_before(capsys):
+    said = []
+    with (
+        network() as (endpoint, _),
+        RunningBridge(Ros2(endpoint, mount="0, 0, 0", odometry="", battery="")) as running,
+    ):
+        with Node(endpoint) as robot:
+            put = robot.publisher("/scan", types.LASER_SCAN)
+            eventually(lambda: put(scan()) or running.published, "a scan")
+        with Node(endpoint) as robot:
+            robot.publisher("/scan", types.POINTS)
+            eventually(
+                lambda: said.append(capsys.readouterr().out) or "not of" in "".join(said),
+                "it says so",
+            )
+    assert f"/scan is of {types.POINTS}, not of {types.LASER_SCAN}" in "".join(said)
 
 
 def test_a_network_is_listed_with_its_distributions():

@@ -154,7 +154,9 @@ class Ros2Session:
         self.node = f"{node}_{self._id[:8]}"
         self._declared: list[Any] = []
         self._publishers: list[TopicPublisher] = []
-        self._uses, self._opened = uses, time.monotonic()
+        self._uses, self._heard = uses, set[str]()
+        self._changed, self._noticed, self._judged = time.monotonic(), 0.0, 0.0
+        self._problems: list[str] = []
         self.graph = RosGraph(self._id)
         for pattern in TOKENS:
             watch = partial(self._session.liveliness().declare_subscriber, history=True)
@@ -163,22 +165,35 @@ class Ros2Session:
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         self.graph.update(str(sample.key_expr), is_there=sample.kind == zenoh.SampleKind.PUT)
+        self._changed = time.monotonic()
         for publisher in list(self._publishers):
             # The session may be closed meanwhile, in another thread.
             with suppress(SourceError, zenoh.ZError):
                 publisher.serve()
 
     def advise(self, heard: Collection[str] = ()) -> None:
-        """Log once, when its nodes had time to start, how the robot differs from what is expected.
+        """Log how the robot differs from what is expected, when its nodes had time to start.
 
-        `heard` are the types of messages that have arrived.
+        It is judged again when nodes have changed, for example the type of a topic. `heard` are the
+        types of messages that have arrived since the last call.
         """
-        if not self._uses or time.monotonic() - self._opened < _ADVICE_SECONDS:
+        changed = self._changed
+        if self._judged == changed:
             return
-        silent = [use for use in self._uses if use.message not in heard]
-        self._uses = ()
-        for _, problem in mismatches(self.graph, self.network, silent):
-            log(f"the ROS 2 network at {self.network.router}: {problem}")
+        if self._noticed != changed:
+            # What has come from other nodes says nothing of the present ones.
+            self._noticed = changed
+            self._heard.clear()
+        self._heard.update(heard)
+        if time.monotonic() - changed < _ADVICE_SECONDS:
+            return
+        self._judged = changed
+        silent = [use for use in self._uses if use.message not in self._heard]
+        problems = [problem for _, problem in mismatches(self.graph, self.network, silent)]
+        for problem in problems:
+            if problem not in self._problems:
+                log(f"the ROS 2 network at {self.network.router}: {problem}")
+        self._problems = problems
 
     @property
     def connected(self) -> bool:

@@ -282,7 +282,6 @@ class _Listening:
         self._waiting = defaultdict[str, _Waiting](_Waiting)
         self._received = 0
         self._news = threading.Condition()
-        self._heard = set[str]()
 
     def receiver(self, message: str) -> Callable[[bytes], None]:
         """A callback for the payloads of a topic."""
@@ -316,8 +315,7 @@ class _Listening:
             # Decoding happens outside the lock, which Zenoh's threads need for new messages.
             waiting = self.taken(_CHECK_SECONDS)
             # Transforms of joints say nothing of those that never change.
-            self._heard.update(message for message, _ in waiting if message != TRANSFORMS)
-            self._session.advise(self._heard)
+            self._session.advise({message for message, _ in waiting if message != TRANSFORMS})
             # A lost link is an error only once all messages received before it have been read.
             if not waiting and not self._session.connected:
                 raise SourceError(f"{self._bridge.source} is lost")
