@@ -456,14 +456,11 @@ class FrameAlgorithm:
     def awaits(self, member: str) -> bool:
         """Whether this frame waits for an answer of a member."""
         if self.now.phase in (Phase.TICK, Phase.STOPPING):
-            return self._awaits_answer(member)
+            return member in self.now.in_flight.pending or member in self.shutdown.pending
         requests = self.now.in_flight.requests
         if self.now.phase in (Phase.WAITING, Phase.READY) or requests.unassigned:
             return member in self.waiting_for()
         return bool(requests.of(member))
-
-    def _awaits_answer(self, member: str) -> bool:
-        return member in self.now.in_flight.pending or member in self.shutdown.pending
 
     # --- state ---
 

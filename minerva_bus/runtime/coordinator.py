@@ -334,11 +334,8 @@ class Coordinator(WorldRun):
         self._receiver, self._postponed = receiver, receiver.postponed.queue
         self._answers = Answers(self, self.admission, limits, watchers.operated)
         self._waiting = self._answers.waiting
-        self._handlers = self._handlers_with(receiver)
-
-    def _handlers_with(self, receiver: Receiver) -> dict[type, Callable[[Any], None]]:
-        """Handlers by type of what arrives in the inbox."""
-        return {
+        # By type of what arrives in the inbox.
+        self._handlers: dict[type, Callable[[Any], None]] = {
             tuple: receiver.receive,
             Decoded: receiver.take_decoded,
             TokensChanged: receiver.take_token,

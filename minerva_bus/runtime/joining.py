@@ -22,6 +22,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.metrics import Restraint
 from minerva_bus.runtime.session import REAL, System, Timer
+from minerva_bus.runtime.transport import encode_reply, tick_in
 from minerva_bus.wire.codec import Decoder, encode, stamp, stamped
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wording import duration
@@ -82,7 +83,7 @@ class WorldLink:
                 publisher.put(encode(message))
         # Read once: a generator's thread sends, too, while the main thread may lose the connection.
         elif epoch := self.stamp:
-            self._replies.put(epoch + encode(message))
+            self._replies.put(epoch + encode_reply(message))
         else:
             # Only events are lost: replies belong to a frame that is requested again.
             self.unsent += isinstance(message, m.Emitted)
@@ -109,7 +110,7 @@ class WorldLink:
         elif (body := self._first_of_epoch(data)) is None:
             return None
         try:
-            return self._decoder.to_member(body)
+            return tick_in(body) or self._decoder.to_member(body)
         except (ProtocolError, SceneError):
             if self._joined:
                 raise

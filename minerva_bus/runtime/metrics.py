@@ -673,7 +673,8 @@ class OrderFates:
     def _report(self, frame: int, events: Iterable[AnyEvent]) -> list[OrderStatus]:
         """Note the reports among the events of a frame."""
         changed: list[OrderStatus] = []
-        for event in single(each for each in events if self._is_report(each.type)):
+        reports = self._completes.keys() | self._fails.keys()
+        for event in single(each for each in events if each.type in reports):
             sender = event.sender
             for number in self._matches(event, self._completes.get(event.type, ()), frame):
                 changed.append(self._change(number, "done", frame, sender, is_open=False))
@@ -687,9 +688,6 @@ class OrderFates:
         statuses = [order.status for order in self._orders.values()]
         changed = [status for status in statuses if status.change > change]
         return tuple(sorted(changed, key=lambda status: status.change))
-
-    def _is_report(self, event_type: str) -> bool:
-        return event_type in self._completes or event_type in self._fails
 
     def _matches(self, report: Event, types: tuple[str, ...], frame: int) -> list[int]:
         """The open orders that an agent's report concerns."""

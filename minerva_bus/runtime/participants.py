@@ -566,11 +566,8 @@ class MemberProcess:
                 for participant in self._participants:
                     participant.stop()
                 self.inbox.close()
-                self._close_services()
-
-    def _close_services(self) -> None:
-        for participant in self._participants:
-            participant.close_service()
+                for participant in self._participants:
+                    participant.close_service()
 
     # --- joining ---
 
