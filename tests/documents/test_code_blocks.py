@@ -29,6 +29,7 @@ EXCERPTS = {
     "extensions/exporters/datasets.md": ["from lerobot."],
     "docs/norms.md": ["moment.emit"],
     "docs/reference/portable.md": ["from minerva_bus import portable\n\nself."],
+    "worlds/minerva_worlds/slime/README.md": ["    @on("],
 }
 """Beginnings of blocks that cannot run: lines of an agent, or a library that needs gigabytes."""
 
