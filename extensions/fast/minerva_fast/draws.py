@@ -126,6 +126,11 @@ READ_ONLY: Final = "an assignment to a matrix that stays as it is, such as `befo
 REAL_IN_CELLS: Final = "Cells are ints, and this is a real: write int(...), or use Reals"
 
 
+EXACT: Final = 2**53
+"""Ints up to this are reals without loss of digits."""
+NO_REAL: Final = "an int beyond ±2^53 would lose digits as a real; write float(...) if it may"
+
+
 class Guarded:
     """An array as a rule that runs as Python sees it.
 
@@ -157,6 +162,8 @@ class Guarded:
             if isinstance(value, float):
                 raise TypeError(REAL_IN_CELLS)
             value = int(value)  # An int of numpy that is too large would lose its upper bits.
+        elif not isinstance(value, float) and not -EXACT <= value <= EXACT:
+            raise OverflowError(f"{value} in {self._name}[{index}]: {NO_REAL}")
         self._values[place] = value
 
     def _checked(self, index: Any) -> int:

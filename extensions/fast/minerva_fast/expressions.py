@@ -20,6 +20,7 @@ from minerva_bus.errors import nearest
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.class_declaration import NotCompilable
+from minerva_fast.draws import EXACT
 from minerva_fast.functions import ARRAYS, FUNCTIONS, FUNCTIONS_OF_RULES, draw, instead_of
 from minerva_fast.origin import EXPRESSIONS, MISSING, REAL_EVERYWHERE, TEXT_AS_NUMBER, Undefined
 from minerva_fast.values import (
@@ -47,7 +48,6 @@ from minerva_fast.values import (
 
 INT_BITS: Final = 2**63
 """Ints of machine code are below this."""
-EXACT: Final = 2**53
 _OF_INTS: Final[dict[type[ast.operator], str]] = {
     ast.Add: "add",
     ast.Sub: "subtract",

@@ -33,6 +33,7 @@ from numba.extending import intrinsic
 from minerva_bus import portable
 from minerva_bus.portable import distributions, exponentials, logarithms, trigonometry
 from minerva_fast import draws, places
+from minerva_fast.draws import EXACT
 from minerva_fast.functions import OF_MATH
 from minerva_fast.machine_code import NUMBA_OPTIONS
 from minerva_fast.places import CellGrid, Edges, FieldGrid, FieldRows, LatticeRows  # noqa: F401
@@ -43,7 +44,6 @@ inlined: Any = njit(**NUMBA_OPTIONS, forceinline=True)
 NAN: Final = math.nan
 INFINITY: Final = math.inf
 LEAST_INT: Final = -(2**63)
-_EXACT: Final = 2**53
 _TOP: Final = 9223372036854775808.0
 
 
@@ -132,7 +132,7 @@ def short(_: Any, number: Any) -> Any:
 @inlined
 def exact(number: int) -> float:
     """An int as a real of the same value."""
-    if not -_EXACT <= number <= _EXACT:
+    if not -EXACT <= number <= EXACT:
         raise OverflowError
     return float(number)
 
@@ -140,7 +140,7 @@ def exact(number: int) -> float:
 @inlined
 def bound(number: int) -> int:
     """An int below 2^53, as bounds of draws are."""
-    if not -_EXACT <= number <= _EXACT:
+    if not -EXACT <= number <= EXACT:
         raise OverflowError
     return number
 
@@ -303,7 +303,7 @@ def within(number: float, least: float, most: float) -> bool:
 def is_real(number: float) -> bool:
     """Whether a number that may be an int held as a real is certainly a real."""
     negative_zero = number == 0.0 and math.copysign(1.0, number) < 0.0
-    return negative_zero or not abs(number) <= _EXACT or number != np.floor(number)
+    return negative_zero or not abs(number) <= EXACT or number != np.floor(number)
 
 
 @compiled
@@ -313,7 +313,7 @@ def either(result: float, a: float, b: float) -> float:
     Ints have no -0.0, and further digits where reals are rounded.
     """
     negative_zero = result == 0.0 and math.copysign(1.0, result) < 0.0
-    if (negative_zero or abs(result) >= _EXACT) and not (is_real(a) or is_real(b)):
+    if (negative_zero or abs(result) >= EXACT) and not (is_real(a) or is_real(b)):
         raise OverflowError
     return result
 

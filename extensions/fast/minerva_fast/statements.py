@@ -331,7 +331,7 @@ class Statements:
                 raise self.problem(target, what, "write int(...), or use Reals")
             value = replace(value, text=f"short({value.text})")
         elif items.item == "real":
-            value = self.expressions.as_real(value)
+            value = self.expressions.as_mixed(value)
         elif value.kind is not items.kind:
             what = f"{ast.unparse(target.value)} holds items of one type, {items.kind.value}"
             instead = "use one type, such as 0.0 and float(...)"

@@ -1,14 +1,16 @@
 """Numbers that rules get from `run`, from attributes and from their modules."""
 
 import sys
+from contextlib import nullcontext
 from types import ModuleType
 
 import numpy as np
 import pytest
-from space_worlds import Sheep, meadow, moment
+from space_worlds import Meadow, Sheep, eStep, meadow, moment
 
-from minerva_bus import Cells
-from minerva_bus.errors import MisuseError
+from minerva_bus import Cells, evolve, on
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.user_code import report
 from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast import ORDERED, interpreted, rule
 
@@ -32,6 +34,17 @@ def feed(i: int, sheep: Sheep, share: int, fast: bool = False):
 
 def halve(cell: int, grass: Cells):
     grass[cell] = 0.5 * grass[cell]
+
+
+@rule(ORDERED)
+def treble(i: int, sheep: Sheep, share: int):
+    if i == 1:
+        sheep.energy[i] = 3 * share
+
+
+@rule(ORDERED)
+def divide(i: int, sheep: Sheep, share: int):
+    sheep.energy[i] = share % (1 - i)
 
 
 def fed(**data):
@@ -60,6 +73,40 @@ def test_a_number_that_the_type_cannot_hold_is_an_error(share, as_python):
 def test_a_number_that_no_rule_has_is_an_error(as_python):
     with pytest.raises(MisuseError, match="no rule of this `run` has a parameter shara; did you"):
         fed(shara=1)
+
+
+PROBLEMS = [
+    (treble, 2**53 // 3, ""),
+    (
+        treble,
+        2**53 // 3 + 1,
+        r"OverflowError: 9007199254740993 in sheep\.energy\[1\]: an int beyond ±2\^53",
+    ),
+    (
+        treble,
+        -(2**60),
+        r"OverflowError: -3458764513820540928 in sheep\.energy\[1\]: an int beyond ±2\^53",
+    ),
+    (divide, 7, "ZeroDivisionError: integer .*modulo by zero"),
+]
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(("changed", "share", "problem"), PROBLEMS)
+def test_a_number_that_cannot_enter_the_string_is_an_error(changed, share, problem, compiled):
+    class Farm(Meadow, symbol="AMeadow"):
+        @on("eStep")
+        def step(self, step, moment):
+            self.run(moment, changed, share=share)
+
+    string = meadow(sheep=2, wolves=0).string
+    with nullcontext() if compiled else interpreted():
+        if not problem:
+            evolve(string, [eStep()], [Farm])
+            return
+        with pytest.raises(MinervaError, match=f"Farm.step of AMeadow#m at .*{problem}") as raised:
+            evolve(string, [eStep()], [Farm])
+    assert f"in {changed.name}\n" in report(raised.value)
 
 
 def test_a_real_in_cells_is_an_error():
