@@ -221,6 +221,7 @@ def test_agents_get_as_many_hosts_as_they_pay_for(
 def test_a_policy_that_makes_copies_has_one_process(tmp_path, monkeypatch):
     monkeypatch.setattr(world_files, "cores", lambda: 4)
     monkeypatch.setitem(counts, Walker, round(3 * HOST_SECONDS / AGENT_SECONDS))
+    monkeypatch.setitem(counts, Rock, 1)
     old = '[process.rocks]\nagents = "' + SPEC("Rock") + '"\n'
     literal = 'policy = "literal"\nframes = 3\n'
     text = TEXT.replace(old, "").replace("frames = 3\n", literal)
