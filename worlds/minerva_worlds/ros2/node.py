@@ -19,6 +19,8 @@ VISION = {
     "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
 }
 
+SERVICE_HASH = f"RIHS01_{0:064x}"
+
 store = get_typestore(Stores.LATEST)
 definitions = {}
 for vision_type, fields in VISION.items():
@@ -26,7 +28,7 @@ for vision_type, fields in VISION.items():
 store.register(definitions)
 
 
-def make(name, **values):
+def make(name, /, **values):
     """A ROS message."""
     return store.types[name](**values)
 
@@ -70,10 +72,12 @@ class Ros:
         return f"{self.domain}/{topic}/{package}::{kind}::dds_::{name}_/{type_hash}"
 
     def announce(self, kind, key="", qos=""):
-        """Announce the node (NN), a publisher (MP) or a subscription (MS) in the ROS graph."""
+        """Announce the node (NN), a publisher (MP), subscription (MS) or service (SS)."""
         about = f"@ros2_lv/{self.domain}/{self.session.zid()}/0/{len(self.tokens)}/{kind}/%/%/robot"
-        topic = f"/%{key.partition('/')[2]}/{qos}" if key else ""
-        self.tokens.append(self.session.liveliness().declare_token(about + topic))
+        if key:
+            topic, message, type_hash = key.partition("/")[2].rsplit("/", 2)
+            about += f"/%{topic.replace('/', '%')}/{message}/{type_hash}/{qos}"
+        self.tokens.append(self.session.liveliness().declare_token(about))
 
     def advertise(self, topic, message, lasting=False):
         key = self.key(topic, message)
@@ -100,3 +104,26 @@ class Ros:
         key = self.key(topic, message)
         self.subscribers.append(self.session.declare_subscriber(key, on_sample))
         self.announce("MS", key, "::,10:,:,:,,")
+
+    def serve(self, service, kind, answer):
+        """Serve a service; `answer` receives each query, and replies to it when it likes."""
+        package, group, name = kind.split("/")
+        # A real node has the hash of the type here, or no hash in Humble; clients copy it.
+        key = f"{self.domain}/{service}/{package}::{group}::dds_::{name}_/{SERVICE_HASH}"
+        self.subscribers.append(self.session.declare_queryable(key, answer, complete=True))
+        self.announce("SS", key, "::,10:,:,:,,")
+
+    def close(self):
+        self.session.close()
+
+
+def read(query, message):
+    """The request of a query."""
+    return store.deserialize_cdr(query.payload.to_bytes(), message)
+
+
+def reply(query, message, /, **values):
+    """Answer a query; the attachment tells the client which request it was."""
+    data = bytes(store.serialize_cdr(make(message, **values), message))
+    with query:
+        query.reply(query.key_expr, data, attachment=query.attachment)

@@ -16,6 +16,7 @@ from minerva_services.bridges.ros2.graph import (
     NO_HASH,
     NODE,
     PUBLISHER,
+    SERVER,
     SUBSCRIPTION,
     Announced,
 )
@@ -24,6 +25,13 @@ from minerva_services.bridges.ros2.network import look_at
 from minerva_services.bridges.ros2.sensors import Ros2
 from minerva_services.bridges.ros2.uses import is_of, mismatches, nobody
 from minerva_services.bridges.ros2.view import Ros2View
+
+_OF_EACH_NODE: Final = ("rcl_interfaces/", "type_description_interfaces/")
+"""Types of services that each node has, which are not listed."""
+
+_ENDS: Final = {
+    "published by ": PUBLISHER, "subscribed to by ": SUBSCRIPTION, "served by ": SERVER,
+}  # fmt: skip
 
 Found: TypeAlias = tuple[str, bool, str]
 """What was examined, whether it is good, and a note."""
@@ -77,12 +85,12 @@ def distribution(announced: list[Announced]) -> str:
 def _topics(announced: list[Announced]) -> Iterator[Found]:
     ends = defaultdict[tuple[str, str], list[Announced]](list)
     for each in announced:
-        if each.topic:
+        if each.topic and not each.message.startswith(_OF_EACH_NODE):
             ends[each.topic, each.message].append(each)
     for (topic, message), there in sorted(ends.items()):
         counts = [
             f"{what}{_named(there, kind)}"
-            for what, kind in (("published by ", PUBLISHER), ("subscribed to by ", SUBSCRIPTION))
+            for what, kind in _ENDS.items()
             if any(each.kind == kind for each in there)
         ]
         yield topic, True, f"{message}, {', '.join(counts)}"

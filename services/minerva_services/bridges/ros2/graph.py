@@ -12,7 +12,13 @@ from dataclasses import dataclass
 from typing import Final
 
 LAYOUTS: Final = ("rmw_zenoh", "dds")
-NODE, PUBLISHER, SUBSCRIPTION = "NN", "MP", "MS"
+NODE, PUBLISHER, SUBSCRIPTION, SERVER = "NN", "MP", "MS", "SS"
+_KINDS: Final = (NODE, PUBLISHER, SUBSCRIPTION, SERVER)
+_ACTION_SERVER: Final = "AS"
+"""Kind of a bridge for DDS for the three services and two topics of an action."""
+
+SEND_GOAL: Final = "_action/send_goal"
+"""Where an action accepts goals, after its name; the type of this service has a suffix, too."""
 
 NO_HASH: Final = "TypeHashNotSupported"
 """What ROS 2 Humble announces in place of the hash of a type."""
@@ -26,7 +32,7 @@ _BACKENDS: Final = "backends:"
 
 @dataclass(frozen=True, slots=True)
 class Announced:
-    """A node, or one of its publishers and subscriptions.
+    """A node, or one of its publishers, subscriptions and services.
 
     `layout` is that of its network; `session` is the Zenoh session that it belongs to. A bridge for
     DDS announces no nodes and no hashes, and its `domain` is 0. `lasting`: transient local;
@@ -46,19 +52,25 @@ class Announced:
 
 
 def announced(token: str) -> Announced | None:
-    """What a token announces; None for other parts of the graph, such as services."""
+    """What a token announces; None for other parts of the graph, such as clients of services.
+
+    An action is announced by its service for goals.
+    """
     parts = token.split("/")
     try:
         if parts[0] == "@ros2_lv":
             return _of_rmw_zenoh(*parts[1:])
-        _, session, _, kind, topic, message, qos, *_ = parts
+        _, session, _, kind, topic, message, *qos = parts
     except (TypeError, ValueError):
         return None
-    if kind not in (PUBLISHER, SUBSCRIPTION):
-        return None
     # Such a bridge writes slashes as §, and types as people do.
-    lasting = _durability(qos, 2) == _TRANSIENT_LOCAL
     name, kind_of_message = f"/{topic.replace('§', '/')}", message.replace("§", "/")
+    if kind == _ACTION_SERVER:
+        name, kind_of_message = f"{name}/{SEND_GOAL}", f"{kind_of_message}_SendGoal"
+    elif kind not in _KINDS:
+        return None
+    lasting = bool(qos) and _durability(qos[0], 2) == _TRANSIENT_LOCAL
+    kind = SERVER if kind == _ACTION_SERVER else kind
     return Announced("dds", 0, session, kind, "", name, kind_of_message, lasting=lasting)
 
 
@@ -66,7 +78,7 @@ def _of_rmw_zenoh(
     domain: str, session: str, _: str, __: str, kind: str, ___: str, namespace: str, node: str,
     topic: str = "", message: str = "", type_hash: str = "", qos: str = "", backends: str = "",
 ) -> Announced | None:  # fmt: skip
-    if kind not in (NODE, PUBLISHER, SUBSCRIPTION):
+    if kind not in _KINDS:
         return None
     name = f"{_demangled(namespace).rstrip('/')}/{node}"
     return Announced(
@@ -118,7 +130,8 @@ class RosGraph:
             return
         with self._lock:
             if is_there:
-                self._announced[token] = about
+                # The first object stays: another one means that its owner has been away.
+                self._announced.setdefault(token, about)
             else:
                 self._announced.pop(token, None)
 

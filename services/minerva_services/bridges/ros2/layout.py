@@ -143,10 +143,10 @@ class Ros2Network:
         return mangled(f"/{self.namespace.strip('/')}")
 
     def topic_token(
-        self, session: str, node: str, entity: int, kind: Literal["MP", "MS"],
+        self, session: str, node: str, entity: int, kind: Literal["MP", "MS", "SC"],
         topic: str, message: str, type_hash: str, *, lasting: bool, buffered: bool = False,
     ) -> str:  # fmt: skip
-        """The token of a publisher (MP) or subscription (MS).
+        """The token of a publisher (MP), a subscription (MS) or a client of a service (SC).
 
         `lasting` means transient local, `buffered` that it also receives on `buffered_pattern`.
         """

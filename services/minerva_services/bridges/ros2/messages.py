@@ -86,7 +86,7 @@ class MessageTypes:
             return True
         return self._is_bytes(element, type_of_element)
 
-    def make(self, message: str, **fields: Any) -> Any:
+    def make(self, message: str, /, **fields: Any) -> Any:
         """A message with these fields; all are required."""
         return self._store.types[message](**fields)
 

@@ -14,19 +14,22 @@ import time
 from collections.abc import Callable, Collection, Sequence
 from contextlib import closing, suppress
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import zenoh
 import zenoh.ext
 
-from minerva_services.bridges.ros2.graph import NO_HASH, TOKENS, RosGraph
+from minerva_services.bridges.ros2.graph import NO_HASH, SERVER, TOKENS, Announced, RosGraph
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.uses import TopicUse, mismatches
+from minerva_services.bridges.ros2.uses import TopicUse, is_of, mismatches
 from minerva_services.bridging.bridge import SourceError, log
 
 _HEARTBEAT_SECONDS: Final = 0.5
 """How often a lasting publisher repeats the number of its last message, as in rmw_zenoh."""
+
+MAX_ANSWER_BYTES: Final = 1 << 20
+"""Maximum size of the answer of a service."""
 
 _OPEN_TIMEOUT_MS: Final = 2000
 _LOOK_TIMEOUT_MS: Final = 700
@@ -109,6 +112,42 @@ class TopicPublisher:
             self._publishers.clear()
 
 
+Answer: TypeAlias = "Callable[[bytes | None, str], None]"
+"""Called with an answer in CDR, or with a problem: None means that there is no answer."""
+
+
+class _Answers:
+    """What becomes of a request: calls `answer` once, with an answer or the reason for none."""
+
+    def __init__(self, what: str, answer: Answer) -> None:
+        self._what, self._answer = what, answer
+        self._lock = threading.Lock()
+        self._is_answered = False
+
+    def on_reply(self, reply: zenoh.Reply) -> None:
+        """Several servers of a service may reply; the first counts."""
+        if reply.ok is None:
+            self._once(b"", f"{self._what} answers with an error")
+            return
+        size = len(reply.ok.payload)
+        if size > MAX_ANSWER_BYTES:
+            problem = f"the answer of {self._what} has {size} bytes, at most {MAX_ANSWER_BYTES}"
+            self._once(b"", f"{problem} are read")
+        else:
+            self._once(reply.ok.payload.to_bytes(), "")
+
+    def on_end(self) -> None:
+        """The time is over, or all servers have replied or gone."""
+        self._once(None, f"{self._what} does not answer")
+
+    def _once(self, data: bytes | None, problem: str) -> None:
+        with self._lock:
+            if self._is_answered:
+                return
+            self._is_answered = True
+        self._answer(data, problem)
+
+
 def _opened(network: Ros2Network, timeout_ms: int = _OPEN_TIMEOUT_MS) -> zenoh.Session:
     config = zenoh.Config()
     settings = _CONFIG | {
@@ -154,6 +193,8 @@ class Ros2Session:
         self.node = f"{node}_{self._id[:8]}"
         self._declared: list[Any] = []
         self._publishers: list[TopicPublisher] = []
+        self._clients: dict[tuple[str, str], bytes] = {}
+        self._requests = 0
         self._uses, self._heard = uses, set[str]()
         self._changed, self._noticed, self._judged = time.monotonic(), 0.0, 0.0
         self._problems: list[str] = []
@@ -258,6 +299,56 @@ class Ros2Session:
         self._declared.append(publisher)
         self._announce(token)
         return publisher
+
+    def server(self, service: str, kind: str) -> Announced | None:
+        """A server of a service of a type, as it is announced at present."""
+        name = f"/{self.network.name(service)}"
+        for each in self.graph:
+            fits = (each.kind, each.topic, each.message) == (SERVER, name, kind)
+            if fits and is_of(each, self.network):
+                return each
+        return None
+
+    def call(
+        self, service: str, kind: str, data: bytes, seconds: float,
+        answer: Answer,
+    ) -> None:  # fmt: skip
+        """Send a request to a service of a type, which has `seconds` to answer.
+
+        `answer` is called once, in any thread. Raises SourceError if the session is lost.
+        """
+        answers = _Answers(f"the service /{self.network.name(service)}", answer)
+        attachment, type_hash = None, ""
+        if self.network.layout == "rmw_zenoh":
+            # Servers receive requests to exactly their own key, which has the hash of their type.
+            server = self.server(service, kind)
+            if server is None:
+                answers.on_end()
+                return
+            type_hash = server.type_hash
+            self._requests += 1
+            gid = self._client(service, kind, type_hash)
+            attachment = Attachment(self._requests, time.time_ns(), gid).packed()
+        try:
+            self._session.get(
+                self.network.key_of(service, kind, type_hash),
+                zenoh.handlers.Callback(answers.on_reply, answers.on_end),
+                consolidation=zenoh.ConsolidationMode.NONE,
+                timeout=seconds, payload=data, attachment=attachment,
+            )  # fmt: skip
+        except zenoh.ZError as error:
+            raise SourceError(f"{service} cannot be called: {error}") from None
+
+    def _client(self, service: str, kind: str, type_hash: str) -> bytes:
+        """The gid of this session's client of a service, which is announced when it is new."""
+        if (service, type_hash) not in self._clients:
+            token = self.network.topic_token(
+                self._id, self.node, len(self._declared), "SC", service, kind, type_hash,
+                lasting=False,
+            )  # fmt: skip
+            self._announce(token)
+            self._clients[service, type_hash] = gid_of(token)
+        return self._clients[service, type_hash]
 
     def close(self) -> None:
         """Leave the network."""

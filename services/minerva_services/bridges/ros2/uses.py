@@ -7,7 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_services.bridges.ros2.graph import LAYOUTS, PUBLISHER, SUBSCRIPTION, Announced
+from minerva_services.bridges.ros2.graph import (
+    LAYOUTS,
+    PUBLISHER,
+    SERVER,
+    SUBSCRIPTION,
+    Announced,
+)
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import TRANSFORMS, TWIST, TWIST_STAMPED
 
@@ -104,6 +110,19 @@ def is_of(each: Announced, network: Ros2Network) -> bool:
     # A bridge for DDS does not announce its domain.
     anywhere = network.layout == "dds"
     return each.layout == network.layout and (anywhere or each.domain == network.domain)
+
+
+def missing_server(
+    graph: Iterable[Announced], network: Ros2Network, service: str, kind: str
+) -> str:
+    """What to do about a service of a type that nobody serves."""
+    name = f"/{network.name(service)}"
+    servers = [each for each in graph if each.kind == SERVER and is_of(each, network)]
+    text = f"nobody serves {name} of {kind}"
+    if types := sorted({each.message for each in servers if each.topic == name}):
+        return f"{text}; it is of {_listed(types)}"
+    others = sorted({each.topic for each in servers if each.message == kind})
+    return f"{text}; {f'the robot has {_listed(others)}' if others else 'start its node'}"
 
 
 def _is_of_robot(each: Announced) -> bool:

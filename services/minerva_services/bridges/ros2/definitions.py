@@ -1,0 +1,239 @@
+"""Requests and answers of services: their types from texts of `.srv` files, and their values.
+
+The library of message types ships those of messages only. Types of services that this program uses
+itself are here; others come from the world file, or from a folder such as `/opt/ros/jazzy/share`.
+"""
+
+# rosbags creates message classes at run time, so their types are unknown statically.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, cast
+
+import numpy as np
+
+from minerva_bus.errors import MinervaError, MisuseError, nearest
+from minerva_bus.files import read_text
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.vocabulary import EventType
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros_messages import GarbageError
+
+_KNOWN: Final = {
+    "std_srvs/srv/Empty": "---",
+    "std_srvs/srv/SetBool": "bool data\n---\nbool success\nstring message",
+    "std_srvs/srv/Trigger": "---\nbool success\nstring message",
+    "action_msgs/srv/CancelGoal": (
+        "GoalInfo goal_info\n---\nint8 return_code\nGoalInfo[] goals_canceling"
+    ),
+    "rcl_interfaces/srv/GetParameters": "string[] names\n---\nParameterValue[] values",
+    "rcl_interfaces/srv/SetParameters": (
+        "Parameter[] parameters\n---\nSetParametersResult[] results"
+    ),
+}
+_MAX_DEFINITION_BYTES: Final = 1 << 20
+_EMPTY: Final = "structure_needs_at_least_one_member"
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceType:
+    """A type of services, and the names of its types of requests and answers."""
+
+    name: str
+    request: str
+    answer: str
+
+
+def service_type(name: str, text: str = "", folder: str = "") -> ServiceType:
+    """A type of services by its name, such as `std_srvs/srv/SetBool`.
+
+    `text` is its definition; otherwise it is one of the known types, or in `folder`, which has the
+    files `PACKAGE/srv/NAME.srv`. Raises MisuseError.
+    """
+    package, _, short = name.partition("/srv/")
+    if not package or not short.isidentifier():
+        raise MisuseError(
+            f"ros2: {name!r} is not a type; expected one such as std_srvs/srv/SetBool"
+        )
+    if not text and folder:
+        text = _file(folder, f"{name}.srv")
+    text = text or _KNOWN.get(name, "")
+    if not text:
+        raise MisuseError(
+            f"ros2: {name} is not known{nearest(name, list(_KNOWN))}; give the text of its file as"
+            ' definition = """...""", or definitions = "/opt/ros/jazzy/share"'
+        )
+    parts = [part.strip() for part in f"\n{text}\n".split("\n---")]
+    if len(parts) != 2:
+        raise MisuseError(f"ros2: the definition of {name} has {len(parts)} parts; expected a"
+                          " request and an answer with --- between them")  # fmt: skip
+    # rosbags knows packages and names only; these names are never on the network.
+    request, answer = (f"{package}/msg/{short}_{part}" for part in ("Request", "Response"))
+    register({request: parts[0], answer: parts[1]}, folder)
+    return ServiceType(name, request, answer)
+
+
+def register(texts: Mapping[str, str], folder: str = "") -> None:
+    """Add message types, and those that they use, from `folder`. Raises MisuseError."""
+    from rosbags.typesys import get_types_from_msg  # late: optional dependency (extra "ros")
+
+    store, added, waiting = messages().store, {}, dict(texts)
+    while waiting:
+        name, text = waiting.popitem()
+        try:
+            added |= get_types_from_msg(text, name)
+        except Exception as error:  # its parser raises many types
+            raise MisuseError(f"ros2: the definition of {name} cannot be read: {error}") from None
+        for used in _used(added[name][1]):
+            if used not in {*added, *waiting, *store.fielddefs}:
+                if not folder:
+                    raise MisuseError(
+                        f"ros2: {name} uses {used}, which is not known;"
+                        ' give the folder with its file: definitions = "/opt/ros/jazzy/share"'
+                    )
+                waiting[used] = _file(folder, f"{used}.msg")
+    try:
+        store.register(added)
+    except Exception as error:
+        raise MisuseError(f"ros2: {', '.join(texts)}: another definition exists: {error}") from None
+
+
+def _used(fields: Sequence[tuple[str, Any]]) -> list[str]:
+    """The message types of the fields of another."""
+    used = list[str]()
+    for _, (kind, of) in fields:
+        while kind.name in ("ARRAY", "SEQUENCE"):
+            kind, of = of[0]
+        if kind.name == "NAME":
+            used.append(of)
+    return used
+
+
+def _file(folder: str, name: str) -> str:
+    try:
+        # An empty file is a message without fields.
+        return read_text(Path(folder) / name, _MAX_DEFINITION_BYTES) or "\n"
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise MisuseError(f"ros2: {Path(folder) / name}: {reason}") from None
+
+
+def built(message: str, values: Mapping[str, Any]) -> Any:
+    """A message with these values by field; other fields are 0, empty or false.
+
+    Raises MisuseError, which names the field.
+    """
+    _, fields = messages().store.fielddefs[message]
+    names = [name for name, _ in fields if name != _EMPTY]
+    for name in values:
+        if name not in names:
+            listed = ", ".join(names) or "no fields"
+            raise MisuseError(
+                f"{message} has no field {name}{nearest(name, names)}; it has {listed}"
+            )
+    made = {
+        name: _value(f"{message}: {name}", kind, of, values.get(name))
+        for name, (kind, of) in fields
+        if name != _EMPTY
+    }
+    return messages().make(message, **made)
+
+
+def _value(where: str, kind: Any, of: Any, given: Any) -> Any:
+    if kind.name == "NAME":
+        if given is not None and not isinstance(given, Mapping):
+            raise MisuseError(f"{where} is a {of}; expected a table of its fields")
+        return built(of, cast("Mapping[str, Any]", given or {}))
+    if kind.name == "BASE":
+        return _basic(where, of[0], given)
+    (element, type_of_element), count = of
+    items = given
+    if given is None:
+        items = [None] * count if kind.name == "ARRAY" else []
+    if not isinstance(items, list | tuple) or (kind.name == "ARRAY" and len(items) != count):
+        raise MisuseError(f"{where} is a list{f' of {count}' if kind.name == 'ARRAY' else ''}")
+    values = [_value(where, element, type_of_element, item) for item in items]
+    if element.name == "BASE" and type_of_element[0] != "string":
+        return np.array(values, _dtype(type_of_element[0]))
+    return values
+
+
+def _dtype(name: str) -> str:
+    return {"byte": "uint8", "octet": "uint8", "char": "uint8"}.get(name, name)
+
+
+def _basic(where: str, name: str, given: Any) -> Any:
+    wanted = str if "string" in name else bool if name == "bool" else float
+    if given is None:
+        return wanted() if wanted is not float or "float" in name else 0
+    is_bool = isinstance(given, bool)
+    fits = isinstance(given, wanted) if wanted is not float else not is_bool
+    if not fits or (wanted is float and not isinstance(given, int | float)):
+        raise MisuseError(f"{where} is a {name}, not {given!r:.40}")
+    if wanted is not float or "float" in name:
+        return wanted(given)
+    info = np.iinfo(_dtype(name))
+    if given != int(given) or not info.min <= given <= info.max:
+        raise MisuseError(f"{where} is a {name} from {info.min} to {info.max}, not {given!r:.40}")
+    return int(given)
+
+
+def at(message: Any, path: str) -> Any:
+    """The value of a message at a path such as `results.0.successful`. Raises GarbageError."""
+    value = message
+    for step in path.split("."):
+        try:
+            if step.isdigit():
+                value = value[int(step)]
+            else:
+                value = value[step] if isinstance(value, Mapping) else getattr(value, step)
+        except (AttributeError, IndexError, KeyError, TypeError):
+            raise GarbageError(f"it has no {path}") from None
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+
+
+class MessageEvents:
+    """Makes events of a type of the world from messages, or from mappings.
+
+    `data` are the paths by datum; without one, a datum is the field of its name.
+    """
+
+    def __init__(
+        self, where: str, declared: EventType, data: Mapping[str, str], example: Any
+    ) -> None:
+        """`example` has the fields of all messages. Raises MisuseError for missing ones."""
+        self._declared, self._paths = declared, dict(data)
+        for name in data:
+            if name not in declared.fields.names:
+                listed = ", ".join(declared.fields.names) or "none"
+                raise MisuseError(
+                    f"{where}: {declared.name} has no {name} among its data ({listed})"
+                )
+        for field in declared.fields.all:
+            path = self._paths.setdefault(field.name, field.name)
+            has_index = any(step.isdigit() for step in path.split("."))
+            try:
+                at(example, path)
+            except GarbageError as error:
+                if field.name in data and not has_index:
+                    raise MisuseError(
+                        f"{where}: {field.name} of {declared.name}: {error}"
+                    ) from None
+                if field.default is None and not has_index:
+                    raise MisuseError(
+                        f"{where}: {declared.name} needs {field.name}: {error}; add its path to"
+                        " data, or a default to the vocabulary"
+                    ) from None
+                if not has_index:
+                    del self._paths[field.name]
+
+    def __call__(self, message: Any, receivers: Sequence[str]) -> Event:
+        """The event of a message for these agents. Raises GarbageError."""
+        values = {name: at(message, path) for name, path in self._paths.items()}
+        try:
+            return cast("Event", self._declared(**values, receivers=list(receivers)))
+        except MinervaError as error:
+            raise GarbageError(str(error)) from None
