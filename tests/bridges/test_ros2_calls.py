@@ -14,6 +14,7 @@ from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2Calls
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_rig import ROBOT, free_endpoint
+from tests.patience import patience
 
 sys.path.insert(0, str(ROBOT.parent))
 import node
@@ -45,10 +46,16 @@ TYPES = {
 }
 LIGHT = {
     "service": "/light", "type": "std_srvs/srv/SetBool", "request": {"data": "{on}"},
-    "event": "eLight", "data": {"ok": "success"}, "timeout": 1.0,
+    "event": "eLight", "data": {"ok": "success"}, "timeout": patience(5),
 }  # fmt: skip
-SET = {"node": "/base", "parameter": "speed", "value": "{speed}", "event": "eSet", "timeout": 1.0}
-GET = {"node": "/base", "parameter": "speed", "event": "eSpeed", "timeout": 1.0}
+SET = {
+    "node": "/base",
+    "parameter": "speed",
+    "value": "{speed}",
+    "event": "eSet",
+    "timeout": patience(5),
+}
+GET = {"node": "/base", "parameter": "speed", "event": "eSpeed", "timeout": patience(5)}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -60,7 +67,7 @@ def types():
 
 
 @contextmanager
-def calls(served, parameters=None, **options):
+def calls(served, **options):
     """A robot that serves functions by service and type, and a function that shows figures."""
     endpoint = free_endpoint()
     robot = node.Ros(endpoint, 0)
@@ -181,14 +188,15 @@ def garbage(data):
     ],
 )
 def test_a_request_without_an_answer_fails_in_time(served, why):
-    with calls(served, calls={"PLight": LIGHT}) as ask:
+    # Long enough to see what the network has.
+    with calls(served, calls={"PLight": LIGHT | {"timeout": patience(1)}}) as ask:
         event = ask("PLight<on=true>", 1)
     assert (event.type, event.call, event.receivers) == ("eCallFailed", "PLight", ("r1",))
     assert why in event.why
 
 
 def test_a_robot_that_is_off_fails_in_time():
-    with calling(free_endpoint(), calls={"PLight": LIGHT | {"timeout": 4.0}}) as ask:
+    with calling(free_endpoint(), calls={"PLight": LIGHT | {"timeout": patience(4)}}) as ask:
         assert "no ROS 2 network answers" in ask("PLight<on=true>", 1).why
 
 
@@ -196,7 +204,7 @@ def test_a_robot_that_is_off_fails_in_time():
     ("call", "why"),
     [
         ({"PLamp": LIGHT}, "no primitive PLamp"),
-        ({"PLight": "x"}, "must be a table"),
+        ({"PLight": "x"}, "must be a table with service, type, event"),
         ({"PLight": LIGHT | {"servic": 1}}, "no 'servic'; did you mean 'service'"),
         ({"PLight": LIGHT | {"type": "std_srvs/srv/Setbool"}}, "did you mean 'std_srvs/srv/SetBool'"),
         ({"PLight": LIGHT | {"type": "std_srvs"}}, "expected one such as std_srvs/srv/SetBool"),

@@ -92,3 +92,60 @@ def test_invalid_maps(options, why):
 def test_a_world_without_such_an_event_is_reported():
     with pytest.raises(MisuseError, match="has no event type eMap"):
         Ros2("tcp/h:1", map="map").joined(WorldInfo("w", Vocabulary.of(eLaser), 0, 0.1))
+
+
+eImu = EventType("eImu", angle=Degrees, turn=float, at=float)
+eJoints = EventType("eJoints", name=tuple[str, ...], position=tuple[float, ...])
+IMU = {
+    "type": "sensor_msgs/msg/Imu", "event": "eImu", "rate": 0.001,
+    "data": {"angle": "orientation", "turn": "angular_velocity.z", "at": "header.stamp"},
+}  # fmt: skip
+JOINTS = {"type": "sensor_msgs/msg/JointState", "event": "eJoints"}
+
+
+def test_messages_of_any_type_are_events_at_most_at_their_rate():
+    world = WorldInfo("w", Vocabulary.of(eImu, eJoints), 0, 0.1)
+    turned = messages().pose(0.0, 0.0, 90.0).orientation
+    header, zero = messages().header("imu", 1_500_000_000), np.zeros(9)
+    imu = messages().make(
+        IMU["type"], header=header, orientation=turned, orientation_covariance=zero,
+        angular_velocity=messages().vector(z=0.5), angular_velocity_covariance=zero,
+        linear_acceleration=messages().vector(), linear_acceleration_covariance=zero,
+    )  # fmt: skip
+    joints = messages().make(
+        JOINTS["type"], header=header, name=["arm", "grip"], position=np.array([0.5, 0.25]),
+        velocity=np.zeros(0), effort=np.zeros(0),
+    )  # fmt: skip
+    with network() as (endpoint, _):
+        session = Ros2Session(Ros2Network(endpoint), "robot")
+        senders = [session.publisher("imu", IMU["type"]), session.publisher("js", JOINTS["type"])]
+        bridge = Ros2(endpoint, events={"imu": IMU, "js": JOINTS})
+        assert bridge.generates() == ("eImu", "eJoints")
+        with RunningBridge(bridge, world) as running:
+
+            def both():
+                for sender, message in zip(senders, (imu, joints), strict=True):
+                    sender.put(message)
+                return {event.type for event in running.emitted} == {"eImu", "eJoints"}
+
+            running.wait_for(both, "events of both")
+        session.close()
+    (event,) = [event for event in running.emitted if event.type == "eImu"]
+    assert event.values == pytest.approx((90.0, 0.5, 1.5))
+    other = next(event for event in running.emitted if event.type == "eJoints")
+    assert (other.values, other.receivers) == ((("arm", "grip"), (0.5, 0.25)), ("r1",))
+
+
+@pytest.mark.parametrize(
+    ("table", "why"),
+    [
+        (JOINTS | {"type": "sensor_msgs/msg/JointStat"}, "did you mean 'sensor_msgs/msg/JointState'"),
+        (JOINTS | {"data": {"position": "positions"}}, "it has no positions"),
+        (JOINTS | {"rate": 0}, "rate is 0"),
+        ({"type": "sensor_msgs/msg/Imu"}, "event is missing"),
+        ("sensor_msgs/msg/Imu", "must be a table"),
+    ],
+)  # fmt: skip
+def test_events_that_do_not_fit_are_reported(table, why):
+    with pytest.raises(MisuseError, match=why):
+        Ros2("tcp/h:1", events={"js": table}).check(WorldInfo("w", Vocabulary.of(eJoints), 0, 0.1))

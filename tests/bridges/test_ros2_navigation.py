@@ -15,7 +15,7 @@ from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2Navigation
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_rig import ROBOT, free_endpoint, network
-from tests.patience import eventually
+from tests.patience import eventually, patience
 
 sys.path.insert(0, str(ROBOT.parent))
 import nav2
@@ -35,7 +35,7 @@ class Drive:
 
     def __init__(self, endpoint, robot, info=INFO, saved=None, **options):
         self.endpoint, self.robot, self.frame = endpoint, robot, 0
-        self.service = Ros2Navigation(endpoint, every=0.01, timeout=1.0, **options)
+        self.service = Ros2Navigation(endpoint, every=0.01, timeout=patience(1), **options)
         self.running = RunningBridge(self.service, info)
         if saved is not None:
             self.service.restore(saved)

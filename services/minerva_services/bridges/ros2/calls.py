@@ -17,6 +17,7 @@ from minerva_services.bridges.ros2.definitions import (
     MessageEvents,
     ServiceType,
     built,
+    checked_table,
     service_type,
 )
 from minerva_services.bridges.ros2.driver import check_positive
@@ -34,6 +35,10 @@ _KEYS: Final[Mapping[str, Any]] = {
     "event": str, "data": Mapping, "timeout": int | float,
 }  # fmt: skip
 """Keys of the table of a call, with the types of their values."""
+
+_OF_PARAMETERS: Final = ("node", "parameter", "event")
+_OF_SERVICES: Final = ("service", "type", "event")
+"""Keys that are needed."""
 
 _TIMEOUT: Final = 5.0
 _MAX_WAITING: Final = 100
@@ -81,12 +86,13 @@ class CallError(MinervaError):
 def call_of(symbol: str, given: Any, folder: str = "") -> Call:
     """A call from its table in a world file. Raises MisuseError."""
     where = f"ros2_calls: calls.{symbol}"
-    table = _checked(where, given)
+    is_parameter = isinstance(given, Mapping) and "parameter" in given
+    table = checked_table(where, given, _KEYS, _OF_PARAMETERS if is_parameter else _OF_SERVICES)
     common = {
         "symbol": symbol, "event": table["event"], "data": table.get("data", {}),
         "timeout": check_positive(f"{where}: timeout", table.get("timeout", _TIMEOUT)),
     }  # fmt: skip
-    if "parameter" in table:
+    if is_parameter:
         return _parameter(table["node"], table["parameter"], table.get("value"), common)
     check_name("a service", table["service"])
     kind = service_type(table["type"], table.get("definition", ""), folder)
@@ -94,26 +100,6 @@ def call_of(symbol: str, given: Any, folder: str = "") -> Call:
         service=table["service"], type=kind, request=table.get("request", {}),
         example=built(kind.answer, {}), read=lambda answer: answer, **common,
     )  # fmt: skip
-
-
-def _checked(where: str, given: Any) -> Mapping[str, Any]:
-    if not isinstance(given, Mapping):
-        raise MisuseError(f'{where} must be a table such as {{ service = "/light", type = "..." }}')
-    table = cast("Mapping[str, Any]", given)
-    for key, value in table.items():
-        if key not in _KEYS:
-            near = nearest(key, list(_KEYS))
-            raise MisuseError(f"{where} has no {key!r}{near}; it may have {', '.join(_KEYS)}")
-        expected = _KEYS[key]
-        if not isinstance(value, expected) or (expected is not object and isinstance(value, bool)):
-            raise MisuseError(f"{where}: {key} is {value!r:.40}, which is of another type")
-    needed = (
-        ("node", "parameter", "event") if "parameter" in table else ("service", "type", "event")
-    )
-    for key in needed:
-        if not table.get(key):
-            raise MisuseError(f"{where}: {key} is missing; expected {', '.join(needed)}")
-    return table
 
 
 def _parameter(node: str, name: str, value: Any, common: Mapping[str, Any]) -> Call:

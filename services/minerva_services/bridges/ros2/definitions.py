@@ -1,4 +1,4 @@
-"""Requests and answers of services: their types from texts of `.srv` files, and their values.
+"""Messages in world files: types from texts of `.srv` files, requests, and events of messages.
 
 The library of message types ships those of messages only. Types of services that this program uses
 itself are here; others come from the world file, or from a folder such as `/opt/ros/jazzy/share`.
@@ -8,6 +8,7 @@ itself are here; others come from the world file, or from a folder such as `/opt
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +20,12 @@ from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.files import read_text
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.vocabulary import EventType
+from minerva_bus.world.services import WorldInfo
+from minerva_services.bridges.ros2.driver import check_positive
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages.readings import heading_of
+from minerva_services.event_factory import event_type
 
 _KNOWN: Final = {
     "std_srvs/srv/Empty": "---",
@@ -232,8 +237,78 @@ class MessageEvents:
 
     def __call__(self, message: Any, receivers: Sequence[str]) -> Event:
         """The event of a message for these agents. Raises GarbageError."""
-        values = {name: at(message, path) for name, path in self._paths.items()}
+        values = {name: _plain(at(message, path)) for name, path in self._paths.items()}
         try:
             return cast("Event", self._declared(**values, receivers=list(receivers)))
         except MinervaError as error:
             raise GarbageError(str(error)) from None
+
+
+def _plain(value: Any) -> Any:
+    """A value for an event: of an orientation its heading in degrees, of a time its seconds."""
+    if hasattr(value, "nanosec"):
+        return float(value.sec + value.nanosec * 1e-9)
+    return heading_of(value) if hasattr(value, "w") else value
+
+
+_TOPIC_KEYS: Final[Mapping[str, Any]] = {
+    "type": str, "definition": str, "event": str, "data": Mapping, "rate": int | float,
+}  # fmt: skip
+_RATE: Final = 10.0
+
+
+class MessageTopic:
+    """A topic whose messages become events, from its table in a world file.
+
+    Raises MisuseError for other tables.
+    """
+
+    def __init__(self, topic: str, given: Any) -> None:
+        self._where = f"events.{topic}"
+        table = checked_table(f"ros2: {self._where}", given, _TOPIC_KEYS, ("type", "event"))
+        self.kind, self.event = str(table["type"]), str(table["event"])
+        self._definition, self._data = table.get("definition", ""), table.get("data", {})
+        rate = check_positive(f"{self._where}: rate", table.get("rate", _RATE))
+        self._seconds, self._due = 1.0 / rate, 0.0
+        self._events: MessageEvents | None = None
+
+    def check(self, service: str, world: WorldInfo) -> None:
+        """Raise MisuseError if the type of its messages or of its events does not fit."""
+        if self._definition:
+            register({self.kind: self._definition})
+        known = messages().store.fielddefs
+        if self.kind not in known:
+            near = nearest(self.kind, list(known), '; give the text of its file as "definition"')
+            raise MisuseError(f"{service}: {self._where}: the type {self.kind} is not known{near}")
+        declared = event_type(service, world, self.event)
+        where = f"{service}: {self._where}"
+        self._events = MessageEvents(where, declared, self._data, built(self.kind, {}))
+
+    def made(self, data: bytes, agent: str) -> Event | None:
+        """The event of a message; None for those above the rate. Raises GarbageError."""
+        now = time.monotonic()
+        if self._events is None or now < self._due:
+            return None
+        event = self._events(messages().decode(self.kind, data), [agent])
+        self._due = now + self._seconds
+        return event
+
+
+def checked_table(
+    where: str, given: Any, keys: Mapping[str, Any], needed: Sequence[str]
+) -> Mapping[str, Any]:
+    """A table of a world file with these keys and their types. Raises MisuseError."""
+    if not isinstance(given, Mapping):
+        raise MisuseError(f"{where} must be a table with {', '.join(needed)}")
+    table = cast("Mapping[str, Any]", given)
+    for key, value in table.items():
+        if key not in keys:
+            near = nearest(key, list(keys))
+            raise MisuseError(f"{where} has no {key!r}{near}; it may have {', '.join(keys)}")
+        expected = keys[key]
+        if not isinstance(value, expected) or (expected is not object and isinstance(value, bool)):
+            raise MisuseError(f"{where}: {key} is {value!r:.40}, which is of another type")
+    for key in needed:
+        if not table.get(key):
+            raise MisuseError(f"{where}: {key} is missing; expected {', '.join(needed)}")
+    return table

@@ -85,7 +85,7 @@ def navigation_messages() -> None:
 
 
 @dataclass(slots=True)
-class Goal:
+class NavigationGoal:
     """A goal as a view shows it, and how far it is.
 
     `state` is "new", "sent" (not accepted yet), "running" or "canceling". `until` is the end of the
@@ -155,13 +155,13 @@ class Ros2Navigation(RobotClient):
         self._every = check_positive("every", every)
         self._timeout = check_positive("timeout", timeout)
         self._silence = check_positive("silence", silence)
-        self._wanted: Goal | None = None
-        self._goal: Goal | None = None
-        self._previous: Goal | None = None
+        self._wanted: NavigationGoal | None = None
+        self._goal: NavigationGoal | None = None
+        self._previous: NavigationGoal | None = None
         self._events: list[Event] = []
         self._asked: tuple[Ros2Session, Announced] | None = None
         self._ask_after = 0.0
-        self._wish: Goal | None = None
+        self._wish: NavigationGoal | None = None
 
     def generates(self) -> tuple[str, ...]:
         """The event types of feedback and results."""
@@ -174,11 +174,11 @@ class Ros2Navigation(RobotClient):
         check_primitive("ros2_navigation", world, self._figure)
         own = world.vocabulary.primitives[self._figure].fields.names
         goal = dict.fromkeys((*PLACE, *own), 0)
-        told = dict.fromkeys(("distance", "seconds", "remaining", "recoveries"), 0)
+        progress = dict.fromkeys(("distance", "seconds", "remaining", "recoveries"), 0)
         at = {"at_x": 0.0, "at_y": 0.0, "at_angle": 0.0}
         self._feedback = None
         if self._feedback_event:
-            self._feedback = self._made(world, self._feedback_event, {**goal, **told, **at})
+            self._feedback = self._made(world, self._feedback_event, {**goal, **progress, **at})
         result = {**goal, "end": "", "why": "", "code": 0}
         self._result = self._made(world, self._result_event, result)
 
@@ -191,7 +191,7 @@ class Ros2Navigation(RobotClient):
     def show(self, view: View) -> None:
         """The goal of a view. Raises MisuseError if it has several."""
         goals = [
-            Goal(agent, {name: value for name, value in names.items() if is_plain(value)})
+            NavigationGoal(agent, {name: value for name, value in names.items() if is_plain(value)})
             for agent, scene in sorted(view.parts.items())
             if agent not in view.halted and self._robot in ("", agent)
             for _, names in figures_of(scene, self._world.vocabulary, {self._figure: None})
@@ -219,7 +219,7 @@ class Ros2Navigation(RobotClient):
         """Continue from a saved state: ask how the goal has gone meanwhile."""
         if not saved:
             return
-        self._wanted = self._wish = goal = Goal(
+        self._wanted = self._wish = goal = NavigationGoal(
             str(saved["agent"]), dict(saved["names"]), bytes.fromhex(saved["id"]),
             str(saved["state"]), heard=time.monotonic(),
         )  # fmt: skip
@@ -228,7 +228,7 @@ class Ros2Navigation(RobotClient):
 
     # --- in its own thread ---
 
-    def _want(self, wanted: Goal | None) -> None:
+    def _want(self, wanted: NavigationGoal | None) -> None:
         self._wish = wanted
         if wanted is not None:
             # Also a goal that waits for the network, or for an answer about another one.
@@ -255,7 +255,11 @@ class Ros2Navigation(RobotClient):
         yield from events
 
     def _begin(
-        self, goal: Goal, session: Ros2Session | None, server: Announced | None, now: float
+        self,
+        goal: NavigationGoal,
+        session: Ros2Session | None,
+        server: Announced | None,
+        now: float,
     ) -> None:
         """Send a goal as soon as there is a server."""
         if session is None or server is None:
@@ -276,7 +280,7 @@ class Ros2Navigation(RobotClient):
         answer = partial(self.do, self._on_accepted, goal)
         session.call(*self._goals, data, self._timeout, answer)
 
-    def _on_accepted(self, goal: Goal, data: bytes | None, problem: str) -> None:
+    def _on_accepted(self, goal: NavigationGoal, data: bytes | None, problem: str) -> None:
         if goal is not self._goal or goal.state != "sent":
             return
         previous, self._previous = self._previous, None
@@ -301,7 +305,11 @@ class Ros2Navigation(RobotClient):
         self._end(goal, *end)
 
     def _watch(
-        self, goal: Goal, session: Ros2Session | None, server: Announced | None, now: float
+        self,
+        goal: NavigationGoal,
+        session: Ros2Session | None,
+        server: Announced | None,
+        now: float,
     ) -> None:
         """Ask for the result of a goal in each session and of each server; limit all waits."""
         if goal.state == "sent":
@@ -329,7 +337,7 @@ class Ros2Navigation(RobotClient):
             self._cancel_by_id(goal)
             self._end(goal, "lost", f"no feedback for {self._silence:g} s")
 
-    def _on_result(self, goal: Goal, data: bytes | None, problem: str) -> None:
+    def _on_result(self, goal: NavigationGoal, data: bytes | None, problem: str) -> None:
         if goal is self._previous:
             self._end(goal, *_REPLACED)
         if goal is not self._goal:
@@ -355,19 +363,19 @@ class Ros2Navigation(RobotClient):
     def _on_feedback(self, data: bytes) -> None:
         goal, now = self._goal, time.monotonic()
         try:
-            told = _decoded(FEEDBACKS, data)
-            if goal is None or bytes(told.goal_id.uuid) != goal.id:
+            feedback = _decoded(FEEDBACKS, data)
+            if goal is None or bytes(feedback.goal_id.uuid) != goal.id:
                 return  # of another client
             goal.heard = now
             if self._feedback is None or now - goal.shown < self._every or goal.state == "sent":
                 return
-            x, y, angle = place_of(told.current_pose.pose)
+            x, y, angle = place_of(feedback.current_pose.pose)
             values = {
                 **goal.names, "at_x": x, "at_y": y, "at_angle": angle,
-                "distance": float(told.distance_remaining),
-                "seconds": _seconds(told.navigation_time),
-                "remaining": _seconds(told.estimated_time_remaining),
-                "recoveries": int(told.number_of_recoveries),
+                "distance": float(feedback.distance_remaining),
+                "seconds": _seconds(feedback.navigation_time),
+                "remaining": _seconds(feedback.estimated_time_remaining),
+                "recoveries": int(feedback.number_of_recoveries),
             }  # fmt: skip
             self._events.append(self._feedback(values, [goal.agent]))
             goal.shown = now
@@ -376,30 +384,31 @@ class Ros2Navigation(RobotClient):
                 log(f"ros2_navigation: feedback skipped: {error}; further ones are counted")
             self.count("garbage")
 
-    def _cancel(self, goal: Goal, session: Ros2Session | None, now: float) -> None:
+    def _cancel(self, goal: NavigationGoal, session: Ros2Session | None, now: float) -> None:
         """Cancel the goal, and again if the answer is late; its end is in its result."""
         if session is not None:
             goal.state, goal.until = "canceling", now + self._silence
             self._send_cancel(session, goal, partial(self.do, self._on_cancel, goal))
 
-    def _on_cancel(self, goal: Goal, data: bytes | None, problem: str) -> None:
+    def _on_cancel(self, goal: NavigationGoal, data: bytes | None, problem: str) -> None:
         if goal is not self._goal or goal.state != "canceling":
             return
         try:
-            refused = (
-                "" if problem else messages().decode(_cancel_type().answer, data or b"").return_code
-            )
+            if not problem:
+                answer = messages().decode(_cancel_type().answer, data or b"")
+                problem = "the robot refuses" if answer.return_code == _CANCEL_REFUSED else ""
         except GarbageError as error:
             problem = str(error)
-        if problem or refused == _CANCEL_REFUSED:
-            self._end(goal, "lost", f"it cannot be canceled: {problem or 'the robot refuses'}")
+        # A goal that has ended, or is not known, has a result that says so.
+        if problem:
+            self._end(goal, "lost", f"it cannot be canceled: {problem}")
 
-    def _cancel_by_id(self, goal: Goal) -> None:
+    def _cancel_by_id(self, goal: NavigationGoal) -> None:
         """Cancel a goal that no longer counts, whatever the answer."""
         if self.session is not None:
             self._send_cancel(self.session, goal, lambda _, __: None)
 
-    def _send_cancel(self, session: Ros2Session, goal: Goal, answer: Answer) -> None:
+    def _send_cancel(self, session: Ros2Session, goal: NavigationGoal, answer: Answer) -> None:
         kind = _cancel_type()
         request = built(kind.request, {"goal_info": {"goal_id": {"uuid": list(goal.id)}}})
         data = messages().encode(kind.request, request)
@@ -411,7 +420,7 @@ class Ros2Navigation(RobotClient):
             return f"{self.network.router}: {self.state}"
         return missing_server(session.graph, self.network, *self._goals)
 
-    def _end(self, goal: Goal, end: str, why: str, code: int = 0) -> None:
+    def _end(self, goal: NavigationGoal, end: str, why: str, code: int = 0) -> None:
         goal.state = "ended"
         self._goal = None if goal is self._goal else self._goal
         self._previous = None if goal is self._previous else self._previous

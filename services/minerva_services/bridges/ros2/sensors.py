@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, ClassVar, Final, TypeAlias
 
@@ -14,6 +14,7 @@ from minerva_bus.grammar.types import Cells, Degrees, Metres
 from minerva_bus.log.recordings import Compensator, Recorded
 from minerva_bus.world.readings import Mount, Reading
 from minerva_bus.world.services import WorldInfo
+from minerva_services.bridges.ros2.definitions import MessageTopic
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import (
     BATTERY,
@@ -89,6 +90,9 @@ class Ros2(Bridge):
         map: topic of OccupancyGrid messages; each becomes an event of the type `map_event`.
         map_event: that type, with `cells` in the codes of a robot's grid (0 unknown, 1 free, 9
           obstacle), the side of a `cell`, and `x`, `y` and `angle` of the corner.
+        events: other topics, such as those of Imu and JointState messages: by topic a table with
+          the `type` of its messages, the `event` that each becomes, the paths of its `data` in the
+          message, and the most events per second as `rate`.
 
     """
 
@@ -116,6 +120,7 @@ class Ros2(Bridge):
         time_offset: float = 0.0,
         map: str = "",
         map_event: str = "eMap",
+        events: Mapping[str, Any] | None = None,
         **network: Any,
     ) -> None:
         super().__init__()
@@ -142,6 +147,8 @@ class Ros2(Bridge):
         self._map_event = map_event if map else ""
         if map:
             self._uses.append(TopicUse("map", map, GRID, lasting=True))
+        self._others = {name: MessageTopic(name, table) for name, table in (events or {}).items()}
+        self._uses += [TopicUse("events", name, each.kind) for name, each in self._others.items()]
         # Invalid names must fail here, not in the thread that connects.
         for use in self._uses:
             self.network.name(use.topic)
@@ -171,18 +178,21 @@ class Ros2(Bridge):
         if self._map_event:
             data = {"cells": Cells, "cell": Metres, "x": Metres, "y": Metres, "angle": Degrees}
             self._makes_map = EventFactory("ros2", world, self._map_event, **data)
+        for other in self._others.values():
+            other.check("ros2", world)
         return [problem for _, problem in misfits(self.network, self.uses())]
 
     def generates(self) -> tuple[str, ...]:
-        """The event type of maps."""
-        return (self._map_event,) if self._map_event else ()
+        """The event types of maps and of other messages."""
+        others = (other.event for other in self._others.values())
+        return tuple(dict.fromkeys(filter(None, (self._map_event, *others))))
 
     def open(self) -> Source:
         """Raises SourceError if the network does not answer."""
         session = Ros2Session(self.network, "minerva_sensors", self.uses())
         source = _Listening(session, self)
         for use in self.uses():
-            receive = source.receiver(use.message)
+            receive = source.receiver(use.topic if use.topic in self._others else use.message)
             session.subscribe(use.topic, use.message, receive, lasting=use.lasting)
         return source
 
@@ -191,8 +201,13 @@ class Ros2(Bridge):
         return Compensator(self._time_offset, lambda: self.count(NOT_CORRECTED))
 
     def reading(self, message: str, data: bytes) -> SourceItem | None:
-        """The reading of a message; invalid and unplaced messages are counted."""
+        """The reading of a message of a type, or of one of the topics that become events.
+
+        Invalid and unplaced messages are counted.
+        """
         try:
+            if other := self._others.get(message):
+                return other.made(data, self._robot)
             value = messages().decode(message, data)
             if message == TRANSFORMS:
                 self._frames.update(value)
