@@ -16,9 +16,19 @@ in radians; `math.radians` and `math.degrees` are one multiplication and thus th
 
 from minerva_bus.portable.distributions import normal, normals
 from minerva_bus.portable.exponentials import exp, expm1, power, tanh
-from minerva_bus.portable.lengths import dist, hypot
 from minerva_bus.portable.logarithms import log, log1p, log2, log10
-from minerva_bus.portable.trigonometry import acos, asin, atan, atan2, cos, cos_sin, sin, tan
+from minerva_bus.portable.trigonometry import (
+    acos,
+    asin,
+    atan,
+    atan2,
+    cos,
+    cos_sin,
+    dist,
+    hypot,
+    sin,
+    tan,
+)
 
 __all__ = [
     "acos",

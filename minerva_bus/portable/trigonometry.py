@@ -1,15 +1,19 @@
-"""Sine, cosine, tangent and their inverses.
+"""Sine, cosine, tangent, their inverses, and lengths: square roots of sums of squares.
 
 The angle is reduced to at most π/4 and a quadrant, by parts of π/2 whose products are exact, and
 held as a sum of two numbers, which polynomials evaluate. Method and coefficients: fdlibm (Sun
 Microsystems, 1993), k_sin, k_cos, k_tan, e_rem_pio2, s_atan, e_atan2, e_asin and e_acos. Huge
 angles are reduced exactly, with as many digits of 2/π as they need: M. Payne and R. Hanek, Radian
 reduction for trigonometric functions (1983).
+
+IEEE 754 defines the square root to the last bit. Numbers whose squares would be too large or too
+small are first scaled by a power of 2, which is exact.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -305,8 +309,6 @@ cos_sin = twofold(cos_sin_one, cos_sin_many)
 tan = unary(tan_one, tan_many)
 
 
-_HALF: Final = 1.57079632679489655800e00  # π/2 as a sum of two
-_HALF_LOW: Final = 6.12323399573676603587e-17
 _HUGE: Final = 2.0**66  # from here on, the arc tangent rounds to π/2
 
 _BORDERS: Final = (0.4375, 0.6875, 1.1875, 2.4375)
@@ -343,7 +345,7 @@ def atan2_one(y: float, x: float) -> float:
     # The angle is 0 or π, as the C standard prescribes, and depends on the signs only.
     if tall == 0.0 and wide == 0.0:
         wide = 1.0
-    angle = _HALF if wide == 0.0 else atan_one(tall / wide)
+    angle = _RIGHT_ANGLE if wide == 0.0 else atan_one(tall / wide)
     # -0.0 counts as negative.
     if math.copysign(1.0, x) < 0.0:
         angle = _turned(angle)
@@ -358,7 +360,7 @@ def asin_one(x: float) -> float:
     if size < 0.5:
         return _asin_small(x, x * x)
     if size == 1.0:
-        return math.copysign(_HALF, x)
+        return math.copysign(_RIGHT_ANGLE, x)
     z = 0.5 * (1.0 - size)
     return math.copysign(_asin_large(z, math.sqrt(z)), x)
 
@@ -371,7 +373,7 @@ def acos_one(x: float) -> float:
     if size < 0.5:
         return _acos_small(x, x * x)
     if size == 1.0:
-        return 0.0 if x > 0.0 else 2.0 * _HALF
+        return 0.0 if x > 0.0 else 2.0 * _RIGHT_ANGLE
     z = 0.5 * (1.0 - size)
     root = math.sqrt(z)
     return _acos_near(z, root) if x > 0.0 else _acos_far(z, root)
@@ -403,7 +405,7 @@ def asin_many(x: Numbers) -> Numbers:
     """`asin` of each."""
     size = np.abs(x)
     z = np.where(size < 0.5, 0.0, 0.5 * (1.0 - size))
-    large = np.where(size == 1.0, _HALF, _asin_large(z, np.sqrt(z)))
+    large = np.where(size == 1.0, _RIGHT_ANGLE, _asin_large(z, np.sqrt(z)))
     large = np.copysign(large, x)
     # Both branches are computed for every element, and the right one is taken.
     return np.where(size < 0.5, _asin_small(x, x * x), large)
@@ -415,13 +417,13 @@ def acos_many(x: Numbers) -> Numbers:
     z = np.where(size < 0.5, 0.25, 0.5 * (1.0 - size))
     root = np.sqrt(z)
     large = np.where(x > 0.0, _acos_near(z, root), _acos_far(z, root))
-    large = np.where(size == 1.0, np.where(x > 0.0, 0.0, 2.0 * _HALF), large)
+    large = np.where(size == 1.0, np.where(x > 0.0, 0.0, 2.0 * _RIGHT_ANGLE), large)
     return np.where(size < 0.5, _acos_small(x, x * x), large)
 
 
 def _turned(angle: F) -> F:
     """π - angle."""
-    return 2.0 * _HALF - (angle - 2.0 * _HALF_LOW)
+    return 2.0 * _RIGHT_ANGLE - (angle - 2.0 * _RIGHT_ANGLE_LOW)
 
 
 def _atan_kernel(x: F, upper: F, lower: F) -> F:
@@ -497,13 +499,13 @@ def _asin_large(z: F, root: F) -> F:
     # The square of `upper` is exact, so `lost` is the rest of the root to full precision.
     upper = head(root)
     lost = (z - upper * upper) / (root + upper)
-    quarter = 0.5 * _HALF
-    p = 2.0 * root * _ratio(z) - (_HALF_LOW - 2.0 * lost)
+    quarter = 0.5 * _RIGHT_ANGLE
+    p = 2.0 * root * _ratio(z) - (_RIGHT_ANGLE_LOW - 2.0 * lost)
     return quarter - (p - (quarter - 2.0 * upper))
 
 
 def _acos_small(x: F, z: F) -> F:
-    return _HALF - (x - (_HALF_LOW - x * _ratio(z)))
+    return _RIGHT_ANGLE - (x - (_RIGHT_ANGLE_LOW - x * _ratio(z)))
 
 
 def _acos_near(z: F, root: F) -> F:
@@ -515,10 +517,56 @@ def _acos_near(z: F, root: F) -> F:
 
 def _acos_far(z: F, root: F) -> F:
     """The arc cosine of 2 z - 1."""
-    return 2.0 * (_HALF - (root + (_ratio(z) * root - _HALF_LOW)))
+    return 2.0 * (_RIGHT_ANGLE - (root + (_ratio(z) * root - _RIGHT_ANGLE_LOW)))
 
 
 asin = unary(asin_one, asin_many)
 acos = unary(acos_one, acos_many)
 atan = unary(atan_one, atan_many)
 atan2 = binary(atan2_one, atan2_many)
+
+
+_LARGE: Final = 2.0**510
+_SMALL: Final = 2.0**-480
+_DOWN: Final = 2.0**-600
+_UP: Final = 2.0**600
+
+
+def hypot_one(x: float, y: float) -> float:
+    """The length of (x, y)."""
+    x, y = abs(x), abs(y)
+    most = y if y > x else x
+    # The squares neither overflow nor lose digits by underflow.
+    if _SMALL < most < _LARGE or x == y == 0.0:
+        return math.sqrt(x * x + y * y)
+    if x == math.inf or y == math.inf:
+        return math.inf
+    if most >= _LARGE:
+        x, y = x * _DOWN, y * _DOWN
+        return math.sqrt(x * x + y * y) * _UP
+    x, y = x * _UP, y * _UP
+    return math.sqrt(x * x + y * y) * _DOWN
+
+
+def hypot_many(x: Numbers, y: Numbers) -> Numbers:
+    """`hypot` of each."""
+    x, y = np.abs(x), np.abs(y)
+    most = np.maximum(x, y)
+    made = np.sqrt(x * x + y * y)
+    if (((most > _SMALL) | (most == 0.0)) & (most < _LARGE)).all():
+        return made
+    # As in `hypot_one`: only elements out of range are scaled.
+    large, small = most >= _LARGE, most <= _SMALL
+    up, down = np.where(small, _UP, np.where(large, _DOWN, 1.0)), np.where(small, _DOWN, 1.0)
+    x, y = x * up, y * up
+    made = np.sqrt(x * x + y * y) * np.where(large, _UP, down)
+    return np.where((x == np.inf) | (y == np.inf), np.inf, made)
+
+
+hypot = binary(hypot_one, hypot_many)
+
+
+def dist(p: Sequence[float], q: Sequence[float]) -> float:
+    """The distance of two points in the plane, (x, y) each."""
+    (x, y), (to_x, to_y) = p, q
+    return hypot_one(x - to_x, y - to_y)

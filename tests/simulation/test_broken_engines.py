@@ -6,7 +6,7 @@ import pytest
 
 from minerva_bus.frame.collection import CollectionStep, FrameInbox
 from minerva_bus.frame.evolution_step import EvolutionStep
-from minerva_bus.frame.generator_side import GeneratorSide
+from minerva_bus.frame.member import GeneratorSide
 from minerva_bus.log.journal import Journal
 from minerva_bus.runtime.pace import Pace
 from tests.simulator.history import drawn
