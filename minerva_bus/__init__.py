@@ -11,11 +11,13 @@ if TYPE_CHECKING:
     from minerva_bus.api.checking import check
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.python_tables import each, service
-    from minerva_bus.api.records import (
+    from minerva_bus.api.running import (
+        Interrupted,
+        Run,
         record,
         resume,
+        run,
     )
-    from minerva_bus.api.running import Interrupted, Run, run
     from minerva_bus.api.world import World
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.appearance import Disc, Label, Line, Motion, Raster
@@ -57,8 +59,7 @@ __version__ = "0.7.0"
 _HOMES = {
     "api.live": "Live connect",
     "api.checking": "check",
-    "api.records": "record resume",
-    "api.running": "Interrupted Run run",
+    "api.running": "Interrupted Run record resume run",
     "api.python_tables": "each service",
     "api.world": "World",
     "errors": "MinervaError",

@@ -15,7 +15,7 @@ from typing import ClassVar, cast
 
 import pytest
 
-from minerva_bus.api import records
+from minerva_bus.api import running as records
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import record_writer

@@ -11,8 +11,7 @@ from minerva_analysis.comparing import Difference, compare
 from minerva_analysis.explaining import explain_running_value, explained_in
 from minerva_analysis.replays import CODE, ReplayedRecord, no_progress, recompute, world_file_of
 from minerva_bus.api.live import Live
-from minerva_bus.api.records import world_of_record
-from minerva_bus.api.running import Run, run_request
+from minerva_bus.api.running import Run, run_request, world_of_record
 from minerva_bus.api.world import World, request_of
 from minerva_bus.arguments import path_of, text, text_list, whole_number
 from minerva_bus.errors import MisuseError

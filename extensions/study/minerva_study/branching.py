@@ -10,8 +10,7 @@ from typing import Any, Final
 
 from minerva_analysis.past_frames import wait_for_frame
 from minerva_bus.api.live import Live
-from minerva_bus.api.records import world_of_record
-from minerva_bus.api.running import Run, run_file
+from minerva_bus.api.running import Run, run_file, world_of_record
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.data_tables import SEED, DataTable

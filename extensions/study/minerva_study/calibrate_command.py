@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from minerva_bus.api.records import world_of_record
+from minerva_bus.api.running import world_of_record
 from minerva_bus.api.world import World
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.collect.data_tables import needed
