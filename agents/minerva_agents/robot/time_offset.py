@@ -1,7 +1,7 @@
 """By how much the clocks of lidar and odometry differ, judged by the sharpness of walls.
 
-Where a robot turns, a wrong time rotates its scans, and they see one wall in many places. The right
-offset is that with which the same hits lie in the fewest cells.
+Where a robot turns, a wrong time rotates its scans, and they see one wall in many places. With the
+right offset, the same hits are in the fewest cells.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Sharper:
 class OffsetEstimator:
     """Collects scans and odometry from a stream of readings.
 
-    After a step of the clock it begins anew. Of several topics with odometry, the first counts.
+    It starts over after a step of the clock. Of several topics with odometry, the first counts.
     """
 
     def __init__(self) -> None:
@@ -92,7 +92,7 @@ class OffsetEstimator:
             number = round(reach / step)
             tried = [best + step * each for each in range(-number, number + 1)]
             best = min(tried, key=lambda offset: (cells(offset), abs(offset)))
-            # At the end of the range there is no minimum within.
+            # A minimum at the end of the range is none.
             if step == _STEPS[0] and best in (tried[0], tried[-1]):
                 return None
         # Between two readings of odometry, the motion is not known.
