@@ -810,7 +810,8 @@ class CollectionStep:
         if self._world.speaks_for:
             # The rights were checked on arrival, but the string may have changed since then.
             self._leave_out_foreign(sources)
-        self._unite_shares(sources)
+        if self._world.shares:
+            self._unite_shares(sources)
         if due:
             sources[DEVICES] = visual_events(self._world.vocabulary.events, due)
         if self._world.norms:
