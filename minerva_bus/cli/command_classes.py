@@ -15,7 +15,9 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, get_args, get_origin
@@ -23,7 +25,7 @@ from typing import Any, Final, NamedTuple, get_args, get_origin
 from typer.core import TyperCommand, TyperGroup
 
 from minerva_bus.cli import completing
-from minerva_bus.errors import MinervaError, UnknownOption
+from minerva_bus.errors import MinervaError, MisuseError, UnknownOption
 
 WORLD: Final = "WORLD"
 """Metavar of the argument that is the name of the world; it is the first one."""
@@ -32,6 +34,15 @@ _EVENT_TYPE: Final = re.compile(r"e[A-Z]\w*")
 
 _WHOLE: Final = re.compile(r"-?[0-9]{1,18}")
 _DECIMAL: Final = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
+
+
+_IN_WORDS: Final = {"str": "text", "list[str]": "text", "int": "whole number", "float": "number"}
+"""Types in the help, for people who do not know those of Python."""
+
+
+def _type_in_words(shown: Callable[[Any], str | None], ctx: Any) -> str:
+    kind = (shown(ctx) or "").strip("<>")
+    return f"<{_IN_WORDS.get(kind, kind)}>"
 
 
 def use_plain_conversions(parameter: Any) -> None:
@@ -86,19 +97,9 @@ def _switch(value: Any, _: Any) -> bool:
     raise ValueError
 
 
-def _whole(value: Any, info: Any) -> int:
-    if type(value) is str and _WHOLE.fullmatch(value):
-        value = int(value)
-    return _in_range(value, int, info)
-
-
-def _decimal(value: Any, info: Any) -> float:
-    if type(value) is str and _DECIMAL.fullmatch(value):
-        value = float(value)
-    return _in_range(value, float, info)
-
-
-def _in_range(value: Any, kind: type, info: Any) -> Any:
+def _number(kind: type, written: re.Pattern[str], value: Any, info: Any) -> Any:
+    if type(value) is str and written.fullmatch(value):
+        value = kind(value)
     low = info.min is None or value >= info.min if type(value) is kind else False
     if low and (info.max is None or value <= info.max):
         return value
@@ -117,7 +118,8 @@ def _path(value: Any, info: Any) -> Path:
 
 
 _PLAIN: Final[Mapping[Any, Callable[[Any, Any], Any]]] = MappingProxyType(
-    {str: _text, bool: _switch, int: _whole, float: _decimal, Path: _path}
+    {str: _text, bool: _switch, Path: _path}
+    | {int: partial(_number, int, _WHOLE), float: partial(_number, float, _DECIMAL)}
 )
 
 
@@ -129,6 +131,21 @@ def answer_fast() -> None:
     if ASKED in os.environ:
         # Typer formats them with rich if it is installed, which takes longer than all the rest.
         sys.modules.setdefault("rich", None)  # pyright: ignore[reportArgumentType]
+
+
+@contextmanager
+def in_one_line(ctx: Any) -> Generator[None]:
+    """Report wrong words in one line, with the command whose help lists the right ones."""
+    try:
+        yield
+    except Exception as error:
+        said = getattr(error, "format_message", None)  # As a usage error of the command line has.
+        # A group without a command shows its help; completion takes what it can.
+        if said is None or type(error).__name__ == "NoArgsIsHelpError" or ctx.resilient_parsing:
+            raise
+        command = ctx.command_path.removeprefix(ctx.find_root().command_path).strip()
+        text = f"{command}: {said().rstrip('.')}".removeprefix(": ")
+        raise MisuseError(f"{text} (see {f'minerva {command}'.strip()} --help)") from error
 
 
 class QuickParsing:
@@ -145,7 +162,10 @@ class QuickParsing:
                 parameter.process_value = _as_given
             else:
                 use_plain_conversions(parameter)
-        return super().parse_args(ctx, args)  # pyright: ignore
+            if hasattr(parameter, "display_type"):
+                parameter.display_type = partial(_type_in_words, parameter.display_type)
+        with in_one_line(ctx):
+            return super().parse_args(ctx, args)  # pyright: ignore
 
 
 def _as_given(ctx: Any, value: Any) -> Any:
@@ -158,6 +178,10 @@ class Command(QuickParsing, TyperCommand):
 
 class Group(QuickParsing, TyperGroup):
     """A group of commands."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        with in_one_line(ctx):
+            return super().resolve_command(ctx, args)
 
 
 class WorldFirstCommand(Command):
@@ -257,27 +281,17 @@ TAKES_OTHERS: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
 """Context settings of such a command; `options_of` parses what it is given."""
 
 
-def _world_options(spec: str) -> list[tuple[str, str]]:
-    from minerva_bus.launch.installed import declared_options
-
-    return [option.help_line() for option in declared_options(spec)]
-
-
-def _service_options(spec: str) -> list[tuple[str, str]]:
-    from minerva_bus.launch.specs import described
-
-    return described(spec)
+ALL: Final = "--help-all"
+"""The option for all options of `run`, whose help shows the world's and these:"""
+_USUAL: Final = (
+    *("world", "seed", "rate", "frames", "view", "set_", "record", "record_video", "resume"),
+    *("collect", "into", "help_all"),
+)
 
 
-_DESCRIBED: Final[dict[str, Callable[[str], list[tuple[str, str]]]]] = {
-    "run": _world_options,
-    "graph": _world_options,
-    "sweep": _world_options,
-    "calibrate": _world_options,
-    "evolve": _world_options,
-    "attach": _service_options,
-    "bridge": _service_options,
-}
+_OF_WORLDS: Final = ("run", "graph", "sweep", "calibrate", "evolve")
+_OF_SERVICES: Final = ("attach", "bridge")
+"""The commands that take the options of worlds, or of services."""
 
 
 class _Completion(NamedTuple):
@@ -295,17 +309,25 @@ class OtherOptionsCommand(Command):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         self._words = tuple(args)
-        return super().parse_args(ctx, args)
+        return super().parse_args(ctx, ["--help" if word == ALL else word for word in args])
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
+        usual = _USUAL if self.name == "run" and ALL not in self._words else None
+        for parameter in self.params:
+            parameter.hidden = usual is not None and parameter.name not in usual
         super().format_options(ctx, formatter)
         # `--help` is handled while the arguments are parsed, so their values are not known yet.
         spec = next((word for word in self._words if not word.startswith("-")), "")
-        describe = _DESCRIBED.get(self.name or "")
-        if not spec or describe is None:
+        if not spec or self.name not in _OF_WORLDS + _OF_SERVICES:
             return
+        from minerva_bus.launch.installed import declared_options
+        from minerva_bus.launch.specs import described
+
         try:
-            options = describe(spec)
+            if self.name in _OF_SERVICES:
+                options = described(spec)
+            else:
+                options = [option.help_line() for option in declared_options(spec)]
         except (MinervaError, OSError, UnicodeDecodeError) as error:
             options = []
             with formatter.section(f"Options of {spec}"):
@@ -318,9 +340,9 @@ class OtherOptionsCommand(Command):
         """Complete the others' options, too, and their values."""
         choices: list[Any] = super().shell_complete(ctx, incomplete)
         own = {choice.value for choice in choices}
-        if self.name not in _DESCRIBED:
+        if self.name not in _OF_WORLDS + _OF_SERVICES:
             return choices
-        is_world = _DESCRIBED[self.name] is _world_options
+        is_world = self.name in _OF_WORLDS
         if incomplete.startswith("-"):
             complete = completing.world_flags if is_world else completing.service_flags
         else:

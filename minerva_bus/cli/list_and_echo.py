@@ -32,7 +32,9 @@ def list_members(target: WorldTarget, as_json: bool) -> None:
             rows = [(w.world, w.endpoint, str(w.pid)) for w in worlds]
             print_table([("world", "endpoint", "pid"), *rows])
         else:
-            print_message("no world runs on this machine")
+            print_message(
+                "no world runs on this machine; elsewhere: minerva list --connect ENDPOINT"
+            )
         return
     with client(target) as connected:
         status = connected.operator.status()

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 COMMANDS: Final = {
-    "worlds": ("run", "worlds", "check", "attach"),
+    "worlds": ("worlds", "run", "check", "attach"),
     "observing": ("list", "logs", "echo"),
     "operating": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
 }
@@ -54,7 +54,18 @@ _MODULES: Final = {
     for module, names in COMMANDS.items()
     for name in names
 }
-TOPICS: Final = ("Run", "Observe", "Control", "Records", "Set up", "Studies", "Develop")
+FIRST: Final = ("worlds", "run", "new", "doctor")
+"""The commands of the first topic, which are in none other."""
+TOPICS: Final = (
+    "First steps",
+    "Run",
+    "Observe",
+    "Control",
+    "Records",
+    "Set up",
+    "Studies",
+    "Develop",
+)
 """Topics in the order of the help; others follow."""
 FURTHER: Final = "minerva.commands"
 """The entry points of further commands."""
@@ -63,10 +74,11 @@ FURTHER: Final = "minerva.commands"
 def topics() -> dict[str, list[str]]:
     """All commands by topic, in the order of the help."""
     by_topic: dict[str, list[str]] = {topic: [] for topic in TOPICS}
-    for name, module in _MODULES.items():
-        by_topic.setdefault(import_module(module).TOPIC, []).append(name)
+    modules = {name: import_module(module) for name, module in _MODULES.items()}
     for name, entry in sorted(_further().items()):
-        by_topic.setdefault(_loaded(name, import_module, entry.module).TOPIC, []).append(name)
+        modules[name] = _loaded(name, import_module, entry.module)
+    for name, module in modules.items():
+        by_topic.setdefault(TOPICS[0] if name in FIRST else module.TOPIC, []).append(name)
     return {topic: names for topic, names in by_topic.items() if names}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -11,12 +12,13 @@ from minerva_bus.cli.output import (
     FAILED,
     Done,
     print_answer,
+    print_error,
     print_json,
     print_message,
     print_result,
 )
 from minerva_bus.cli.places import client
-from minerva_bus.errors import BusError, MinervaError, MisuseError, nearest
+from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.launch.console import json_line
 from minerva_bus.runtime.operator_client import Client
 from minerva_bus.world.operator import LogLine, OrderStatus
@@ -32,47 +34,21 @@ NOT_DONE: Final = ("rejected", "dropped", "failed", "replaced")
 """States of orders that end `pub --wait` with FAILED."""
 
 
-def stop_world(by: str, target: WorldTarget, as_json: bool) -> None:
-    """Stop a world."""
+def operate(
+    ask: Callable[[Client], None], text: str, target: WorldTarget, as_json: bool, **fields: Any
+) -> None:
+    """Ask a world to do something; print the text, or an object with the fields."""
     with client(target) as world:
-        world.ask("stop", by=by)
-        print_done(world, as_json, "asked to stop")
+        ask(world)
+        print_done(world, as_json, text, **fields)
 
 
-def pause_world(by: str, target: WorldTarget, as_json: bool) -> None:
-    """Pause a world before its next frame."""
+def pause_after(ask: Callable[[Client], None], target: WorldTarget, as_json: bool) -> None:
+    """Ask a world for something that pauses it, and wait for the pause."""
     with client(target) as world:
-        world.operator.named(by).pause()
-        _print_paused(world, as_json)
-
-
-def resume_world(by: str, target: WorldTarget, as_json: bool) -> None:
-    """Resume a world."""
-    with client(target) as world:
-        world.operator.named(by).resume()
-        print_done(world, as_json, "resumed")
-
-
-def step_world(frames: int, by: str, target: WorldTarget, as_json: bool) -> None:
-    """Run a number of frames, wait for them, and pause."""
-    with client(target) as world:
-        world.operator.named(by).step(frames)
-        _print_paused(world, as_json)
-
-
-def set_rate(hz: float, by: str, target: WorldTarget, as_json: bool) -> None:
-    """Change the frame rate of a world."""
-    with client(target) as world:
-        world.operator.named(by).set_rate(hz)
-        limit = f"{hz:g} frames per second" if hz else "as fast as possible"
-        print_done(world, as_json, limit, hz=hz)
-
-
-def restart_member(member: str, by: str, target: WorldTarget, as_json: bool) -> None:
-    """Restart a process of a world."""
-    with client(target) as world:
-        world.operator.named(by).restart(member)
-        print_done(world, as_json, f"restarting {member}", member=member)
+        ask(world)
+        frame = _paused_before(world)
+        print_done(world, as_json, f"paused before frame {frame}", frame=frame)
 
 
 def drain_member(member: str, by: str, target: WorldTarget, as_json: bool) -> None:
@@ -87,11 +63,6 @@ def print_done(world: Client, as_json: bool, text: str, **fields: Any) -> None:
     """Print what a command has done to a world, with the fields of its JSON object."""
     done = Done(f"{world.world}: {text}", {"world": world.world, **fields})
     print_answer(done, as_json)
-
-
-def _print_paused(world: Client, as_json: bool) -> None:
-    frame = _paused_before(world)
-    print_done(world, as_json, f"paused before frame {frame}", frame=frame)
 
 
 def _paused_before(world: Client) -> int:
@@ -159,22 +130,13 @@ class OrderToSend:
     by: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Waiting:
-    """Whether to wait for the fate of an order, at most for this many seconds; 0: no limit."""
-
-    fate: bool = False
-    seconds: float = 0.0
-
-
-def publish(order: OrderToSend, waiting: Waiting, target: WorldTarget, as_json: bool) -> int:
+def publish(order: OrderToSend, wait: float | None, target: WorldTarget, as_json: bool) -> int:
     """Send an event as a person; returns the exit code.
 
+    `wait`: longest time to wait for the fate of the order, seconds; 0: no limit, None: do not wait.
     Raises MisuseError for data that are not KEY=VALUE, and BusError if the world rejects the event
-    or ends, or if its fate is not known in time.
+    or ends.
     """
-    if waiting.seconds and not waiting.fate:
-        raise MisuseError("pub: --timeout limits --wait, which is missing")
     pairs = _pairs(order.data)
     with client(target) as world:
         answer = world.ask(
@@ -192,12 +154,13 @@ def publish(order: OrderToSend, waiting: Waiting, target: WorldTarget, as_json: 
             print_result(f"{answer['event']} {sent}")
             if "note" in answer:
                 print_message(f"warning: {answer['note']}")
-        fate = _fate(world, int(answer["number"]), waiting) if waiting.fate else None
+        fate = None if wait is None else _fate(world, int(answer["number"]), wait)
     if as_json:
         print_json({**answer, "order": None if fate is None else asdict(fate)})
     elif fate is not None:
         print_result(fate.fate)
-    return FAILED if fate is not None and fate.state in NOT_DONE else 0
+    ended = wait is None or (fate is not None and not fate.open and fate.state not in NOT_DONE)
+    return 0 if ended else FAILED
 
 
 def _pairs(data: tuple[str, ...]) -> dict[str, str]:
@@ -210,9 +173,9 @@ def _pairs(data: tuple[str, ...]) -> dict[str, str]:
     return pairs
 
 
-def _fate(world: Client, number: int, waiting: Waiting) -> OrderStatus:
-    """The last state of an order; prints earlier ones as messages."""
-    until = time.monotonic() + waiting.seconds if waiting.seconds else float("inf")
+def _fate(world: Client, number: int, wait: float) -> OrderStatus | None:
+    """The last known state of an order, open if it has not ended in time; prints earlier ones."""
+    until = time.monotonic() + wait if wait else float("inf")
     since, order = 0, None
     while True:
         for changed in world.operator.orders(since):
@@ -225,7 +188,8 @@ def _fate(world: Client, number: int, waiting: Waiting) -> OrderStatus:
             print_message(_expected(order, world.operator.status().paused))
         if time.monotonic() > until:
             known = "unknown" if order is None else order.fate
-            raise BusError(f"the order has not ended within {waiting.seconds:g} s: {known}")
+            print_error(f"the order has not ended within {wait:g} s: {known}")
+            return order
         time.sleep(POLL_SECONDS)
 
 

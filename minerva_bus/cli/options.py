@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import cache, wraps
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, TypeVar, get_origin, get_type_hints
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.command_classes import WORLD
+from minerva_bus.cli.command_classes import ALL, WORLD
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.world_settings import OPTIONS, Overrides
 
@@ -98,8 +98,9 @@ QuietRun = Annotated[bool, typer.Option(help="Print errors and the output of mem
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """How `minerva run` runs a world and what it prints."""
+    """How `minerva run` runs a world and what it prints; its class answers `help_all`."""
 
+    help_all: Annotated[bool, typer.Option(ALL, help="Show all options and exit.")] = False
     in_process: Annotated[
         bool, typer.Option(help="Run all members in one process, without a bus.")
     ] = False
@@ -165,6 +166,12 @@ class JoinOptions(WorldTarget):
     ] = None
     json: Json = False
     force: Force = False
+
+
+def by_comma(words: Iterable[str] | None) -> tuple[str, ...]:
+    """The words of an option that is repeated, or has several words separated by commas."""
+    parts = [part.strip() for word in words or () for part in word.split(",")]
+    return tuple([part for part in parts if part])
 
 
 Command = TypeVar("Command", bound=Callable[..., None])
@@ -236,7 +243,7 @@ class Takes:
         settings, views, collect = [tuple(given.pop(name, None) or ()) for name in _LISTS]
         for name, value in given.items():
             if OPTIONS[name].kind.repeats and value is not None:
-                given[name] = tuple(value)
+                given[name] = by_comma(value)
         return Overrides(None, settings, views, collect, **given)
 
 

@@ -51,7 +51,7 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
             raise
         console.problem(str(error))
         raise typer.Exit(WRONG) from None
-    _print_summary(summary, console, options, as_json=as_json or options.json)
+    _print_summary(summary, console, options, file.record.path, as_json=as_json or options.json)
     if summary.ended in ("interrupted", "terminated"):
         raise typer.Exit(INTERRUPTED)
     if failure:
@@ -77,7 +77,7 @@ def _run_here(
 
 
 def _print_summary(
-    summary: RunSummary, console: Console, options: RunOptions, *, as_json: bool
+    summary: RunSummary, console: Console, options: RunOptions, record: str, *, as_json: bool
 ) -> None:
     """Print a summary; without the coordinator's part, as text only the cause of the end."""
     if not summary.digest:
@@ -86,3 +86,5 @@ def _print_summary(
         print_json(summary.plain())
     elif summary.digest and not options.quiet:
         print_result("\n".join(summary.lines()))
+        if record:
+            print_result(f"  record {record}")

@@ -686,14 +686,14 @@ class Shutdown:
     """The reason for the end of the world, and the reports of its members.
 
     `failed`: it ends prematurely because of an error. `pending`: members that have
-    not reported yet.
+    not reported yet. `figures`: what each member has reported.
     """
 
     def __init__(self) -> None:
         self.reason = ""
         self.failed = False
         self.pending: set[str] = set()
-        self._figures: dict[str, Figures] = {}
+        self.figures: dict[str, Figures] = {}
         self._departed: dict[str, bool] = {}
 
     def begin(self, members: Iterable[str]) -> None:
@@ -704,7 +704,7 @@ class Shutdown:
         """Note a member's report; empty figures mean that it can no longer report."""
         if report.member in self.pending:  # A member that was dropped does not count.
             self.pending.discard(report.member)
-            self._figures[report.member] = report.figures
+            self.figures[report.member] = report.figures
 
     def depart(self, member: str) -> None:
         """Note that a member is gone; its report may still arrive."""
@@ -722,13 +722,13 @@ class Shutdown:
 
     def add_figures(self, source: str, figures: Figures) -> None:
         """Add figures that no member reported."""
-        self._figures[source] = figures
+        self.figures[source] = figures
 
     def total(self) -> Figures:
         """The figures of all members; numbers of the same name are added."""
         total: dict[str, bool | int | float | str] = {}
         # Sorted, because floating-point sums and the texts that remain depend on the order.
-        for _, figures in sorted(self._figures.items()):
+        for _, figures in sorted(self.figures.items()):
             for name, value in figures.items():
                 old = total.get(name)
                 both = isinstance(old, int | float) and isinstance(value, int | float)

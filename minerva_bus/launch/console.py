@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
 import shutil
 import sys
@@ -89,7 +90,7 @@ class Console:
             self._write(level, name, line)
             return
         shown = name
-        if self.terminal:
+        if self.terminal and not os.environ.get("NO_COLOR"):
             # Colours are assigned by first appearance, so the first ten names have different ones.
             color = _COLORS[self._names.setdefault(name, len(self._names)) % len(_COLORS)]
             shown = f"\x1b[{color}m{name}\x1b[0m"
@@ -235,6 +236,7 @@ class EndReport:
     reached: bool = False
     figures: Mapping[str, Any] = field(default_factory=dict[str, Any])
     profile: Profile = field(default_factory=dict[str, Mapping[str, float]])
+    reporters: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @staticmethod
     def of(run: WorldRun, members: int, reason: str = "") -> EndReport:
@@ -250,12 +252,23 @@ class EndReport:
             algorithm.reached,
             dict(ended.figures) if ended is not None else {},
             run.metrics.profile(),
+            _reporters(algorithm.shutdown.figures),
         )
+
+
+def _reporters(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """The members that have reported a figure, by its name."""
+    names = {name for each in figures.values() for name in each}
+    return {
+        name: ", ".join(sorted(who for who in figures if name in figures[who])) for name in names
+    }
 
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
     """The result of a run; members add figures of their own (`distance_driven`, ...).
+
+    `reporters` are the members that have reported a figure, by its name.
 
     `before` is the number of frames that ran before this run, if it resumed a record or a journal.
     `wall_seconds` is from the end of its first frame to the end of its last one, successions
@@ -276,6 +289,7 @@ class RunSummary:
     figures: Mapping[str, Any]
     before: int = 0
     profile: Profile = field(default_factory=dict[str, Mapping[str, float]])
+    reporters: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @staticmethod
     def of(world: WorldSpec, report: EndReport, startup: Startup, failure: str) -> RunSummary:
@@ -296,6 +310,7 @@ class RunSummary:
             # A run that continues from a journal begins later than in its world file.
             before=world.past.frame if startup.first_frame is None else startup.first_frame,
             profile=report.profile,
+            reporters=report.reporters,
         )
 
     @property
@@ -338,10 +353,15 @@ class RunSummary:
             f" ({self.frames_per_second:.0f} per second), {counted(self.members, 'member')}",
             f"  {began}" + (f" ({parts})" if parts else ""),
         ]
-        for name, value in self.figures.items():
+        figures = dict(self.figures)
+        if "late_frames" in figures and "late_frames" not in self.reporters:
+            late, behind = figures.pop("late_frames"), figures.pop("seconds_behind")
+            shown.append(f"  {counted(late, 'frame')} late, by {behind:.2f} s in all")
+        for name, value in figures.items():
             text = f"{value:.2f}" if isinstance(value, float) else str(value)
+            by = f" ({self.reporters[name]})" if name in self.reporters else ""
             # A member in any language may report any characters.
-            line = " ".join(f"{name.replace('_', ' ')}: {text}".split("\n"))
+            line = " ".join(f"{name.replace('_', ' ')}: {text}{by}".split("\n"))
             shown.append(f"  {on_screen(line)}")
         digest = f"  digest {self.digest}  (seed {self.seed})"
         return [*shown, digest, *_profile_lines(self.profile)]

@@ -144,7 +144,7 @@ def help_line(name: str, python: Any, text: str, default: Any, values: str = "")
 
     `values` are shown in place of the type.
     """
-    kind = values or (python.__name__ if phrase_of(python) else "toml")
+    kind = values or phrase_of(python).removeprefix("a ") or "toml"
     if default is inspect.Parameter.empty:
         return f"--{name} <{kind}>", f"{text}  [required]".lstrip()
     return f"--{name} <{kind}>", f"{text}  [default: {json.dumps(default, default=str)}]".lstrip()

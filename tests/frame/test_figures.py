@@ -34,3 +34,11 @@ def test_a_figure_cannot_control_the_terminal():
     figures = {"a\n\x1b[2J": "b\r\x07\ncd", "no_end": 1.5}
     lines = RunSummary("w", 0, "d", False, "", 0.0, None, 1, 0, {}, figures).lines()
     assert lines[3:5] == ["  a ?[2J: b?? cd", "  no end: 1.50"]
+
+
+def test_the_summary_names_who_reported_a_figure_and_says_how_late_frames_were():
+    figures = {"late_frames": 4, "seconds_behind": 0.041, "hits": 2}
+    summary = RunSummary(
+        "w", 0, "d", False, "", 0.0, None, 1, 0, {}, figures, reporters={"hits": "physics"}
+    )
+    assert summary.lines()[3:5] == ["  4 frames late, by 0.04 s in all", "  hits: 2 (physics)"]

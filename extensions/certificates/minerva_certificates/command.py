@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from minerva_bus.cli.command_classes import Command, Group
-from minerva_bus.cli.options import Json
+from minerva_bus.cli.options import Json, by_comma
 from minerva_bus.cli.output import print_json, print_result, print_table
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def init(
 ) -> None:
     """Create a certificate authority and the coordinator's certificate."""
     folder = _folder(dir)
-    made = folder.init(_split(host), days)
+    made = folder.init(by_comma(host), days)
     until = _day(folder.now, days)
     if json:
         print_json({"folder": str(dir), "until": until, "coordinator": _plain(made, folder.now)})
@@ -93,7 +93,7 @@ def issue(
     # A renewed certificate must not grant more than before, so rights that are not given are kept.
     kept = [()] * len(given) if before is None else _purposes(before)
     fields = [
-        old if words is None else _split(words) for words, old in zip(given, kept, strict=True)
+        old if words is None else by_comma(words) for words, old in zip(given, kept, strict=True)
     ]
     wanted = Wanted(*fields, days=days, family=family)
     _print_issued(folder.issue(name, wanted, renew=renew), folder.now, json)
@@ -221,7 +221,3 @@ def _folder(path: Path) -> AuthorityFolder:
     from minerva_certificates.issuing import AuthorityFolder
 
     return AuthorityFolder(path)
-
-
-def _split(words: list[str] | None) -> tuple[str, ...]:
-    return tuple([part for word in words or () for part in word.split(",") if part])

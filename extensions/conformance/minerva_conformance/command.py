@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 import typer
 
-from minerva_bus.cli.options import Force, Json, examples
+from minerva_bus.cli.options import Force, Json, by_comma, examples
 
 TOPIC: Final = "Develop"
 
@@ -25,14 +25,14 @@ def conformance(
     role: Annotated[
         list[str] | None,
         typer.Option(
-            help="A role to check: generator, host, observer, coupled; may be repeated."
+            help="Roles to check, separated by commas: generator, host, observer, coupled."
             " Default: those that the member declares. Or `coordinator`, alone.",
         ),
     ] = None,
     case: Annotated[
         list[str] | None,
         typer.Option(
-            help="A case, or a group such as `tick`; may be repeated.",
+            help="Cases, or groups such as `tick`, separated by commas.",
         ),
     ] = None,
     jobs: Annotated[int, typer.Option(help="Cases that run at the same time.", min=1)] = 4,
@@ -51,6 +51,8 @@ def conformance(
     from minerva_conformance.score_card_output import check_conformance, list_cases
 
     if list_:
-        list_cases(case or [], role or [], json)
+        list_cases(by_comma(case), by_comma(role), json)
         return
-    raise typer.Exit(check_conformance(command or [], role or [], case or [], jobs, junit, json))
+    raise typer.Exit(
+        check_conformance(command or [], by_comma(role), by_comma(case), jobs, junit, json)
+    )

@@ -7,7 +7,8 @@ from typing import Annotated, Final
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.options import By, Json, NamedTarget, examples, grouped
+from minerva_bus.cli.options import By, Json, NamedTarget, by_comma, examples, grouped
+from minerva_bus.errors import MisuseError
 
 TOPIC: Final = "Control"
 
@@ -30,7 +31,7 @@ def pub(
         list[str] | None, typer.Argument(help="Data of the event: KEY=VALUE ...")
     ] = None,
     to: Annotated[
-        list[str] | None, typer.Option(help="Id of a receiving agent; may be repeated.")
+        list[str] | None, typer.Option(help="Ids of receiving agents, separated by commas.")
     ] = None,
     condition: Annotated[
         str, typer.Option("--if", help="Condition of the event, such as 'energy < 5'.")
@@ -47,10 +48,12 @@ def pub(
     target: NamedTarget,
 ) -> None:
     """Send an event into a running world."""
-    from minerva_bus.cli.operation import OrderToSend, Waiting, publish
+    from minerva_bus.cli.operation import OrderToSend, publish
 
-    order = OrderToSend(type, tuple(data or ()), tuple(to or ()), condition, by)
-    raise typer.Exit(publish(order, Waiting(wait, timeout), target, json))
+    if timeout and not wait:
+        raise MisuseError("pub: --timeout limits --wait, which is missing")
+    order = OrderToSend(type, tuple(data or ()), by_comma(to), condition, by)
+    raise typer.Exit(publish(order, timeout if wait else None, target, json))
 
 
 @examples(
@@ -60,9 +63,9 @@ def pub(
 @grouped
 def stop(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Stop a running world."""
-    from minerva_bus.cli.operation import stop_world
+    from minerva_bus.cli.operation import operate
 
-    stop_world(by, target, json)
+    operate(lambda world: world.ask("stop", by=by), "asked to stop", target, json)
 
 
 @examples(
@@ -72,9 +75,9 @@ def stop(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
 @grouped
 def pause(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Pause a running world."""
-    from minerva_bus.cli.operation import pause_world
+    from minerva_bus.cli.operation import pause_after
 
-    pause_world(by, target, json)
+    pause_after(lambda world: world.operator.named(by).pause(), target, json)
 
 
 @examples(
@@ -84,9 +87,9 @@ def pause(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
 @grouped
 def resume(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Resume a paused world."""
-    from minerva_bus.cli.operation import resume_world
+    from minerva_bus.cli.operation import operate
 
-    resume_world(by, target, json)
+    operate(lambda world: world.operator.named(by).resume(), "resumed", target, json)
 
 
 @examples(
@@ -102,9 +105,9 @@ def step(
     target: NamedTarget,
 ) -> None:
     """Run a number of frames, then pause."""
-    from minerva_bus.cli.operation import step_world
+    from minerva_bus.cli.operation import pause_after
 
-    step_world(frames, by, target, json)
+    pause_after(lambda world: world.operator.named(by).step(frames), target, json)
 
 
 @examples(
@@ -120,9 +123,10 @@ def rate(
     target: NamedTarget,
 ) -> None:
     """Change the frame rate of a running world."""
-    from minerva_bus.cli.operation import set_rate
+    from minerva_bus.cli.operation import operate
 
-    set_rate(hz, by, target, json)
+    text = f"{hz:g} frames per second" if hz else "as fast as possible"
+    operate(lambda world: world.operator.named(by).set_rate(hz), text, target, json, hz=hz)
 
 
 @examples(
@@ -141,9 +145,12 @@ def restart(
     target: NamedTarget,
 ) -> None:
     """Restart one process of a running world."""
-    from minerva_bus.cli.operation import restart_member
+    from minerva_bus.cli.operation import operate
 
-    restart_member(member, by, target, json)
+    operate(
+        lambda world: world.operator.named(by).restart(member),
+        f"restarting {member}", target, json, member=member,
+    )  # fmt: skip
 
 
 @examples(

@@ -71,7 +71,7 @@ def run(
         if world.startswith("--"):
             words, world = [world, *words], ""
         if not world and resume is None:
-            context.fail("no world; name a world file, an installed world or --resume FILE")
+            raise MisuseError("run: no world: name one (minerva worlds), a file or --resume FILE")
         views = _with_video(list(overrides.views), record_video)
         given = Overrides(
             options_of(words), overrides.settings, views, overrides.collect, **overrides.values

@@ -8,21 +8,21 @@ from typing import Annotated, Final
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.options import Json, NamedTarget, examples, grouped
+from minerva_bus.cli.options import Json, NamedTarget, by_comma, examples, grouped
 
 TOPIC: Final = "Observe"
 
 
 @examples(
     "minerva mcp robot",
-    "minerva mcp robot --allow control --allow publish --listen 127.0.0.1:8765",
+    "minerva mcp robot --allow control,publish --listen 127.0.0.1:8765",
 )
 @grouped
 def mcp(
     allow: Annotated[
         list[str] | None,
         typer.Option(
-            help="Permit tools that change something: control, publish or run; may be repeated.",
+            help="Permit tools that change something: control, publish, run; separated by commas.",
         ),
     ] = None,
     listen: Annotated[
@@ -49,4 +49,4 @@ def mcp(
     """
     from minerva_assistants.mcp.assistant_server import serve_assistants
 
-    serve_assistants(target, allow or [], listen, folder, code, json)
+    serve_assistants(target, by_comma(allow), listen, folder, code, json)
