@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, get_args, get_origin
+from typing import Any, Final, NamedTuple, cast, get_args, get_origin
 
 from typer.core import TyperCommand, TyperGroup
 
@@ -313,7 +313,7 @@ class OtherOptionsCommand(Command):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         usual = _USUAL if self.name == "run" and ALL not in self._words else None
-        for parameter in self.params:
+        for parameter in cast("list[Any]", self.params):
             parameter.hidden = usual is not None and parameter.name not in usual
         super().format_options(ctx, formatter)
         # `--help` is handled while the arguments are parsed, so their values are not known yet.

@@ -35,7 +35,7 @@ NOT_DONE: Final = ("rejected", "dropped", "failed", "replaced")
 
 
 def operate(
-    ask: Callable[[Client], None], text: str, target: WorldTarget, as_json: bool, **fields: Any
+    ask: Callable[[Client], object], text: str, target: WorldTarget, as_json: bool, **fields: Any
 ) -> None:
     """Ask a world to do something; print the text, or an object with the fields."""
     with client(target) as world:
@@ -43,7 +43,7 @@ def operate(
         print_done(world, as_json, text, **fields)
 
 
-def pause_after(ask: Callable[[Client], None], target: WorldTarget, as_json: bool) -> None:
+def pause_after(ask: Callable[[Client], object], target: WorldTarget, as_json: bool) -> None:
     """Ask a world for something that pauses it, and wait for the pause."""
     with client(target) as world:
         ask(world)
