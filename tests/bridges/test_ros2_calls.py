@@ -108,6 +108,19 @@ def test_a_figure_is_a_request_and_a_change_is_another():
         assert ask("PLight<on=false>", 2).ok is False
 
 
+def test_a_successor_does_not_repeat_a_request():
+    scene = VOCABULARY.read("PLight<on=true>")
+    service, successor = (Ros2Calls("tcp/h:7447", calls={"PLight": LIGHT}) for _ in range(2))
+    asked = []
+    for each in (service, successor):
+        each.check(INFO)
+        each.do = lambda *work: asked.append(work)
+        if each is successor:
+            each.restore(service.save())
+        each.show(View(1, "ePicture", scene, {"r1": scene}))
+    assert len(asked) == 1
+
+
 def test_a_type_of_its_own_from_a_folder(tmp_path):
     def fetch(query):
         request = node.read(query, "own_msgs/msg/Fetch_Request")

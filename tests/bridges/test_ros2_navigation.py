@@ -13,6 +13,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.appearance import Motion
 from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2Navigation
+from minerva_services.bridges.ros2.examination import _fit
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_rig import ROBOT, free_endpoint, network
 from tests.patience import eventually, patience
@@ -312,3 +313,14 @@ def test_what_does_not_fit_is_reported():
         Ros2Navigation("tcp/h:7447").check(replace(INFO, vocabulary=lacking))
     with nav() as drive, pytest.raises(MisuseError, match="2 figures PGoal"):
         drive.show((1, 1.0, 1.0), (2, 2.0, 2.0))
+
+
+def test_doctor_tells_whether_a_robot_has_what_a_world_needs():
+    with nav() as drive:
+        (fits,) = _fit("navigation", drive.service)
+    with network() as (endpoint, _):
+        (lacks,) = _fit("navigation", Ros2Navigation(endpoint))
+    assert fits[1] is True
+    assert (lacks[1], lacks[2].partition(" of ")[0]) == (
+        False, "nobody serves /navigate_to_pose/_action/send_goal",
+    )  # fmt: skip

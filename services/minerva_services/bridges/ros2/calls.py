@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, cast
@@ -222,6 +222,11 @@ class Ros2Calls(RobotClient):
                     built(call.type.request, made)
             except MisuseError as error:
                 raise MisuseError(f"ros2_calls: calls.{symbol}: {error}") from None
+
+    def servers(self) -> Sequence[tuple[str, str]]:
+        """The services of its calls. Raises MisuseError for a call that is wrong."""
+        calls = [call_of(symbol, table, self._folder) for symbol, table in self._given.items()]
+        return [(call.service, call.type.name) for call in calls]
 
     def show(self, view: View) -> None:
         """Ask what new figures ask."""

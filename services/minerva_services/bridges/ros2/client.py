@@ -92,6 +92,10 @@ class RobotClient(Generator, Device, when="freely, each frame"):
         self._session = session
         self.opened(session)
 
+    @abstractmethod
+    def servers(self) -> Sequence[tuple[str, str]]:
+        """The names and types of the services that it calls. Raises MisuseError."""
+
     def opened(self, session: Ros2Session) -> None:
         """Subscribe to what is needed in a new session, in a thread of the link."""
 

@@ -11,6 +11,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
 from minerva_services.bridges.ros2.body import Ros2Robot
+from minerva_services.bridges.ros2.client import RobotClient
 from minerva_services.bridges.ros2.graph import (
     LAYOUTS,
     NO_HASH,
@@ -23,7 +24,7 @@ from minerva_services.bridges.ros2.graph import (
 from minerva_services.bridges.ros2.layout import ENDPOINTS, Ros2Network
 from minerva_services.bridges.ros2.network import look_at
 from minerva_services.bridges.ros2.sensors import Ros2
-from minerva_services.bridges.ros2.uses import is_of, mismatches, nobody
+from minerva_services.bridges.ros2.uses import is_of, mismatches, missing_server, nobody
 from minerva_services.bridges.ros2.view import Ros2View
 
 _OF_EACH_NODE: Final = ("rcl_interfaces/", "type_description_interfaces/")
@@ -37,7 +38,7 @@ Found: TypeAlias = tuple[str, bool, str]
 """What was examined, whether it is good, and a note."""
 
 _LOOK_SECONDS: Final = 0.5
-Service: TypeAlias = Ros2 | Ros2Robot | Ros2View
+Service: TypeAlias = Ros2 | Ros2Robot | Ros2View | RobotClient
 
 
 def examine(source: str) -> Iterator[Found]:
@@ -114,7 +115,7 @@ def _compared(path: Path) -> Iterator[Found]:
             yield from _fit(name, service)
         service.close()
     if not examined:
-        yield str(path), False, "no process with the service ros2, ros2_robot or ros2_view"
+        yield str(path), False, "no process with a service of ros2"
 
 
 def _fit(name: str, service: Service) -> Iterator[Found]:
@@ -124,9 +125,16 @@ def _fit(name: str, service: Service) -> Iterator[Found]:
     except MinervaError as error:
         yield name, False, f"{error}; start its Zenoh router, or set router"
         return
-    problems = list(mismatches(everything, network, service.uses()))
+    if isinstance(service, RobotClient):
+        problems = [
+            (called, problem)
+            for called, kind in service.servers()
+            if (problem := missing_server(everything, network, called, kind))
+        ]
+    else:
+        problems = list(mismatches(everything, network, service.uses()))
     for option, problem in problems:
         yield f"{name}: {option}", False, problem
     if not problems:
         here = [each for each in everything if is_of(each, network)]
-        yield name, True, f"all its topics are at {network.router}; {distribution(here)}"
+        yield name, True, f"all that it needs is at {network.router}; {distribution(here)}"

@@ -234,6 +234,10 @@ class Ros2Navigation(RobotClient):
             # Also a goal that waits for the network, or for an answer about another one.
             wanted.until = time.monotonic() + self._timeout
 
+    def servers(self) -> Sequence[tuple[str, str]]:
+        """The service that accepts goals."""
+        return [self._goals]
+
     def opened(self, session: Ros2Session) -> None:
         session.subscribe(f"{self._action}/_action/feedback", _FEEDBACK_MESSAGE,
                           partial(self.do, self._on_feedback))  # fmt: skip

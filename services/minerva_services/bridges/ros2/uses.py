@@ -115,11 +115,14 @@ def is_of(each: Announced, network: Ros2Network) -> bool:
 def missing_server(
     graph: Iterable[Announced], network: Ros2Network, service: str, kind: str
 ) -> str:
-    """What to do about a service of a type that nobody serves."""
+    """What to do about a service of a type that nobody serves; "" if somebody does."""
     name = f"/{network.name(service)}"
     servers = [each for each in graph if each.kind == SERVER and is_of(each, network)]
+    types = sorted({each.message for each in servers if each.topic == name})
+    if kind in types:
+        return ""
     text = f"nobody serves {name} of {kind}"
-    if types := sorted({each.message for each in servers if each.topic == name}):
+    if types:
         return f"{text}; it is of {_listed(types)}"
     others = sorted({each.topic for each in servers if each.message == kind})
     return f"{text}; {f'the robot has {_listed(others)}' if others else 'start its node'}"
