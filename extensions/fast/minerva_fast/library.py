@@ -38,8 +38,10 @@ from minerva_fast.functions import OF_MATH
 from minerva_fast.machine_code import NUMBA_OPTIONS
 from minerva_fast.places import CellGrid, Edges, FieldGrid, FieldRows, LatticeRows  # noqa: F401
 
-compiled: Any = njit(**NUMBA_OPTIONS)
-inlined: Any = njit(**NUMBA_OPTIONS, forceinline=True)
+# Python calls kernels only, so others need no wrapper for it, and none needs one for C.
+_INNER: Final = {**NUMBA_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+compiled: Any = njit(**_INNER)
+inlined: Any = njit(**_INNER, forceinline=True)
 
 NAN: Final = math.nan
 INFINITY: Final = math.inf
@@ -49,7 +51,7 @@ _TOP: Final = 9223372036854775808.0
 
 def kernel(signature: Any) -> Any:
     """Compile a kernel for one signature, and keep the machine code beside its module."""
-    return njit(signature, cache=True, nogil=True, **NUMBA_OPTIONS)
+    return njit(signature, cache=True, nogil=True, no_cfunc_wrapper=True, **NUMBA_OPTIONS)
 
 
 def read_only(item: Any) -> Any:
