@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +21,10 @@ class Option:
     choices: Iterable[str] | None = None
 
 
+# Without the variable, which lets each process compile the project again.
+ENVIRONMENT: Final = {
+    name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
+}
 PLOT = Option(Path, "a picture, .svg or .png")
 PEERS_FOLDER = Option(Path("../shared/peers"), "scripts of other systems")
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.command import PEERS_FOLDER, Option, Table
+from benchmarks.command import ENVIRONMENT, PEERS_FOLDER, Option, Table
 from benchmarks.command import options as parsed
 from benchmarks.lockstep import peer
 from tools.without import install
@@ -36,10 +36,6 @@ BAR: Final = 1.25
 BAR_WORKERS: Final = 8
 WORKERS: Final = (1, 2, 8, 16)
 STEPS: Final = 1000
-# Without the variable, which lets each process compile the project again.
-ENVIRONMENT: Final = {
-    name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
-}
 COLUMNS: Final = {
     "figure": "<24",
     "before": ">10.4g",

@@ -12,7 +12,6 @@ skipped with a message. Compare the ratios, which are from alternating turns in 
 from __future__ import annotations
 
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -21,7 +20,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.command import PEERS_FOLDER, Table, options
+from benchmarks.command import ENVIRONMENT, PEERS_FOLDER, Table, options
 from benchmarks.lockstep import PEERS, peer
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
@@ -53,7 +52,7 @@ def whole(words: list[str], **environment: str) -> Found:
     """Duration of a command from its start to its end."""
     began = time.perf_counter()
     done = subprocess.run(
-        words, env=os.environ | environment, capture_output=True, text=True, check=False
+        words, env=ENVIRONMENT | environment, capture_output=True, text=True, check=False
     )
     took = time.perf_counter() - began
     return took if done.stdout else f"{words} said nothing: {done.stderr[-200:]}"
@@ -64,7 +63,7 @@ def first_frame(world: str) -> Found:
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
             [*MINERVA, "run", world, "--frames", "1", "--json"],
-            env=os.environ | {"MINERVA_RUNTIME_DIR": folder},
+            env=ENVIRONMENT | {"MINERVA_RUNTIME_DIR": folder},
             capture_output=True, text=True, check=False,
         )  # fmt: skip
     if done.returncode:
