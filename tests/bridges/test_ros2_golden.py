@@ -45,14 +45,18 @@ def test_keys(name):
         topic, message, key = case["topic"], case["message"], case["key"]
         assert ours.key_of(topic, message, key.rpartition("/")[2]) == key
         assert zenoh.KeyExpr(ours.pattern(topic, message)).includes(zenoh.KeyExpr(key))
-        shown = messages().hash(message) if name != "humble" else NO_HASH
-        assert name == "dds" or key.endswith(shown)
+        # A client of a service takes the hash from the token of its server.
+        if name != "dds" and "/msg/" in message:
+            assert key.endswith(NO_HASH if name == "humble" else messages().hash(message))
 
 
 @of_each
 def test_tokens_of_robots_are_understood(name):
     for case in GOLDEN[name]["tokens"]:
         about = announced(case["token"])
+        if case["kind"] == "SC":  # Only servers of services are of interest.
+            assert about is None
+            continue
         read = about.kind, about.layout, about.topic, about.message, about.lasting, about.buffered
         assert read == (
             case["kind"], GOLDEN[name]["layout"], case.get("topic", ""), case.get("message", ""),
