@@ -213,6 +213,8 @@ def test_names_of_entries():
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_a_run_goes_into_files(tmp_path, ending, monkeypatch):
+    if ending == "parquet":
+        pytest.importorskip("pyarrow")
     monkeypatch.setattr("minerva_bus.collect.data_tables.BUFFERED_ROWS", 5)
     collect = {"frogs": count(Frog), "x": Frog.x, "mood": Frog.mood}
     path = tmp_path / f"pond.{ending}"
