@@ -1,0 +1,37 @@
+"""Rigid bodies in space: forms with mass, joints, and the service `bodies` that moves them.
+
+A world's vocabulary declares solids and motions by the forms here; the service `bodies` gives their
+string a meaning in Rapier's space, as `physics` does in the plane.
+"""
+
+from minerva_bodies.forms import (
+    Ball,
+    Box,
+    Capsule,
+    Command,
+    Cone,
+    Cylinder,
+    Joint,
+    Matter,
+    Mesh,
+    Terrain,
+    euler,
+    quaternion,
+)
+from minerva_bodies.rigid import Rigid
+
+__all__ = [
+    "Ball",
+    "Box",
+    "Capsule",
+    "Command",
+    "Cone",
+    "Cylinder",
+    "Joint",
+    "Matter",
+    "Mesh",
+    "Rigid",
+    "Terrain",
+    "euler",
+    "quaternion",
+]

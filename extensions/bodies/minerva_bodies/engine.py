@@ -1,0 +1,335 @@
+"""Rapier's space, from plain data: bodies and joints, created and removed in the order given.
+
+Its state after a number of steps depends on the plain data and the commands alone. `Engine.kept`
+has the data from which `continue_from` makes a space that continues. Contacts are found again
+there, so a space that shall remain equal to its successor's is made again from the same data.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import rapier3d
+from numpy.typing import NDArray
+
+from minerva_bodies.errors import BodiesError
+from minerva_bodies.forms import DYNAMIC, FIXED, KINEMATIC
+from minerva_bodies.meshes import load_mesh
+from minerva_bodies.rigid import Rigid
+
+rapier: Any = rapier3d
+"""Its stubs have unknown types, such as of handles and vectors."""
+
+Contact: TypeAlias = tuple[str, str]
+
+_WORDS: tuple[int, ...] = (6, 7, 8, 5, 2, 3, 4, 11, 12, 13, 16, 17, 18)
+"""Places of x, y, z, w, i, j, k, velocity and spin among the 32-bit words of a body's row."""
+_UPRIGHT = Rigid(w=math.sqrt(0.5), i=math.sqrt(0.5))
+"""Rapier's cylinders and cones lie along y, and ours stand along z."""
+
+
+class Engine:
+    """Bodies by the ids of their agents; "" is the scenery.
+
+    Args:
+        gravity: m/s², downwards.
+        dt: duration of a step, seconds.
+        threads: of Rapier; they do not change its results.
+        assets: folder of meshes.
+
+    """
+
+    def __init__(self, gravity: float, dt: float, threads: int, assets: Path) -> None:
+        self._world = rapier.PhysicsWorld(gravity=(0.0, 0.0, -gravity))
+        self._world.integration_parameters.dt = dt
+        self._world.set_num_threads(threads)
+        self._assets = assets
+        self.bodies: dict[str, Any] = {}
+        self._plain: dict[str, list[Any]] = {}
+        self._names: dict[int, str] = {}
+        self._owners: dict[Any, str] = {}
+        self.joints: dict[str, tuple[Any, list[Any]]] = {}
+        self.touching: dict[Contact, float] = {}
+
+    def add(self, name: str, plain: list[Any], row: Sequence[float] = ()) -> None:
+        """Create a body from its pose and solids; `row` has the state of one that continues.
+
+        Raises BodiesError.
+        """
+        pose, parts = plain
+        kind = _kind_of(name, parts)
+        build = {
+            DYNAMIC: rapier.RigidBody.dynamic,
+            FIXED: rapier.RigidBody.fixed,
+            KINEMATIC: rapier.RigidBody.kinematic_position_based,
+        }[kind]()
+        x, y, z, w, i, j, k, *speeds = row or (*pose, *[0.0] * 6, 0.0)
+        build = build.position(_isometry((x, y, z, w, i, j, k)))
+        if kind == DYNAMIC:
+            build = build.linvel(tuple(speeds[:3])).angvel(tuple(speeds[3:6]))
+            build = build.sleeping(bool(speeds[6]))
+        # All shapes first: a mesh that is none must leave no body behind.
+        solids = [self._collider(name, part) for part in parts]
+        handle = self._world.add_body(build)
+        for solid in solids:
+            self._owners[self._world.add_collider(solid, handle)] = name
+        self.bodies[name], self._plain[name] = handle, plain
+        self._names[handle.index] = name
+
+    def remove(self, name: str) -> None:
+        """Remove a body, its solids and its joints."""
+        for joint in [key for key, (_, plain) in self.joints.items() if name in plain[1]]:
+            self.release(joint)
+        handle = self.bodies.pop(name)
+        for solid in self._world.rigid_bodies[handle].colliders:
+            del self._owners[solid]
+        self._world.remove_body(handle)
+        del self._plain[name], self._names[handle.index]
+        self.touching = {pair: n for pair, n in self.touching.items() if name not in pair}
+
+    def join(self, name: str, plain: list[Any]) -> None:
+        """Create a joint at a place between two bodies. Raises BodiesError for strangers."""
+        kind, ids, place, numbers = plain
+        handles = [self._joined(name, who) for who in ids]
+        # In the frames of the bodies where they are now.
+        frames = [self._pose(handle).inverse().then(Rigid(*place)) for handle in handles]
+        joint = self._world.impulse_joints.insert(*handles, _joint(kind, frames, numbers))
+        self.joints[name] = joint, [kind, ids, place, numbers, [list(f.numbers) for f in frames]]
+
+    def rejoin(self, name: str, plain: list[Any]) -> None:
+        """Create a joint again in the frames of its bodies."""
+        kind, ids, _, numbers, frames = plain
+        handles = [self._joined(name, who) for who in ids]
+        joint = _joint(kind, [Rigid(*frame) for frame in frames], numbers)
+        self.joints[name] = self._world.impulse_joints.insert(*handles, joint), plain
+
+    def drive(self, name: str, numbers: list[float]) -> None:
+        """Change limits and motor of a joint."""
+        _, plain = self.joints[name]
+        self.release(name)
+        self.rejoin(name, [*plain[:3], numbers, plain[4]])
+
+    def release(self, name: str) -> None:
+        """Remove a joint."""
+        joint, _ = self.joints.pop(name)
+        self._world.impulse_joints.remove(joint)
+
+    def _joined(self, joint: str, who: str) -> Any:
+        if who not in self.bodies:
+            raise BodiesError(
+                f"joint {joint}: no body of {who!r}; expected the ids of two agents with bodies in"
+                ' this view, or "" for the scenery'
+            )
+        return self.bodies[who]
+
+    def command(self, name: str, kind: str, x: float, y: float, z: float) -> None:
+        """Give a command to a body; forces and torques act until `step` ends."""
+        body, vector = self._world.rigid_bodies[self.bodies[name]], (x, y, z)
+        if kind == "velocity":
+            body.linvel = vector
+            body.wake_up()
+        elif kind == "spin":
+            body.angvel = vector
+            body.wake_up()
+        else:
+            act = {
+                "force": body.add_force,
+                "torque": body.add_torque,
+                "impulse": body.apply_impulse,
+                "twist": body.apply_torque_impulse,
+            }[kind]
+            act(vector)
+
+    def follow(self, name: str, pose: Sequence[float]) -> None:
+        """Move a kinematic body to a pose within the next step."""
+        body = self._world.rigid_bodies[self.bodies[name]]
+        body.set_next_kinematic_position(_isometry(pose))
+
+    def step(self, substeps: int, forced: Sequence[str] = ()) -> list[str]:
+        """Advance by some steps; the ids of the bodies that may have moved, as they were created.
+
+        Raises BodiesError for a body that has left all numbers.
+        """
+        awake = self._awake()
+        for _ in range(substeps):
+            self._world.step()
+            lost = [self._names.get(handle.index, "") for handle in self._world.quarantine.bodies]
+            if lost:
+                raise BodiesError(
+                    f"the body of {lost[0]!r} has no finite position any more ({len(lost)} in all);"
+                    " its forces, masses or speeds are too large for dt: use more substeps"
+                )
+        for name in forced:
+            body = self._world.rigid_bodies[self.bodies[name]]
+            body.reset_forces(False)
+            body.reset_torques(False)
+        # A body that has come to rest in this step has moved in it.
+        return [self._names[index] for index in sorted(awake | self._awake())]
+
+    def _awake(self) -> set[int]:
+        return {handle.index for handle in self._world.active_bodies()}
+
+    def rows(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """x, y, z (m), w, i, j, k, velocity (m/s) and spin (rad/s) of bodies; shape (n, 13)."""
+        bodies, handles, parts = self._world.rigid_bodies, self.bodies, list[bytes]()
+        # Bytes have a fixed layout and cost a third of the tuples of each part.
+        for name in names:
+            body = bodies[handles[name]]
+            parts += (body.position.to_bytes(), body.linvel.to_bytes(), body.angvel.to_bytes())
+        words = np.frombuffer(b"".join(parts), np.float32).reshape(len(names), -1)
+        return words[:, _WORDS].astype(np.float64)
+
+    def contacts(self) -> dict[Contact, float]:
+        """The pairs of bodies that touch, in the order of their ids, with their impulses (N·s)."""
+        touching = dict[Contact, float]()
+        for pair in self._world.narrow_phase.contact_pairs():
+            if pair.has_any_active_contact:
+                left, right = self._owners[pair.collider1], self._owners[pair.collider2]
+                both = (left, right) if left < right else (right, left)
+                touching[both] = touching.get(both, 0.0) + pair.total_impulse_magnitude()
+        # Rapier's order of pairs depends on its history.
+        self.touching = dict(sorted(touching.items()))
+        return self.touching
+
+    def kept(self) -> Mapping[str, Any]:
+        """Bodies and joints as plain data, from which `continue_from` makes this space again."""
+        names = list(self.bodies)
+        bodies = [self._world.rigid_bodies[self.bodies[name]] for name in names]
+        asleep = np.array([body.is_sleeping for body in bodies], np.float64)
+        rows = np.column_stack((self.rows(names), asleep)) if names else np.zeros((0, 14))
+        return {
+            "bodies": json.dumps([[name, self._plain[name]] for name in names]),
+            "rows": rows.astype("<f8").tobytes(),
+            "joints": json.dumps([[name, plain] for name, (_, plain) in self.joints.items()]),
+            "touching": json.dumps([[*pair, n] for pair, n in self.touching.items()]),
+        }
+
+    def continue_from(self, kept: Mapping[str, Any]) -> None:
+        """Fill a new space from `kept`. Raises BodiesError for other data."""
+        try:
+            rows = np.frombuffer(kept["rows"], "<f8").reshape(-1, 14).tolist()
+            for (name, plain), row in zip(json.loads(kept["bodies"]), rows, strict=True):
+                self.add(name, plain, row)
+            for name, plain in json.loads(kept["joints"]):
+                self.rejoin(name, plain)
+            self.touching = {(a, b): float(n) for a, b, n in json.loads(kept["touching"])}
+        except (KeyError, TypeError, ValueError) as error:
+            if isinstance(error, BodiesError):
+                raise
+            raise BodiesError(f"not the saved state of a space of bodies: {error!r}") from error
+
+    def _pose(self, handle: Any) -> Rigid:
+        at = self._world.rigid_bodies[handle].position
+        i, j, k, w = at.rotation.to_tuple()
+        x, y, z = at.translation.to_tuple()
+        return Rigid.quaternion(x, y, z, w, i, j, k)
+
+    def _collider(self, name: str, part: list[Any]) -> Any:
+        form, (density, friction, restitution, _, sensor, group), sizes, pose = part
+        at = Rigid(*pose)
+        if form in ("cylinder", "cone"):
+            at = at.then(_UPRIGHT)
+        try:
+            built = self._shape(name, form, sizes, part[1][3])
+        except BaseException as error:
+            # Rapier panics for shapes without volume, which Python sees as no Exception.
+            if isinstance(error, BodiesError | KeyboardInterrupt | SystemExit):
+                raise
+            raise BodiesError(f"agent {name!r}: {form} {sizes!r:.60}: {error}") from None
+        return (
+            built.density(density)
+            .friction(friction)
+            .restitution(restitution)
+            .sensor(bool(sensor))
+            .collision_groups(_groups(int(group)))
+            .position(_isometry(at.numbers))
+        )
+
+    def _shape(self, name: str, form: str, sizes: list[Any], moved: float) -> Any:
+        if form == "terrain":
+            return rapier.Collider.trimesh(*_ground(*sizes))
+        if form != "mesh":
+            return {
+                "box": rapier.Collider.cuboid,
+                "ball": rapier.Collider.ball,
+                "capsule": rapier.Collider.capsule_z,
+                "cylinder": rapier.Collider.cylinder,
+                "cone": rapier.Collider.cone,
+            }[form](*sizes)
+        points, triangles = load_mesh(self._assets, sizes[0])
+        points = points * sizes[1]
+        if name and moved == DYNAMIC:
+            return rapier.Collider.convex_hull(points)
+        return rapier.Collider.trimesh(points, triangles)
+
+
+def _kind_of(name: str, parts: list[Any]) -> float:
+    kinds = {part[1][3] for part in parts}
+    if not name:
+        return FIXED
+    if len(kinds) > 1:
+        raise BodiesError(f"the solids of {name!r} are moved in different ways; make them alike")
+    return float(kinds.pop())
+
+
+def _isometry(numbers: Sequence[float]) -> Any:
+    x, y, z, w, i, j, k = numbers
+    return rapier.Isometry3((x, y, z), rapier.Rotation3(w, i, j, k))
+
+
+def _groups(group: int) -> Any:
+    """Solids of a group meet all but each other."""
+    if not group:
+        return rapier.InteractionGroups.all()
+    own = 1 << group
+    return rapier.InteractionGroups(
+        rapier.Group.from_bits(own), rapier.Group.from_bits(0xFFFFFFFF ^ own)
+    )
+
+
+def _ground(heights: list[list[float]], cell: float) -> tuple[Any, Any]:
+    """Points and triangles of a matrix of heights in centimetres."""
+    z = np.array(heights, np.float64) / 100.0
+    rows, columns = z.shape
+    if rows < 2 or columns < 2:
+        raise BodiesError(f"terrain: {rows} x {columns} heights; expected 2 x 2 or more")
+    row, column = np.indices(z.shape)
+    points = np.column_stack((row.ravel() * cell, column.ravel() * cell, z.ravel()))
+    first: Any = np.arange(rows * columns).reshape(z.shape)
+    a, b, c, d = first[:-1, :-1], first[1:, :-1], first[1:, 1:], first[:-1, 1:]
+    below = np.stack((a, b, c), axis=-1).reshape(-1, 3)
+    above = np.stack((a, c, d), axis=-1).reshape(-1, 3)
+    return points, np.concatenate((below, above)).astype(np.uint32)
+
+
+def _joint(kind: str, frames: Sequence[Rigid], numbers: list[float]) -> Any:
+    """A joint in the frames of two bodies, whose x axes become the joint's axis."""
+    x, y, z, low, high, speed, strength = numbers
+    length = math.sqrt(x * x + y * y + z * z)
+    if not length > 0.0:
+        raise BodiesError(f"{kind} joint: its axis has no length; expected a vector")
+    x, y, z = x / length, y / length, z / length
+    # The shortest rotation from the x axis; none is shortest to its opposite.
+    along = Rigid.quaternion(0, 0, 0, *((1 + x, 0, -z, y) if x > -1 else (0, 0, 1, 0)))
+    masks, axes = rapier.JointAxesMask, rapier.JointAxis
+    locked = {
+        "fixed": masks.LOCKED_FIXED_AXES,
+        "revolute": masks.LOCKED_REVOLUTE_AXES,
+        "prismatic": masks.LOCKED_PRISMATIC_AXES,
+        "spherical": masks.LOCKED_SPHERICAL_AXES,
+    }[kind]
+    left, right = [_isometry(frame.then(along).numbers) for frame in frames]
+    built = rapier.GenericJointBuilder(locked).local_frame1(left).local_frame2(right)
+    if kind in ("revolute", "prismatic"):
+        axis, unit = (axes.ANG_X, math.pi / 180) if kind == "revolute" else (axes.LIN_X, 1.0)
+        if low < high:
+            built = built.limits(axis, low * unit, high * unit)
+        if strength > 0.0:
+            built = built.motor_velocity(axis, speed * unit, strength)
+            built = built.motor_model(axis, rapier.MotorModel.FORCE_BASED)
+    return built.contacts_enabled(False).build()

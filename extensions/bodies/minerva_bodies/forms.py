@@ -1,0 +1,257 @@
+"""Forms in space, declared by the symbols of a vocabulary.
+
+    PBrick = Primitive("PBrick", Box(0.2, 0.1, 0.05, matter=Matter(density=2000)), who=str)
+    TPose = Transformation(
+        "TPose", quaternion("x", "y", "z", "w", "i", "j", "k"), x=Metres, y=Metres, ...
+    )
+
+Each function returns a form of the plane, which draws the thing from above in any view, and carries
+its meaning in space: a name and measures, which are sent with the vocabulary. A measure is a
+number, or the name of the symbol's parameter that has it. Lengths are in metres, angles in degrees;
+z points up. Sizes are half extents, as in most engines: a box of 0.2 extends 0.2 m to either side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from minerva_bodies.errors import BodiesError
+from minerva_bus.grammar.appearance import Disc, Measure, Motion, Raster, Spatial
+
+MATERIAL = 6
+"""Measures of a solid's material, which stand between the name of its form and its sizes."""
+SIZES = {"box": 3, "ball": 1, "capsule": 2, "cylinder": 2, "cone": 2, "mesh": 2, "terrain": 2}
+"""Solids by name, with the number of their sizes."""
+DYNAMIC, FIXED, KINEMATIC = 0.0, 1.0, 2.0
+JOINTS = {"fixed": (), "revolute": (0,), "prismatic": (0,), "spherical": ()}
+"""Joints by name, with their free axes that limits and motors can have."""
+COMMANDS = ("force", "torque", "impulse", "twist", "velocity", "spin")
+"""Commands in the order in which a body carries them out, each a vector of three numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Matter:
+    """What a solid is made of, and what moves it.
+
+    Attributes:
+        density: kg/m³.
+        friction: coefficient of Coulomb friction; of two solids, the mean counts.
+        restitution: from 0 to 1; of two solids, the mean counts.
+        fixed: it never moves; so is all scenery.
+        kinematic: it follows its pose in the string, and nothing stops it.
+        sensor: it reports contacts and stops nothing.
+        group: from 1 to 31: solids of one group do not collide with each other; 0: with all.
+
+    """
+
+    density: float = 1000.0
+    friction: float = 0.5
+    restitution: float = 0.0
+    fixed: bool = False
+    kinematic: bool = False
+    sensor: bool = False
+    group: int = 0
+
+    def __post_init__(self) -> None:
+        if self.density < 0 or self.friction < 0 or not 0 <= self.restitution <= 1:
+            raise BodiesError(
+                f"{self}: expected density and friction from 0, and restitution from 0 to 1"
+            )
+        if self.density == 0 and not (self.fixed or self.kinematic or self.sensor):
+            raise BodiesError(
+                f"{self}: physics cannot move a solid without mass; expected density > 0"
+            )
+        if not 0 <= self.group <= 31:
+            raise BodiesError(f"{self}: expected a group from 0 to 31")
+
+    @property
+    def measures(self) -> tuple[float, ...]:
+        """The material as numbers."""
+        moved = FIXED if self.fixed else KINEMATIC if self.kinematic else DYNAMIC
+        numbers = self.density, self.friction, self.restitution, moved, self.sensor, self.group
+        return tuple(map(float, numbers))
+
+
+EARTH = Matter()
+
+
+def Box(
+    x: Measure,
+    y: Measure,
+    z: Measure,
+    color: str = "#8a5a44",
+    *,
+    matter: Matter = EARTH,
+    meaning: str = "",
+) -> Disc:
+    """A box of half extents x, y and z around the origin."""
+    return _solid("box", (x, y, z), x, z, color, matter, meaning)
+
+
+def Ball(
+    radius: Measure, color: str = "#0072b2", *, matter: Matter = EARTH, meaning: str = ""
+) -> Disc:
+    """A ball around the origin."""
+    return _solid("ball", (radius,), radius, radius, color, matter, meaning)
+
+
+def Capsule(
+    half: Measure,
+    radius: Measure,
+    color: str = "#009e73",
+    *,
+    matter: Matter = EARTH,
+    meaning: str = "",
+) -> Disc:
+    """All within a radius of the segment from z = -half to half."""
+    return _solid("capsule", (half, radius), radius, half, color, matter, meaning)
+
+
+def Cylinder(
+    half: Measure,
+    radius: Measure,
+    color: str = "#cc79a7",
+    *,
+    matter: Matter = EARTH,
+    meaning: str = "",
+) -> Disc:
+    """An upright cylinder from z = -half to half."""
+    return _solid("cylinder", (half, radius), radius, half, color, matter, meaning)
+
+
+def Cone(
+    half: Measure,
+    radius: Measure,
+    color: str = "#e69f00",
+    *,
+    matter: Matter = EARTH,
+    meaning: str = "",
+) -> Disc:
+    """A cone with its base at z = -half and its tip at z = half."""
+    return _solid("cone", (half, radius), radius, half, color, matter, meaning)
+
+
+def Mesh(
+    file: str,
+    scale: Measure = 1.0,
+    color: str = "#56b4e9",
+    *,
+    radius: Measure = 0.5,
+    matter: Matter = EARTH,
+    meaning: str = "",
+) -> Disc:
+    """The surface in a file; a body that moves has the convex hull of its points.
+
+    Args:
+        file: name of the parameter with the file's name, relative to the option `assets`.
+        scale: factor of its coordinates, which then are metres.
+        color: of its outline in the plane.
+        radius: of its outline in the plane.
+        matter: what it is made of.
+        meaning: text of the legend.
+
+    """
+    return _solid("mesh", (file, scale), radius, radius, color, matter, meaning)
+
+
+def Terrain(
+    heights: str,
+    cell: Measure,
+    colors: tuple[tuple[int, str], ...] = ((0, "#ddd6a3"),),
+    *,
+    matter: Matter = EARTH,
+    meanings: tuple[str, ...] = (),
+) -> Raster:
+    """A ground from a matrix of heights in centimetres; row r, column c at (r·cell, c·cell)."""
+    spatial = ("terrain", *matter.measures, heights, cell)
+    return Raster(heights, cell, colors=colors, meanings=meanings, spatial=spatial)
+
+
+def euler(
+    x: Measure = 0.0,
+    y: Measure = 0.0,
+    z: Measure = 0.0,
+    *,
+    turn: Measure = 0.0,
+    pitch: Measure = 0.0,
+    roll: Measure = 0.0,
+) -> Motion:
+    """A translation, then a turn about z, a pitch about the new y and a roll about the new x."""
+    return Motion(x, y, turn, spatial=("euler", z, pitch, roll))
+
+
+def quaternion(
+    x: Measure, y: Measure, z: Measure, w: Measure, i: Measure, j: Measure, k: Measure
+) -> Motion:
+    """A translation, then the rotation w + xi + yj + zk, which need not be of length 1.
+
+    Views of the plane show the translation only.
+    """
+    return Motion(x, y, spatial=("quaternion", z, w, i, j, k))
+
+
+def Command(kind: str, x: Measure, y: Measure, z: Measure) -> Motion:
+    """A command for the body within, for one frame; its vector is in the frame of the world.
+
+    Args:
+        kind: force (N), torque (N·m), impulse (N·s), twist (an angular impulse, N·m·s), velocity
+            (m/s) or spin (an angular velocity, rad/s).
+        x: the vector, with y and z; one of length 0 commands nothing.
+        y: of the vector.
+        z: of the vector.
+
+    """
+    if kind not in COMMANDS:
+        raise BodiesError(f"Command({kind!r}): expected one of {', '.join(COMMANDS)}")
+    return Motion(spatial=(kind, x, y, z))
+
+
+def Joint(
+    kind: str,
+    first: str,
+    second: str,
+    *,
+    axis: tuple[Measure, Measure, Measure] = (0.0, 0.0, 1.0),
+    low: Measure = 0.0,
+    high: Measure = 0.0,
+    speed: Measure = 0.0,
+    strength: Measure = 0.0,
+    color: str = "#444444",
+    meaning: str = "",
+) -> Disc:
+    """A joint at this place between the bodies of two agents; "" is the scenery.
+
+    Args:
+        kind: fixed, revolute, prismatic or spherical.
+        first: name of the parameter with the id of an agent.
+        second: name of the parameter with the id of another one.
+        axis: of a revolute or prismatic joint, in the frame of this place.
+        low: least angle or distance, degrees or metres; if it equals `high`, there are no limits.
+        high: largest angle or distance.
+        speed: of its motor, in degrees or metres per second.
+        strength: damping of its motor, N·m·s or N·s/m; 0: it has no motor.
+        color: of its mark in the plane.
+        meaning: text of the legend.
+
+    """
+    if kind not in JOINTS:
+        raise BodiesError(f"Joint({kind!r}): expected one of {', '.join(JOINTS)}")
+    spatial = (kind, first, second, *axis, low, high, speed, strength)
+    return Disc(0.05, color, meaning=meaning, spatial=spatial)
+
+
+def _solid(
+    name: str,
+    sizes: tuple[Measure, ...],
+    radius: Measure,
+    half: Measure,
+    color: str,
+    matter: Matter,
+    meaning: str,
+) -> Disc:
+    for size in sizes:
+        if not isinstance(size, str) and not 0 < size < 1e6:
+            raise BodiesError(f"{name}: a size is {size}; expected metres above 0, below 1e6")
+    height = 0.3 if isinstance(half, str) else 2.0 * half
+    spatial: Spatial = (name, *matter.measures, *sizes)
+    return Disc(radius, color, height=height, meaning=meaning, spatial=spatial)

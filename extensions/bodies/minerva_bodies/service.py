@@ -1,0 +1,263 @@
+"""The service `bodies`: moves the bodies of a view by Rapier, and notifies their agents."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from minerva_bodies.errors import BodiesError
+from minerva_bodies.geometry import SpaceGeometry
+from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.vocabulary import EventType
+from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
+from minerva_services.event_factory import event_type
+from minerva_services.options import require
+
+POSE = ("x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "wx", "wy", "wz")
+"""What an event of a pose may have: metres, a quaternion, m/s and rad/s."""
+CONTACT = ("other", "impulse", "begins", "ends")
+
+
+class RigidBodies(Device, Generator, coupled=True):
+    """Executes the commands of each view in the following frame, and reports what has moved.
+
+    Bodies are created in the order of the string where an agent shows solids for the first time,
+    removed with their agents, and moved by physics only. `ePose` has those of `x y z w i j k vx vy
+    vz wx wy wz` that its type declares; bodies at rest get none. `eContact`, if the world declares
+    it, has `other` (an id, "" for scenery), `impulse` (N·s in the last step), `begins` and `ends`.
+
+    Args:
+        gravity: m/s², downwards.
+        draws: the visual event type of the views.
+        pose: the event type of poses.
+        contact: the event type of contacts; "" for none.
+        every: frames between views; frames without one have no commands.
+        substeps: steps of physics in a frame.
+        threads: of physics; results do not depend on them.
+        renew: frames after which the space is made again from its saved state, which bounds what a
+            successor has to repeat; contacts lose their memory then.
+        assets: folder of meshes.
+        who: name of the parameter with the id of a body's agent.
+
+    """
+
+    def __init__(
+        self,
+        gravity: float = 9.81,
+        draws: str = "eBodies",
+        pose: str = "ePose",
+        contact: str = "",
+        every: int = 1,
+        substeps: int = 1,
+        threads: int = 1,
+        renew: int = 300,
+        assets: str = ".",
+        who: str = "who",
+    ) -> None:
+        require("bodies", "rapier3d", "rapier3d", "space")
+        require("bodies", "numpy", "numpy", "space")
+        numbers = {"every": every, "substeps": substeps, "threads": threads, "renew": renew}
+        for option, value in numbers.items():
+            if not 1 <= value <= 100_000:
+                raise BodiesError(f"bodies: {option} is {value}; expected 1 to 100000")
+        if not abs(gravity) < 1e6:
+            raise BodiesError(f"bodies: gravity is {gravity}; expected m/s², as 9.81")
+        self.when = f"each {every} frames"
+        self.draws = (draws,)
+        self._gravity, self._substeps, self._threads = gravity, substeps, threads
+        self._pose, self._contact, self._renew = pose, contact, renew
+        self._assets, self._who = Path(assets), who
+        self._shown = -1
+        self._next: dict[str, Any] = {}
+        self._base: dict[str, Any] = {}
+        self._log: list[str] = []
+        self._scenery: list[Any] | None = None
+        self._moved, self._receivers = list[str](), Ids.of(())
+        self._seconds = self._steps = 0.0
+
+    def generates(self) -> tuple[str, ...]:
+        return (self._pose, self._contact) if self._contact else (self._pose,)
+
+    def check(self, world: WorldInfo) -> None:
+        self._poses = _compared(world, self._pose, POSE)
+        self._contacts = _compared(world, self._contact, CONTACT) if self._contact else None
+
+    def joined(self, world: WorldInfo) -> None:
+        self.check(world)
+        self._vocabulary, self._dt = world.vocabulary, world.dt
+        self._engine = self._new()
+        self._keep()
+
+    def _new(self) -> Any:
+        from minerva_bodies.engine import Engine  # Needs the library, which `check` does not.
+
+        return Engine(self._gravity, self._dt / self._substeps, self._threads, self._assets)
+
+    def show(self, view: View) -> None:
+        """φ of the view: what is new, gone and commanded, for the next frame."""
+        if view.frame <= self._shown:
+            return  # A successor gets the last view again, which its predecessor has executed.
+        engine = self._engine
+        space = SpaceGeometry(self._vocabulary, engine.bodies, self._who)
+        space.read(view)
+        # The scenery is a body of its own, made again where the string changes it.
+        scenery = space.bodies.pop("", None)
+        ground = scenery.plain if scenery else [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], []]
+        changed = ground != self._scenery
+        self._scenery = ground
+        gone = [name for name in engine.bodies if name and name not in space.seen]
+        born = [[who, it.plain] for who, it in space.bodies.items() if who not in engine.bodies]
+        following = {who: it for who, it in space.bodies.items() if it.kinematic}
+        self._next = {
+            "ground": ground if changed else None,
+            "gone": gone,
+            "born": born,
+            "follow": [[who, it.pose.numbers] for who, it in following.items()],
+            "commands": [
+                [who, *command]
+                for who, it in space.bodies.items()
+                if who not in view.halted
+                for command in it.commands
+            ],
+            **self._joints(space.joints),
+        }
+        self._shown = view.frame
+
+    def _joints(self, shown: Mapping[str, list[Any]]) -> dict[str, Any]:
+        """Joints that are new, gone, or have other limits and motors."""
+        known = self._engine.joints
+        return {
+            "free": [name for name in known if name not in shown],
+            "join": [[name, plain] for name, plain in shown.items() if name not in known],
+            "drive": [
+                [name, plain[3]]
+                for name, plain in shown.items()
+                if name in known and known[name][1][3] != plain[3]
+            ],
+        }
+
+    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
+        """Advance by a frame; nothing before the first view."""
+        if self._scenery is None:
+            return ()
+        if len(self._log) >= self._renew:
+            self._renewed()
+        inputs, self._next = json.dumps(self._next), {}
+        before = self._engine.touching
+        moved = self._advance(inputs)
+        # After the step: what fails is not part of the saved state.
+        self._log.append(inputs)
+        return list(self._events(moved, before))
+
+    def _advance(self, inputs: str) -> list[str]:
+        """A frame with its inputs, as text; the agents whose bodies have moved."""
+        engine, given = self._engine, json.loads(inputs)
+        if given:
+            self._change(given)
+        forced = [who for who, kind, *_ in given.get("commands", ()) if kind in ("force", "torque")]
+        begin = time.perf_counter()
+        moved: list[str] = engine.step(self._substeps, forced)
+        self._seconds += time.perf_counter() - begin
+        self._steps += self._substeps
+        if self._contact:
+            engine.contacts()
+        return moved
+
+    def _change(self, given: Mapping[str, Any]) -> None:
+        engine = self._engine
+        for joint in given["free"]:
+            engine.release(joint)
+        for who in given["gone"]:
+            engine.remove(who)
+        if given["ground"] is not None:
+            if "" in engine.bodies:
+                engine.remove("")
+            engine.add("", given["ground"])
+        for who, plain in given["born"]:
+            engine.add(who, plain)
+        for joint, plain in given["join"]:
+            engine.join(joint, plain)
+        for joint, numbers in given["drive"]:
+            engine.drive(joint, numbers)
+        for who, pose in given["follow"]:
+            engine.follow(who, pose)
+        for who, kind, x, y, z in given["commands"]:
+            engine.command(who, kind, x, y, z)
+
+    def _events(self, moved: list[str], before: Mapping[Any, float]) -> Iterable[AnyEvent]:
+        names = [who for who in moved if who]
+        if names:
+            rows = self._engine.rows(names)
+            data = {name: rows[:, POSE.index(name)] for name in self._poses.fields.names}
+            # Mostly those of the previous frame, and ids are costly to make.
+            if names != self._moved:
+                self._moved, self._receivers = names, Ids.of(names)
+            yield self._poses(receivers=self._receivers, **data)
+        if self._contacts is not None:
+            yield from self._touches(self._contacts, before)
+
+    def _touches(self, kind: EventType, before: Mapping[Any, float]) -> Iterable[AnyEvent]:
+        """An event for both agents of each pair that touches or has just parted."""
+        now: Mapping[Any, float] = self._engine.touching
+        for pair in sorted({*now, *before}):
+            values: dict[str, Any] = {
+                "impulse": now.get(pair, 0.0),
+                "begins": pair not in before,
+                "ends": pair not in now,
+            }
+            for who, other in (pair, pair[::-1]):
+                if who in self._engine.bodies and who and who != other:
+                    values["other"] = other
+                    data = {name: values[name] for name in kind.fields.names}
+                    yield kind(receivers=[who], **data)
+
+    def _renewed(self) -> None:
+        """Make the space again from what a successor would make it from."""
+        self._keep()
+        self._engine = self._new()
+        self._engine.continue_from(self._base)
+
+    def _keep(self) -> None:
+        self._base, self._log = dict(self._engine.kept()), []
+
+    def save(self) -> Mapping[str, Any]:
+        """The space some frames ago, and what happened since."""
+        scenery = json.dumps(self._scenery)
+        log = "\n".join(self._log)
+        return {**self._base, "log": log, "shown": self._shown, "scenery": scenery}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Make the space of a predecessor again. Raises BodiesError for other data."""
+        self._engine = self._new()
+        self._engine.continue_from(saved)
+        self._keep()
+        try:
+            self._base = {name: saved[name] for name in self._base}
+            for inputs in str(saved["log"]).splitlines():
+                self._advance(inputs)
+                self._log.append(inputs)
+            self._shown, self._scenery = int(saved["shown"]), json.loads(saved["scenery"])
+        except (KeyError, TypeError, ValueError) as error:
+            if isinstance(error, BodiesError):
+                raise
+            raise BodiesError(f"not the saved state of a space of bodies: {error!r}") from error
+
+    def report(self) -> Mapping[str, bool | int | float | str]:
+        """Number of bodies, and mean duration of a step."""
+        bodies = sum(1 for name in self._engine.bodies if name)
+        return {"bodies": bodies, "step_ms": 1e3 * self._seconds / max(1, self._steps)}
+
+
+def _compared(world: WorldInfo, name: str, possible: tuple[str, ...]) -> EventType:
+    """An event type of the world whose data are among the possible ones. Raises BodiesError."""
+    declared = event_type("bodies", world, name)
+    unknown = [each for each in declared.fields.names if each not in possible]
+    if unknown:
+        raise BodiesError(
+            f"bodies: {name} declares {unknown[0]}; it may have {', '.join(possible)}"
+        )
+    return declared

@@ -1,0 +1,185 @@
+"""The service `bodies`: views in, events out; successors continue to the last bit."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rapier3d", reason="needs the extra space")
+
+from minerva_bodies import Ball, Box, Command, Joint, Matter, Terrain, euler
+from minerva_bodies.errors import BodiesError
+from minerva_bodies.service import RigidBodies
+from minerva_bus import (
+    Cells,
+    Default,
+    EventType,
+    Metres,
+    Primitive,
+    Scene,
+    Tick,
+    Transformation,
+    View,
+    Vocabulary,
+)
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.events import single
+from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.world.context import Frame
+from minerva_bus.world.services import WorldInfo
+
+PBox = Primitive("PBox", Box("size", "size", "size"), size=Default(Metres, 0.1))
+PBall = Primitive("PBall", Ball(0.1, matter=Matter(restitution=1.0)), who=Default(str, ""))
+PFloor = Primitive("PFloor", Box(20, 20, 0.5, matter=Matter(fixed=True)))
+PBlade = Primitive("PBlade", Box(0.1, 0.1, 0.1, matter=Matter(kinematic=True)))
+PHill = Primitive("PHill", Terrain("heights", 1.0), heights=Cells)
+PHinge = Primitive(
+    "PHinge",
+    Joint("revolute", "first", "second", axis=(0, 1, 0), speed="speed", strength=10),
+    first=str,
+    second=str,
+    speed=Default(float, 0.0),
+)
+TAt = Transformation(
+    "TAt", euler("x", "y", "z"), **dict.fromkeys("xyz", Default(Metres, 0.0)), who=Default(str, "")
+)
+TPush, TForce = (
+    Transformation(name, Command(kind, "x", "y", "z"), **dict.fromkeys("xyz", Default(float, 0.0)))
+    for name, kind in (("TPush", "impulse"), ("TForce", "force"))
+)
+NAMES = ["x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "wx", "wy", "wz"]
+ePose = EventType("ePose", **dict.fromkeys(NAMES, float))
+eContact = EventType("eContact", other=str, impulse=float, begins=bool, ends=bool)
+eBodies = EventType("eBodies", visual=True)
+VOCABULARY = Vocabulary.of(
+    *(PBox, PBall, PFloor, PBlade, PHill, PHinge, TAt, TPush, TForce, ePose, eContact, eBodies)
+)
+INFO = WorldInfo("yard", VOCABULARY, 7, 0.02)
+FLOOR = TAt(z=-0.5)(PFloor())
+
+
+def joined(**options):
+    service = RigidBodies(**options)
+    service.joined(INFO)
+    return service
+
+
+def view(frame, **parts):
+    slots = [AgentNode("ABody", name, (), (), Scene(())) for name in parts]
+    return View(frame, "eBodies", Scene((*FLOOR.pieces, *slots)), parts)
+
+
+def tick(number):
+    return Tick(Frame(number, 0.02, 7), "bodies")
+
+
+def step(service, number, **parts):
+    service.show(view(number - 1, **parts))
+    return list(service.generate(tick(number)))
+
+
+def poses(events):
+    """The numbers of all poses, by agent."""
+    all_events = [event for event in single(events) if event.type == "ePose"]
+    return {event.receivers[0]: tuple(event.data.values()) for event in all_events}
+
+
+def story(number):
+    """A view with births, a death, commands, a joint and a blade."""
+    parts = {"a": TAt(z=0.5)(TPush(x=3.0 if number == 5 else 0.0)(PBox()))}
+    if number < 30:
+        parts["b"] = TAt(0.3, 0, 0.4)(PBall() + TAt(z=0.15)(PBall()))
+    if number > 8:
+        hinge = TAt(x=-0.2)(PHinge("c", "", speed=90.0 if number > 20 else 0.0))
+        parts["c"] = TAt(-2, 0, 1)(TForce(z=4.0)(PBox(0.2)) + hinge)
+    parts["d"] = TAt(0.05 * number - 1, 0, 0.1)(PBlade())
+    return parts
+
+
+def told(service, number):
+    events = single(step(service, number, **story(number)))
+    return [(event.receivers, dict(event.data)) for event in events]
+
+
+@pytest.mark.parametrize("renew", [1, 7, 300])
+def test_a_successor_in_any_frame_makes_the_same_events(renew):
+    options = {"contact": "eContact", "renew": renew, "substeps": 2}
+    first = joined(**options)
+    other = joined(**options, threads=2)
+    for number in range(1, 45):
+        assert told(first, number) == told(other, number)
+        saved = other.save()
+        other = joined(**options)
+        other.restore(saved)
+        # As its member does: the last view comes again.
+        other.show(view(number - 1, **story(number)))
+
+
+def test_bodies_begin_where_the_string_says_and_then_physics_moves_them():
+    service = joined(gravity=0.0)
+    events = step(service, 1, a=TAt(1, 2, 3)(TPush(x=8.0)(PBox())))
+    assert poses(events)["a"][:3] == pytest.approx((1.02, 2, 3), abs=1e-5)
+    events = step(service, 2, a=TAt(9, 9, 9)(PBox()))
+    assert poses(events)["a"][:3] == pytest.approx((1.04, 2, 3), abs=1e-5)
+    assert service.report()["bodies"] == 1
+    assert not poses(step(service, 3))
+    assert service.report()["bodies"] == 0
+
+
+def test_halted_agents_command_nothing_and_forces_last_a_frame():
+    service = joined(gravity=0.0)
+    pushed = {"a": TAt(z=5)(TForce(x=400.0)(PBox()))}
+    service.show(View(0, "eBodies", view(0, **pushed).skeleton, pushed, frozenset("a")))
+    assert poses(service.generate(tick(1)))["a"][7] == 0.0
+    assert poses(step(service, 2, **pushed))["a"][7] == pytest.approx(1.0)
+    assert poses(step(service, 3, a=TAt(z=5)(PBox())))["a"][7] == pytest.approx(1.0)
+
+
+def test_agents_are_told_what_they_touch_and_when_it_begins_and_ends():
+    service = joined(contact="eContact")
+    touches = []
+    for number in range(1, 120):
+        events = step(service, number, a=TAt(z=2)(PBall()))
+        touches += [event for event in events if event.type == "eContact"]
+    assert touches[0].receivers == ("a",)
+    assert (touches[0].other, touches[0].begins, touches[0].ends) == ("", True, False)
+    assert touches[0].impulse > 0
+    ended = [event.ends for event in touches].index(True)
+    assert touches[ended].impulse == 0
+
+
+@pytest.mark.parametrize(
+    ("parts", "says"),
+    [
+        ({"a": PBox(-0.1)}, "agent a, PBox: a size is -0.1"),
+        ({"a": TPush(x=1e30)(PBox())}, "agent a, TPush: x is 1e"),
+        ({"a": TAt(x=1e19)(PBox())}, "agent a, TAt: x is 1e"),
+        ({"a": PBox() + PBlade()}, "'a' are moved in different ways"),
+        ({"a": PHill(np.zeros((2, 2), np.int16))}, "a terrain cannot move"),
+        ({"~b": PBox()}, "PBox in the view of a population has no owner"),
+        ({"a": PBox() + PHinge("a", "ghost")}, "no body of 'ghost'"),
+        ({"a": PBox() + PHinge("a", "") + PHinge("a", "")}, "this joint appears twice"),
+    ],
+)
+def test_what_cannot_stand_is_an_error_with_its_place(parts, says):
+    service = joined()
+    with pytest.raises(BodiesError, match=says) as caught:
+        step(service, 1, **parts)
+    assert len(str(caught.value).splitlines()) <= 10
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"substeps": 0}, "substeps is 0; expected 1"),
+        ({"gravity": float("nan")}, "gravity is nan"),
+        ({"pose": "eNone"}, "no event type eNone"),
+        ({"pose": "eContact"}, "eContact declares other; it may have x, y"),
+    ],
+)
+def test_options_that_do_not_fit_are_errors(options, says):
+    with pytest.raises((BodiesError, MisuseError), match=says):
+        joined(**options)
+
+
+def test_other_data_are_no_saved_state():
+    with pytest.raises(BodiesError, match="not the saved state"):
+        joined().restore({"log": "x"})

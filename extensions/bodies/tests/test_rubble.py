@@ -1,0 +1,47 @@
+"""The world `rubble` has one string in all layouts, with kills, and when it continues."""
+
+import platform
+
+import pytest
+
+pytest.importorskip("rapier3d", reason="needs the extra space")
+
+from minerva_bus import run
+from minerva_bus.launch.installed import find_world
+
+GOLDEN = "edebb05c0a91c9e79c6a84e33f382102"
+OPTIONS = {"pieces": 40, "frames": 60}
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the library's bits differ elsewhere")
+def test_rubble_has_its_golden_digest():
+    assert run("rubble", **OPTIONS).digest == GOLDEN
+
+
+def test_pieces_fall_and_the_yard_holds_them():
+    done = run(
+        "rubble", pieces=40, frames=200, collect={"z": "mean(ABrick.z)", "x": "max(ABrick.x)"}
+    )
+    columns = done.table().to_dict()
+    assert columns["z"][0] >= 1.0
+    assert 0.0 < columns["z"][-1] < 0.5
+    assert columns["x"][-1] < 8.0
+
+
+def test_layouts_and_kills_and_resumes_have_one_string(tmp_path):
+    pytest.importorskip("mcap")
+    layouts = pytest.importorskip("minerva_determinism.layouts")
+    text = find_world("rubble").read_text(encoding="utf-8")
+    path = tmp_path / "rubble.toml"
+    path.write_text(text.replace("600", "40").replace("gravity =", "renew = 8\ngravity ="))
+    records = {}
+    for name, layout in {
+        "alone": layouts.ALONE,
+        "apart": layouts.APART,
+        "killed": layouts.Layout("killed", 1, kills=6),
+        "resumed": layouts.Layout("resumed", 2, begin=13, past=str(tmp_path / "alone.mcap")),
+    }.items():
+        records[name] = tmp_path / f"{name}.mcap"
+        done = layouts.run_in_layout(path, 30, layout, records[name])
+        assert done.returncode == 0, done.stderr
+        assert layouts.first_difference(records["alone"], records[name], ("alone", name)).same
