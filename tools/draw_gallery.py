@@ -37,11 +37,12 @@ PORT = 18830
 
 @dataclass(frozen=True)
 class Film:
-    """How a world is run: its arguments, frames between pictures, and its surroundings."""
+    """How a world is run: its arguments, frames between pictures, surroundings, and the view."""
 
     arguments: Sequence[str]
     every: int = 10
     around: Callable[[ExitStack], None] | None = None
+    view: str = "svg"
 
 
 def process(stack: ExitStack, *command: str) -> None:
@@ -93,6 +94,7 @@ FILMS = {
     "robot": Film([*FAST]),
     "robots": Film([*FAST, "--frames", "1201"], every=15),
     "ros2": Film(["--map", str(MAP)], 12, robot),
+    "rubble": Film([*FAST, "--frames", "200", "--pieces", "250"], 5, view="solids"),
     "slime": Film([*FAST, "--frames", "200"]),
     "traffic": Film([*FAST, "--frames", "400"], every=5),
     "village": Film([*FAST, "--frames", "480"]),
@@ -102,7 +104,9 @@ FILMS = {
 
 def pictures(name: str, film: Film, folder: Path) -> list[Image.Image]:
     """Run a world and load its pictures, in the order of frames."""
-    view = f"svg:path={folder}/picture.svg,frames=true,every={film.every},width={DRAWN_WIDTH}"
+    view = (
+        f"{film.view}:path={folder}/picture.svg,frames=true,every={film.every},width={DRAWN_WIDTH}"
+    )
     with ExitStack() as stack:
         if film.around is not None:
             film.around(stack)
