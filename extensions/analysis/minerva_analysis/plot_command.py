@@ -14,7 +14,6 @@ from minerva_bus.cli.output import Done, print_answer, progress_bar
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_output
 from minerva_bus.log.record import Record
 
 _TABLES: Final = (".csv", ".parquet")
@@ -34,14 +33,12 @@ def plot_file(
     into = output or file.with_suffix(".png")
     names = tuple(name.strip() for name in series.split(",") if name.strip())
     # Before the file is read, which may take long.
-    check_output(into, "picture")
+    check_picture(into)
     if file.suffix in _TABLES:
         if collect:
             raise MisuseError(f"--collect is of records; {file} is a table: choose with --series")
-        check_picture(into)
         plot_table(read_table(file), names, x, bars=bars).save(into)
     elif collect:
-        check_picture(into)
         table, units = _collected(file, collect)
         plot_table(table, names, x, units, bars=bars).save(into)
     elif names or x or bars:

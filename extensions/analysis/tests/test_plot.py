@@ -141,9 +141,9 @@ def test_a_picture_that_cannot_be_written(tmp_path):
     pytest.importorskip("matplotlib")
     path = tmp_path / "run.mcap"
     path.write_bytes(bytes_of("robot"))
-    with pytest.raises(MinervaError, match="cannot write"):
+    with pytest.raises(MinervaError, match="there is no folder"):
         draw(path, tmp_path / "none" / "run.png")
-    with pytest.raises(MinervaError, match="cannot be written"):
+    with pytest.raises(MinervaError, match="a picture is a"):
         draw(path, tmp_path / "run.docx")
 
 
@@ -188,6 +188,12 @@ def test_the_command_plots_a_table(tmp_path, capsys):
     app(["plot", str(tmp_path / "t.csv"), "--series", "n, size"], standalone_mode=False)
     assert capsys.readouterr().out == f"{tmp_path}/t.png\n"
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
+    for ending in ("gif", "txt"):
+        with pytest.raises(MisuseError, match=r"a picture is a \.png, \.svg, \.pdf"):
+            app(
+                ["plot", "run.mcap", "--output", str(tmp_path / f"t.{ending}")],
+                standalone_mode=False,
+            )
     with pytest.raises(MisuseError, match="--collect is of records"):
         app(["plot", str(tmp_path / "t.csv"), "--collect", "count(A)"], standalone_mode=False)
 

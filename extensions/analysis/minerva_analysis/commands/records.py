@@ -199,7 +199,7 @@ def bisect(
     world_b: Annotated[str, typer.Option(help="World file with the code of B.")] = "",
     json: Json = False,
 ) -> None:
-    """Show why two runs part: the method or member that differs first.
+    """Show which method or member makes two runs differ first.
 
     Their first different frame is computed again from its recorded inputs, with the code of each
     side; of two revisions of the code it also shows the functions that differ. The exit code is 1
