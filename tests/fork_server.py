@@ -136,9 +136,8 @@ def serve(requests):
         os.close(read)
 
 
-def end_with_parent():
-    """Let the system kill this process when its parent ends, also by a signal."""
-    parent = os.getppid()
+def end_with_parent(parent):
+    """Let the system kill this process when its parent, a process id, ends, also by a signal."""
     ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:  # It has ended just before.
         os.kill(os.getpid(), signal.SIGKILL)
@@ -149,7 +148,7 @@ def become(request, files):
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # The server ignores it if the tests run under nohup.
     signal.signal(signal.SIGHUP, signal.SIG_IGN if request["nohup"] else signal.SIG_DFL)
-    end_with_parent()
+    end_with_parent(request["parent"])
     if request["session"]:
         os.setsid()
     for number, file in enumerate(files):

@@ -12,8 +12,6 @@ from types import SimpleNamespace
 from _pytest.capture import FDCapture
 from _pytest.config import create_terminal_writer
 
-from tests.fork_server import end_with_parent
-
 WIDTH = 4
 """Bytes of the number of a file in the queue."""
 
@@ -28,7 +26,6 @@ class Work:
 
     def run(self, first):
         """Run these tests and those of the queue; returns the exit code."""
-        end_with_parent()
         try:
             self.separate()
             for items in chain([[*first]], self.queued()):

@@ -19,6 +19,7 @@ from itertools import groupby
 
 import pytest
 
+from tests.fork_server import end_with_parent
 from tests.fork_work import WIDTH, Work
 from tests.patience import patience
 
@@ -121,8 +122,10 @@ class Fork:
         self.reader, writer = os.pipe()
         sys.stdout.flush()
         sys.stderr.flush()
+        parent = os.getpid()
         self.pid = os.fork()
         if not self.pid:
+            end_with_parent(parent)
             code = 1
             try:
                 code = Work(session, files, queue, writer).run(first)

@@ -178,7 +178,7 @@ def forkable(arguments):
     if not os.access(folder, os.X_OK):
         return None
     return {
-        "program": program, "arguments": words[len(program) + 1 :],
+        "parent": os.getpid(), "program": program, "arguments": words[len(program) + 1 :],
         "environment": dict(os.environ if arguments["env"] is None else arguments["env"]),
         "namespaces": places[0], "covers": places[1], "folder": folder, "session": arguments["start_new_session"],
         "terminal": arguments.get("preexec_fn") is take_terminal,
