@@ -13,12 +13,25 @@ from minerva_bus.cli.options import Json, examples
 TOPIC: Final = "Develop"
 
 
+@completing.completer
+def complete_kinds(ctx: typer.Context, incomplete: str) -> completing.Choices:
+    """What `minerva new` can create."""
+    from minerva_authoring.scaffold import KINDS
+
+    return [(kind, "") for kind in KINDS]
+
+
 @examples(
     "minerva new world my_yard",
     "minerva new world my_meadow --from meadow",
 )
 def new(
-    kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
+    kind: Annotated[
+        str,
+        typer.Argument(
+            help="world, agent, service, geometry or bridge.", autocompletion=complete_kinds
+        ),
+    ],
     name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
     folder: Annotated[
         Path, typer.Option("--in", help="Parent folder; default: the current one.")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from minerva_authoring.commands import complete_kinds
 from minerva_authoring.scaffold import KINDS, TEMPLATES, copy_world, scaffold
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MisuseError, WorldFileError
@@ -157,3 +158,7 @@ def test_what_cannot_be_copied(tmp_path):
     with pytest.raises(MisuseError, match="--from copies a world"):
         minerva("new", "agent", "fields", "--in", str(tmp_path), "--from", "meadow")
     assert not list(tmp_path.iterdir())
+
+
+def test_kinds_are_completed():
+    assert complete_kinds(None, "ge") == [("geometry", "")]

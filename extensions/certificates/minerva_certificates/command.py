@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from minerva_bus.cli import completing
 from minerva_bus.cli.command_classes import Command, Group
 from minerva_bus.cli.options import Json, by_comma
 from minerva_bus.cli.output import print_json, print_result, print_table
@@ -33,6 +34,14 @@ Hosts = Annotated[
 ]
 Days = Annotated[int, typer.Option(help="Days of validity.")]
 _HERE = Path("keys")
+
+
+@completing.completer
+def complete_roles(ctx: typer.Context, incomplete: str) -> completing.Choices:
+    """The roles that a certificate can have."""
+    from minerva_bus.security.credentials import ROLES
+
+    return [(role, "") for role in ROLES]
 
 
 @keys.command(cls=Command)
@@ -60,7 +69,10 @@ def issue(
     name: Annotated[str, typer.Argument(help="Name of the member or person.")],
     role: Annotated[
         list[str] | None,
-        typer.Option(help="agent, generator, view, operator, coordinator or router; repeatable."),
+        typer.Option(
+            help="agent, generator, view, operator, coordinator, router; separated by commas.",
+            autocompletion=complete_roles,
+        ),
     ] = None,
     dir: Dir = _HERE,
     kinds: Annotated[

@@ -12,6 +12,7 @@ import pytest
 from minerva_bus.errors import KeysError
 from minerva_bus.security.credentials import ROLES
 from minerva_certificates import AuthorityFolder, Wanted
+from minerva_certificates.command import complete_roles
 from minerva_certificates.key_folder import now, read_certificate
 from tests.runtime.running import here, minerva
 
@@ -344,3 +345,7 @@ def test_a_huge_certificate_is_refused_by_its_size(tmp_path, monkeypatch):
         file.truncate(64 << 30)
     with pytest.raises(KeysError, match=r"68.?719.?476.?736 bytes"):
         read_certificate(path)
+
+
+def test_roles_are_completed():
+    assert complete_roles(None, "op") == [("operator", "")]
