@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_bus.log.recordings import CORRECTION, POSE, STEP_SECONDS, Recorded
 from minerva_bus.world.readings import Odometry, Scan
 
@@ -156,8 +157,8 @@ class _Beams:
         known, *places = track
         x, y, angle = (np.interp(self.times + offset, known, each) for each in places)
         turn, ahead = np.radians(angle), np.radians(angle + self.angles)
-        cos, sin = np.cos(turn), np.sin(turn)
-        x += cos * self.mount_x - sin * self.mount_y + self.far * np.cos(ahead)
-        y += sin * self.mount_x + cos * self.mount_y + self.far * np.sin(ahead)
+        cos, sin = portable.cos(turn), portable.sin(turn)
+        x += cos * self.mount_x - sin * self.mount_y + self.far * portable.cos(ahead)
+        y += sin * self.mount_x + cos * self.mount_y + self.far * portable.sin(ahead)
         columns, rows = (np.floor(each / cell).astype(np.int64) for each in (x, y))
         return len(np.unique((columns << 32) + rows))
