@@ -19,7 +19,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import View, WorldInfo
 from minerva_services.bridges.ros2 import messages as types
@@ -158,6 +157,7 @@ class Ros2Navigation(RobotClient):
         self._wanted: NavigationGoal | None = None
         self._goal: NavigationGoal | None = None
         self._previous: NavigationGoal | None = None
+        self._refused = set[tuple[Any, ...]]()
         self._events: list[Event] = []
         self._asked: tuple[Ros2Session, Announced] | None = None
         self._ask_after = 0.0
@@ -189,23 +189,36 @@ class Ros2Navigation(RobotClient):
     # --- the world ---
 
     def show(self, view: View) -> None:
-        """The goal of a view. Raises MisuseError if it has several."""
-        goals = [
+        """The goal of a view: the one that the robot has, otherwise the first.
+
+        All others are rejected, once: a robot has one goal. They are not taken later, either.
+        """
+        shown = [
             NavigationGoal(agent, {name: value for name, value in names.items() if is_plain(value)})
             for agent, scene in sorted(view.parts.items())
             if agent not in view.halted and self._robot in ("", agent)
             for _, names in figures_of(scene, self._world.vocabulary, {self._figure: None})
         ]
-        if len(goals) > 1:
-            names = ", ".join(dict.fromkeys(goal.agent for goal in goals))
-            raise MisuseError(
-                f"ros2_navigation: the view has {len(goals)} figures {self._figure}, of {names},"
-                f' but there is one robot; show one figure, and set robot = "{goals[0].agent}"'
-            )
-        wanted = goals[0] if goals else None
-        if (wanted and wanted.key) != (self._wanted and self._wanted.key):
+        goals = {goal.key: goal for goal in shown}
+        self._refused &= goals.keys()
+        free = [goal for key, goal in goals.items() if key not in self._refused]
+        had = self._wanted and self._wanted.key
+        wanted = next((goal for goal in free if goal.key == had), free[0] if free else None)
+        if (wanted and wanted.key) != had:
             self._wanted = wanted
             self.do(self._want, wanted)
+        for goal in free:
+            if goal is not wanted:
+                self._refused.add(goal.key)
+                self.do(self._end, goal, "rejected", self._several(shown))
+
+    def _several(self, shown: Sequence[NavigationGoal]) -> str:
+        agents = list(dict.fromkeys(goal.agent for goal in shown))
+        remedy = f'; set robot = "{agents[0]}"' if len(agents) > 1 else ""
+        return (
+            f"a robot has one goal, but the view has {len(shown)} figures {self._figure}, of"
+            f" {', '.join(agents)}{remedy}"
+        )
 
     def save(self) -> Mapping[str, Any]:
         """The goal that the robot has, so that a successor neither repeats nor forgets it."""
