@@ -11,7 +11,6 @@ import re
 import shutil
 import sys
 import tempfile
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,13 +61,13 @@ def scaffold(kind: str, name: str, folder: Path) -> Path:
 def copy_world(world: str, name: str, folder: Path) -> Path:
     """Copy an installed world to a new folder, and return the copy of its file.
 
-    Its modules are copied if they are beside its file. Raises WorldFileError if there is no such
-    world, and MisuseError if the name is invalid or taken.
+    What is beside its file is copied, too, unless that is a package, which is imported by its name.
+    Raises WorldFileError if there is no such world, and MisuseError if the name is invalid or
+    taken.
     """
     file = find_world(world)
     _check_name(name)
-    module = tomllib.loads(file.read_text(encoding="utf-8"))["world"]["vocabulary"].split(":")[0]
-    alone = not file.with_name(f"{module}.py").is_file()
+    alone = file.with_name("__init__.py").is_file()
 
     def copy(root: Path) -> None:
         root.mkdir()

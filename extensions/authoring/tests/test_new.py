@@ -146,6 +146,11 @@ def test_the_copy_of_a_world_of_a_package_is_one_file(tmp_path):
     assert names_in(copy_world("robot", "office", tmp_path).parent) == ["robot.toml"]
 
 
+def test_the_copy_of_a_world_has_the_programs_beside_it(tmp_path):
+    there = names_in(copy_world("ros2", "field", tmp_path).parent)
+    assert {"ros_robot.py", "nav2.py", "node.py", "rover.toml", "rover.py"} <= {*there}
+
+
 def names_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
