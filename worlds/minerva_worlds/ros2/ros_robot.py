@@ -1,6 +1,6 @@
 """A simulated ROS 2 robot in its own process: the node that a real robot would run.
 
-    python ros_robot.py --map office.yaml --start "1.4, 1.3, 90"
+    python ros_robot.py --map house.yaml --start "1.4, 1.3, 90"
 
 It uses rmw_zenoh: publishes /scan, /odom, /detections and /tf_static, subscribes to /cmd_vel, with
 CDR on Zenoh. It is its own router, like `ros2 run rmw_zenoh_cpp rmw_zenohd`. It has two wheels and
@@ -18,6 +18,7 @@ import signal
 import threading
 import time
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -268,7 +269,11 @@ def nanoseconds(stamp):
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--map", type=Path, required=True, help="a map_server .yaml file")
+    # The plan is a file; nothing of the package that ships it is imported.
+    agents = find_spec("minerva_agents")
+    plan = Path(agents.origin).parent / "robot" / "plan" / "office.yaml" if agents else None
+    parser.add_argument("--map", type=Path, default=plan, required=agents is None,
+                        help="a map_server .yaml file; by default the office plan")  # fmt: skip
     parser.add_argument("--start", default="", help='"x, y, degrees"; "": the map\'s own')
     parser.add_argument("--listen", default="tcp/127.0.0.1:7447")
     parser.add_argument("--domain", type=int, default=0)
