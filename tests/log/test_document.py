@@ -1,4 +1,4 @@
-"""docs/records.md: its example runs, and its description of the format holds."""
+"""The pages on records: the example runs, and the description of the format holds."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,11 @@ from tests.log.recorded_runs import bytes_of, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
 
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+DOCUMENT = "\n".join(
+    (DOCS / name).read_text(encoding="utf-8")
+    for name in ("records.md", "reference/record-format.md")
+)
 
 
 def test_the_example_runs(tmp_path, monkeypatch, capsys):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from extensions.analysis.tests.test_table_files import swept
-from minerva_analysis.places import SHOWN, Surveyor
+from minerva_analysis.places import Surveyor
 from minerva_analysis.plot_command import plot_file
 from minerva_analysis.tables import read_table
 from minerva_analysis.tracks import MAX_AGENTS, story_of
@@ -199,6 +199,5 @@ def test_the_command_plots_a_table(tmp_path, capsys):
 
 
 def test_the_document_has_the_limits_of_followed_agents():
-    document = (Path(__file__).parents[3] / "docs" / "records.md").read_text(encoding="utf-8")
+    document = (Path(__file__).parents[1] / "replay.md").read_text(encoding="utf-8")
     assert f"about {MAX_AGENTS} in all" in document
-    assert f"about {SHOWN}." in document

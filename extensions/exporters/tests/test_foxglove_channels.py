@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from minerva_analysis.places import SHOWN
 from minerva_bus.frame.messages import Readings
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter
@@ -93,3 +94,4 @@ def test_a_world_of_many_shows_some_of_them(monkeypatch):
 def test_the_document_has_the_interval():
     document = (Path(__file__).parents[3] / "docs" / "records.md").read_text(encoding="utf-8")
     assert f"every {SHOWN_EVERY} s of world time" in document
+    assert f"about {SHOWN}." in document
