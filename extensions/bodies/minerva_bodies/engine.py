@@ -18,9 +18,10 @@ import rapier3d
 from numpy.typing import NDArray
 
 from minerva_bodies.errors import BodiesError
-from minerva_bodies.forms import DYNAMIC, FIXED, KINEMATIC
+from minerva_bodies.forms import AXIAL, DYNAMIC, FIXED, KINEMATIC
 from minerva_bodies.meshes import load_mesh
 from minerva_bodies.rigid import Rigid
+from minerva_bus import portable
 
 rapier: Any = rapier3d
 """Its stubs have unknown types, such as of handles and vectors."""
@@ -118,6 +119,34 @@ class Engine:
         """Remove a joint."""
         joint, _ = self.joints.pop(name)
         self._world.impulse_joints.remove(joint)
+
+    def positions(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """Position (m, degrees from -180 to 180) and velocity of axial joints; shape (n, 2)."""
+        return np.array([self._position(*self.joints[name][1]) for name in names])
+
+    def _position(
+        self, kind: str, ids: list[str], _: object, numbers: list[float], frames: list[list[float]]
+    ) -> tuple[float, float]:
+        along, handles = _along(kind, numbers), [self.bodies[who] for who in ids]
+        first, second = [
+            self._pose(handle).then(Rigid(*frame)).then(along)
+            for handle, frame in zip(handles, frames, strict=True)
+        ]
+        left, right = [self._world.rigid_bodies[handle] for handle in handles]
+        between = first.inverse().then(second)
+        if kind == "prismatic":
+            place = (second.x, second.y, second.z)
+            slow, fast = left.velocity_at_point(place), right.velocity_at_point(place)
+            position, unit = between.x, 1.0
+        else:
+            slow, fast = left.angvel, right.angvel
+            # A rotation has two quaternions; this is the one of the smaller angle.
+            sign = math.copysign(1.0, between.w)
+            position = math.degrees(2.0 * portable.atan2(sign * between.i, sign * between.w))
+            unit = math.degrees(1.0)
+        ahead = [b - a for a, b in zip(slow.to_tuple(), fast.to_tuple(), strict=True)]
+        x, y, z = first.turned(1.0, 0.0, 0.0)
+        return position, unit * (x * ahead[0] + y * ahead[1] + z * ahead[2])
 
     def _joined(self, joint: str, who: str) -> Any:
         if who not in self.bodies:
@@ -307,15 +336,21 @@ def _ground(heights: list[list[float]], cell: float) -> tuple[Any, Any]:
     return points, np.concatenate((below, above)).astype(np.uint32)
 
 
-def _joint(kind: str, frames: Sequence[Rigid], numbers: list[float]) -> Any:
-    """A joint in the frames of two bodies, whose x axes become the joint's axis."""
-    x, y, z, low, high, speed, strength = numbers
+def _along(kind: str, numbers: list[float]) -> Rigid:
+    """The shortest rotation from the x axis to the axis of a joint. Raises BodiesError."""
+    x, y, z = numbers[:3]
     length = math.sqrt(x * x + y * y + z * z)
     if not length > 0.0:
         raise BodiesError(f"{kind} joint: its axis has no length; expected a vector")
     x, y, z = x / length, y / length, z / length
-    # The shortest rotation from the x axis; none is shortest to its opposite.
-    along = Rigid.quaternion(0, 0, 0, *((1 + x, 0, -z, y) if x > -1 else (0, 0, 1, 0)))
+    # None is shortest to its opposite.
+    return Rigid.quaternion(0, 0, 0, *((1 + x, 0, -z, y) if x > -1 else (0, 0, 1, 0)))
+
+
+def _joint(kind: str, frames: Sequence[Rigid], numbers: list[float]) -> Any:
+    """A joint in the frames of two bodies, whose x axes become the joint's axis."""
+    low, high, target, stiffness, speed, damping = numbers[3:]
+    along = _along(kind, numbers)
     masks, axes = rapier.JointAxesMask, rapier.JointAxis
     locked = {
         "fixed": masks.LOCKED_FIXED_AXES,
@@ -325,11 +360,17 @@ def _joint(kind: str, frames: Sequence[Rigid], numbers: list[float]) -> Any:
     }[kind]
     left, right = [_isometry(frame.then(along).numbers) for frame in frames]
     built = rapier.GenericJointBuilder(locked).local_frame1(left).local_frame2(right)
-    if kind in ("revolute", "prismatic"):
-        axis, unit = (axes.ANG_X, math.pi / 180) if kind == "revolute" else (axes.LIN_X, 1.0)
-        if low < high:
+    unit = 1.0 if kind == "prismatic" else math.pi / 180
+    free = {
+        "fixed": [],
+        "revolute": [axes.ANG_X],
+        "prismatic": [axes.LIN_X],
+        "spherical": [axes.ANG_X, axes.ANG_Y, axes.ANG_Z],
+    }[kind]
+    if low < high:
+        for axis in free:
             built = built.limits(axis, low * unit, high * unit)
-        if strength > 0.0:
-            built = built.motor_velocity(axis, speed * unit, strength)
-            built = built.motor_model(axis, rapier.MotorModel.FORCE_BASED)
+    if kind in AXIAL and (stiffness > 0.0 or damping > 0.0):
+        built = built.motor(free[0], target * unit, speed * unit, stiffness, damping)
+        built = built.motor_model(free[0], rapier.MotorModel.FORCE_BASED)
     return built.contacts_enabled(False).build()

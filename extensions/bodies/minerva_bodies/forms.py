@@ -23,8 +23,9 @@ MATERIAL = 6
 SIZES = {"box": 3, "ball": 1, "capsule": 2, "cylinder": 2, "cone": 2, "mesh": 2, "terrain": 2}
 """Solids by name, with the number of their sizes."""
 DYNAMIC, FIXED, KINEMATIC = 0.0, 1.0, 2.0
-JOINTS = {"fixed": (), "revolute": (0,), "prismatic": (0,), "spherical": ()}
-"""Joints by name, with their free axes that limits and motors can have."""
+JOINTS = ("fixed", "revolute", "prismatic", "spherical")
+AXIAL = ("revolute", "prismatic")
+"""Joints with a position along or about their axis, which a motor can move."""
 COMMANDS = ("force", "torque", "impulse", "twist", "velocity", "spin")
 """Commands in the order in which a body carries them out, each a vector of three numbers."""
 
@@ -214,29 +215,38 @@ def Joint(
     axis: tuple[Measure, Measure, Measure] = (0.0, 0.0, 1.0),
     low: Measure = 0.0,
     high: Measure = 0.0,
+    target: Measure = 0.0,
+    stiffness: Measure = 0.0,
     speed: Measure = 0.0,
-    strength: Measure = 0.0,
+    damping: Measure = 0.0,
     color: str = "#444444",
     meaning: str = "",
 ) -> Disc:
     """A joint at this place between the bodies of two agents; "" is the scenery.
+
+    Its position, an angle (degrees) or a distance (metres), is 0 where it is created. The motor of
+    a revolute or prismatic joint acts with stiffness · (target - position) + damping · (speed -
+    velocity), angles in radians here, and is none if both factors are 0.
 
     Args:
         kind: fixed, revolute, prismatic or spherical.
         first: name of the parameter with the id of an agent.
         second: name of the parameter with the id of another one.
         axis: of a revolute or prismatic joint, in the frame of this place.
-        low: least angle or distance, degrees or metres; if it equals `high`, there are no limits.
-        high: largest angle or distance.
-        speed: of its motor, in degrees or metres per second.
-        strength: damping of its motor, N·m·s or N·s/m; 0: it has no motor.
+        low: least position; of a spherical joint, about each axis. If it equals `high`, there are
+            no limits.
+        high: largest position.
+        target: position that its motor holds, degrees or metres.
+        stiffness: of its motor, N·m or N/m.
+        speed: of its motor, degrees or metres per second.
+        damping: of its motor, N·m·s or N·s/m.
         color: of its mark in the plane.
         meaning: text of the legend.
 
     """
     if kind not in JOINTS:
         raise BodiesError(f"Joint({kind!r}): expected one of {', '.join(JOINTS)}")
-    spatial = (kind, first, second, *axis, low, high, speed, strength)
+    spatial = (kind, first, second, *axis, low, high, target, stiffness, speed, damping)
     return Disc(0.05, color, meaning=meaning, spatial=spatial)
 
 

@@ -139,6 +139,12 @@ class SpaceGeometry(Geometry):
         name = "/".join((owner, figure.symbol, *ids))
         if name in self.joints:
             raise BodiesError(f"{_where(owner, figure)}: this joint appears twice; remove one")
+        low, high, _, stiffness, _, damping = values[5:]
+        if low > high or stiffness < 0.0 or damping < 0.0:
+            raise BodiesError(
+                f"{_where(owner, figure)}: limits {low:g} to {high:g}, stiffness {stiffness:g},"
+                f" damping {damping:g}; expected low <= high, and factors from 0"
+            )
         self.joints[name] = [kind, ids, list(self.pose.numbers), values[2:]]
 
     def other_transformation(

@@ -8,7 +8,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from minerva_bodies.errors import BodiesError
+from minerva_bodies.forms import AXIAL
 from minerva_bodies.geometry import SpaceGeometry
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
@@ -19,6 +22,7 @@ from minerva_services.options import require
 
 POSE = ("x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "wx", "wy", "wz")
 """What an event of a pose may have: metres, a quaternion, m/s and rad/s."""
+JOINT = ("joint", "first", "second", "position", "velocity")
 CONTACT = ("other", "impulse", "begins", "ends")
 
 
@@ -29,12 +33,15 @@ class RigidBodies(Device, Generator, coupled=True):
     removed with their agents, and moved by physics only. `ePose` has those of `x y z w i j k vx vy
     vz wx wy wz` that its type declares; bodies at rest get none. `eContact`, if the world declares
     it, has `other` (an id, "" for scenery), `impulse` (N·s in the last step), `begins` and `ends`.
+    `eJoint`, if declared, tells the agent in whose view a revolute or prismatic joint is: `joint`
+    (its symbol), `first` and `second` (ids), `position` and `velocity` (m or degrees, per second).
 
     Args:
         gravity: m/s², downwards.
         draws: the visual event type of the views.
         pose: the event type of poses.
         contact: the event type of contacts; "" for none.
+        joint: the event type of joints; "" for none.
         every: frames between views; frames without one have no commands.
         substeps: steps of physics in a frame.
         threads: of physics; results do not depend on them.
@@ -51,6 +58,7 @@ class RigidBodies(Device, Generator, coupled=True):
         draws: str = "eBodies",
         pose: str = "ePose",
         contact: str = "",
+        joint: str = "",
         every: int = 1,
         substeps: int = 1,
         threads: int = 1,
@@ -69,7 +77,7 @@ class RigidBodies(Device, Generator, coupled=True):
         self.when = f"each {every} frames"
         self.draws = (draws,)
         self._gravity, self._substeps, self._threads = gravity, substeps, threads
-        self._pose, self._contact, self._renew = pose, contact, renew
+        self._pose, self._contact, self._joint, self._renew = pose, contact, joint, renew
         self._assets, self._who = Path(assets), who
         self._shown = -1
         self._next: dict[str, Any] = {}
@@ -80,11 +88,12 @@ class RigidBodies(Device, Generator, coupled=True):
         self._seconds = self._steps = 0.0
 
     def generates(self) -> tuple[str, ...]:
-        return (self._pose, self._contact) if self._contact else (self._pose,)
+        return tuple(filter(None, (self._pose, self._contact, self._joint)))
 
     def check(self, world: WorldInfo) -> None:
         self._poses = _compared(world, self._pose, POSE)
         self._contacts = _compared(world, self._contact, CONTACT) if self._contact else None
+        self._turns = _compared(world, self._joint, JOINT) if self._joint else None
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)
@@ -197,8 +206,36 @@ class RigidBodies(Device, Generator, coupled=True):
             if names != self._moved:
                 self._moved, self._receivers = names, Ids.of(names)
             yield self._poses(receivers=self._receivers, **data)
+        if self._turns is not None:
+            yield from self._positions(self._turns, {*moved})
         if self._contacts is not None:
             yield from self._touches(self._contacts, before)
+
+    def _positions(self, kind: EventType, moved: set[str]) -> Iterable[AnyEvent]:
+        """A batch of the joints along an axis whose bodies have moved."""
+        engine = self._engine
+        joints = {
+            name: plain[1]
+            for name, (_, plain) in engine.joints.items()
+            if plain[0] in AXIAL and not moved.isdisjoint(plain[1])
+        }
+        if joints:
+            # The name of a joint begins with its owner and its symbol; the scenery has no agent.
+            titles = [name.split("/")[:2] for name in joints]
+            first, second = zip(*joints.values(), strict=True)
+            position, velocity = engine.positions(list(joints)).T
+            values: dict[str, Any] = {
+                "joint": np.array([symbol for _, symbol in titles]),
+                "first": np.array(first),
+                "second": np.array(second),
+                "position": position,
+                "velocity": velocity,
+            }
+            owners = [
+                owner or a or b for (owner, _), (a, b) in zip(titles, joints.values(), strict=True)
+            ]
+            data = {name: values[name] for name in kind.fields.names}
+            yield kind(receivers=Ids.of(owners), **data)
 
     def _touches(self, kind: EventType, before: Mapping[Any, float]) -> Iterable[AnyEvent]:
         """An event for both agents of each pair that touches or has just parted."""

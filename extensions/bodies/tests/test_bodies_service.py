@@ -33,9 +33,10 @@ PBlade = Primitive("PBlade", Box(0.1, 0.1, 0.1, matter=Matter(kinematic=True)))
 PHill = Primitive("PHill", Terrain("heights", 1.0), heights=Cells)
 PHinge = Primitive(
     "PHinge",
-    Joint("revolute", "first", "second", axis=(0, 1, 0), speed="speed", strength=10),
+    Joint("revolute", "first", "second", axis=(0, 1, 0), low="low", speed="speed", damping=10),
     first=str,
     second=str,
+    low=Default(float, 0.0),
     speed=Default(float, 0.0),
 )
 TAt = Transformation(
@@ -48,9 +49,24 @@ TPush, TForce = (
 NAMES = ["x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "wx", "wy", "wz"]
 ePose = EventType("ePose", **dict.fromkeys(NAMES, float))
 eContact = EventType("eContact", other=str, impulse=float, begins=bool, ends=bool)
+eJoint = EventType("eJoint", joint=str, first=str, second=str, position=float, velocity=float)
 eBodies = EventType("eBodies", visual=True)
 VOCABULARY = Vocabulary.of(
-    *(PBox, PBall, PFloor, PBlade, PHill, PHinge, TAt, TPush, TForce, ePose, eContact, eBodies)
+    *(
+        PBox,
+        PBall,
+        PFloor,
+        PBlade,
+        PHill,
+        PHinge,
+        TAt,
+        TPush,
+        TForce,
+        ePose,
+        eContact,
+        eJoint,
+        eBodies,
+    )
 )
 INFO = WorldInfo("yard", VOCABULARY, 7, 0.02)
 FLOOR = TAt(z=-0.5)(PFloor())
@@ -101,7 +117,7 @@ def told(service, number):
 
 @pytest.mark.parametrize("renew", [1, 7, 300])
 def test_a_successor_in_any_frame_makes_the_same_events(renew):
-    options = {"contact": "eContact", "renew": renew, "substeps": 2}
+    options = {"contact": "eContact", "joint": "eJoint", "renew": renew, "substeps": 2}
     first = joined(**options)
     other = joined(**options, threads=2)
     for number in range(1, 45):
@@ -146,9 +162,26 @@ def test_agents_are_told_what_they_touch_and_when_it_begins_and_ends():
     assert touches[ended].impulse == 0
 
 
+def test_owners_of_joints_get_their_positions_in_a_batch():
+    service = joined(gravity=0.0, joint="eJoint")
+    wheels = [PHinge("a", who, speed=turn) for who, turn in (("b", 90.0), ("c", -45.0))]
+    parts = {"a": TAt(z=5)(PBox(1.0) + wheels[0] + wheels[1])}
+    parts |= {"b": TAt(z=5.2)(PBox()), "c": TAt(z=4.8)(PBox())}
+    for number in range(1, 22):
+        *_, batch = step(service, number, **parts)
+    events = list(single([batch]))
+    names = [(event.receivers, event.joint, event.first, event.second) for event in events]
+    assert names == [(("a",), "PHinge", "a", "b"), (("a",), "PHinge", "a", "c")]
+    forwards, backwards = events
+    assert forwards.position > 20
+    assert backwards.position < -10
+    assert [event.velocity for event in events] == pytest.approx([90, -45], rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("parts", "says"),
     [
+        ({"a": PBox() + PHinge("a", "", low=9.0)}, "agent a, PHinge: limits 9 to 0"),
         ({"a": PBox(-0.1)}, "agent a, PBox: a size is -0.1"),
         ({"a": TPush(x=1e30)(PBox())}, "agent a, TPush: x is 1e"),
         ({"a": TAt(x=1e19)(PBox())}, "agent a, TAt: x is 1e"),

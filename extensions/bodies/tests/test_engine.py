@@ -29,6 +29,10 @@ def solid(form, *sizes, pose=HERE, **material):
     return [form, list(Matter(**material).measures), list(sizes), pose]
 
 
+def axis(x=0, y=0, z=1, low=0, high=0, target=0, stiffness=0, speed=0, damping=0):
+    return [*map(float, (x, y, z, low, high, target, stiffness, speed, damping))]
+
+
 def floor(engine, tilt=0.0, friction=0.0):
     """A floor whose top is z = 0, turned about y so that it descends along x."""
     pose = Rigid.euler(0, 0, 0, pitch=tilt).then(Rigid(0, 0, -1))
@@ -73,7 +77,7 @@ def test_a_pendulum_has_its_period():
     engine = space()
     engine.add("", [HERE, []])
     engine.add("a", [at(x=0.05, z=-1.0), [solid("ball", 0.02)]])
-    engine.join("hinge", ["revolute", ["", "a"], HERE, [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    engine.join("hinge", ["revolute", ["", "a"], HERE, axis(0, 1, 0)])
     xs = []
     for _ in range(1000):
         engine.step(1)
@@ -87,10 +91,10 @@ def test_motors_limits_and_joints_hold():
     engine = space()
     engine.add("", [HERE, []])
     for name, kind, numbers in (
-        ("wheel", "revolute", [0.0, 0.0, 1.0, 0.0, 0.0, 90.0, 100.0]),
-        ("lift", "prismatic", [0.0, 0.0, 1.0, -0.5, 0.5, 0.0, 0.0]),
-        ("fixed", "fixed", [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
-        ("chain", "spherical", [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
+        ("wheel", "revolute", axis(speed=90, damping=100)),
+        ("lift", "prismatic", axis(low=-0.5, high=0.5)),
+        ("fixed", "fixed", axis()),
+        ("chain", "spherical", axis()),
     ):
         place = len(engine.bodies) * 10.0
         engine.add(name, [at(x=place), [solid("box", 0.2, 0.2, 0.2)]])
@@ -100,11 +104,55 @@ def test_motors_limits_and_joints_hold():
     assert row(engine, "lift")[2] == pytest.approx(-0.5, abs=0.01)
     assert row(engine, "fixed")[2] == pytest.approx(0, abs=0.01)
     assert row(engine, "chain")[2] == pytest.approx(0, abs=0.01)
-    engine.drive("wheel", [0.0, 0.0, 1.0, 0.0, 0.0, -90.0, 100.0])
+    engine.drive("wheel", axis(speed=-90, damping=100))
     run(engine, 1.0)
     assert row(engine, "wheel")[12] == pytest.approx(-math.pi / 2, rel=0.02)
     engine.remove("chain")
     assert list(engine.joints) == ["lift", "fixed", "wheel"]
+
+
+def test_motors_hold_a_target_and_limits_hold_an_angle():
+    engine = space()
+    engine.add("", [HERE, []])
+    for place, (kind, numbers) in enumerate((
+        ("revolute", axis(1, 0, 0, target=60, stiffness=1000, damping=10)),
+        ("prismatic", axis(target=0.4, stiffness=10000, damping=100)),
+        ("revolute", axis(1, 0, 0, high=30)),
+        ("spherical", axis(low=-30, high=30)),
+    )):  # fmt: skip
+        name = f"{kind}{place}"
+        hung = solid("ball", 0.1, pose=at(y=0.5))
+        engine.add(name, [at(x=10.0 * place), [hung]])
+        engine.join(name, [kind, ["", name], at(x=10.0 * place), numbers])
+    # 1000 N·m per radian hold the ball, whose torque is 10 N·m, within a degree.
+    run(engine, 4.0)
+    turned, lifted, stopped = engine.positions(["revolute0", "prismatic1", "revolute2"])
+    assert turned == pytest.approx((60, 0), abs=1)
+    assert lifted == pytest.approx((0.4, 0), abs=0.01)
+    assert stopped[0] == pytest.approx(0, abs=1)
+    i = row(engine, "spherical3")[4]
+    assert math.degrees(2 * math.asin(abs(i))) == pytest.approx(30, abs=2)
+
+
+def test_positions_of_joints_are_those_of_their_bodies_while_both_move():
+    engine = space()
+    engine.add("a", [at(z=5), [solid("box", 0.2, 0.2, 0.2)]])
+    engine.add("b", [at(z=6), [solid("box", 0.1, 0.2, 0.3)]])
+    engine.add("c", [at(y=1, z=5), [solid("box", 0.2, 0.1, 0.2)]])
+    engine.join("turn", ["revolute", ["a", "b"], at(z=5.5), axis(1, 2, 3)])
+    engine.join("slide", ["prismatic", ["a", "c"], at(y=0.5, z=5), axis(1, 0, 1)])
+    engine.command("b", "twist", 1.0, 2.0, 3.0)
+    engine.command("c", "impulse", 9.0, 0.0, 9.0)
+    run(engine, 0.05)
+    before = engine.positions(["turn", "slide"])
+    for _ in range(20):
+        engine.step(1)
+        after = engine.positions(["turn", "slide"])
+        # Across the end of the circle, too.
+        moved = (after[:, 0] - before[:, 0] + 180) % 360 - 180
+        assert moved / DT == pytest.approx((after[:, 1] + before[:, 1]) / 2, rel=0.05, abs=0.05)
+        before = after
+    assert abs(before[:, 1]).min() > 0.1
 
 
 def pile(threads=1, count=60):
@@ -129,7 +177,7 @@ def test_a_pile_has_the_same_bits_with_any_number_of_threads():
 
 def test_a_space_made_again_continues_as_any_other_made_from_the_same():
     first = pile()
-    floor_joint = ["fixed", ["", "b0"], HERE, [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]
+    floor_joint = ["fixed", ["", "b0"], HERE, axis()]
     first.join("nail", floor_joint)
     run(first, 1.0, 0.02)
     first.contacts()
@@ -220,7 +268,7 @@ def test_a_mesh_that_is_none_is_an_error_with_its_file(tmp_path, file, data, say
 def test_a_joint_between_strangers_is_an_error():
     engine = space()
     with pytest.raises(BodiesError, match="joint j: no body of 'ghost'"):
-        engine.join("j", ["fixed", ["ghost", "a"], HERE, [0, 0, 1, 0, 0, 0, 0]])
+        engine.join("j", ["fixed", ["ghost", "a"], HERE, axis()])
 
 
 def test_a_body_without_a_finite_position_is_an_error_with_its_agent():
