@@ -42,20 +42,27 @@ class Engine:
         dt: duration of a step, seconds.
         threads: of Rapier; they do not change its results.
         assets: folder of meshes.
+        removes: whether `step` removes a body without a finite position; or else it raises.
 
     """
 
-    def __init__(self, gravity: float, dt: float, threads: int, assets: Path) -> None:
+    def __init__(
+        self, gravity: float, dt: float, threads: int, assets: Path, removes: bool = False
+    ) -> None:
         self._world = rapier.PhysicsWorld(gravity=(0.0, 0.0, -gravity))
         self._world.integration_parameters.dt = dt
         self._world.set_num_threads(threads)
-        self._assets = assets
+        self._assets, self._removes = assets, removes
         self.bodies: dict[str, Any] = {}
-        self._plain: dict[str, list[Any]] = {}
+        self.plain: dict[str, list[Any]] = {}
+        """The pose at which each began, and its solids now."""
+        self.lost: dict[str, None] = {}
+        """Those that a step has removed, until `remove` forgets them."""
         self._names: dict[int, str] = {}
         self._owners: dict[Any, str] = {}
         self.joints: dict[str, tuple[Any, list[Any]]] = {}
-        self.touching: dict[Contact, float] = {}
+        self.touching: dict[Contact, tuple[float, int]] = {}
+        """Pairs that touch, with their impulse in the last step (N·s) and since how many frames."""
 
     def add(self, name: str, plain: list[Any], row: Sequence[float] = ()) -> None:
         """Create a body from its pose and solids; `row` has the state of one that continues.
@@ -79,18 +86,46 @@ class Engine:
         handle = self._world.add_body(build)
         for solid in solids:
             self._owners[self._world.add_collider(solid, handle)] = name
-        self.bodies[name], self._plain[name] = handle, plain
+        self.bodies[name], self.plain[name] = handle, plain
         self._names[handle.index] = name
+
+    def solids(self, name: str) -> list[Any]:
+        """The solids of a body; none if there is no such body."""
+        return self.plain[name][1] if name in self.plain else []
+
+    def reshape(self, name: str, parts: list[Any]) -> None:
+        """Give a body other solids where it is. Raises BodiesError."""
+        handle = self.bodies[name]
+        kind, solids = _kind_of(name, parts), [self._collider(name, part) for part in parts]
+        body = self._world.rigid_bodies[handle]
+        for solid in body.colliders:
+            del self._owners[solid]
+            self._world.remove_collider(solid)
+        for solid in solids:
+            self._owners[self._world.add_collider(solid, handle)] = name
+        if kind != _kind_of(name, self.solids(name)):
+            body.body_type = {
+                DYNAMIC: rapier.RigidBodyType.DYNAMIC,
+                FIXED: rapier.RigidBodyType.FIXED,
+                KINEMATIC: rapier.RigidBodyType.KINEMATIC_POSITION_BASED,
+            }[kind]
+        # For the commands of this frame, which precede the step.
+        body.recompute_mass_properties_from_colliders(self._world.colliders)
+        body.wake_up()
+        self.plain[name] = [self.plain[name][0], parts]
 
     def remove(self, name: str) -> None:
         """Remove a body, its solids and its joints."""
+        if name in self.lost:
+            del self.lost[name]
+            return
         for joint in [key for key, (_, plain) in self.joints.items() if name in plain[1]]:
             self.release(joint)
         handle = self.bodies.pop(name)
         for solid in self._world.rigid_bodies[handle].colliders:
             del self._owners[solid]
         self._world.remove_body(handle)
-        del self._plain[name], self._names[handle.index]
+        del self.plain[name], self._names[handle.index]
         self.touching = {pair: n for pair, n in self.touching.items() if name not in pair}
 
     def join(self, name: str, plain: list[Any]) -> None:
@@ -182,23 +217,28 @@ class Engine:
     def step(self, substeps: int, forced: Sequence[str] = ()) -> list[str]:
         """Advance by some steps; the ids of the bodies that may have moved, as they were created.
 
-        Raises BodiesError for a body that has left all numbers.
+        A body that has left all numbers is lost, or raises BodiesError.
         """
         awake = self._awake()
         for _ in range(substeps):
             self._world.step()
-            lost = [self._names.get(handle.index, "") for handle in self._world.quarantine.bodies]
-            if lost:
+            lost = sorted(self._names[handle.index] for handle in self._world.quarantine.bodies)
+            if lost and not self._removes:
                 raise BodiesError(
                     f"the body of {lost[0]!r} has no finite position any more ({len(lost)} in all);"
                     " its forces, masses or speeds are too large for dt: use more substeps"
                 )
+            for name in lost:
+                self.remove(name)
+                self.lost[name] = None
         for name in forced:
-            body = self._world.rigid_bodies[self.bodies[name]]
-            body.reset_forces(False)
-            body.reset_torques(False)
+            if name in self.bodies:
+                body = self._world.rigid_bodies[self.bodies[name]]
+                body.reset_forces(False)
+                body.reset_torques(False)
         # A body that has come to rest in this step has moved in it.
-        return [self._names[index] for index in sorted(awake | self._awake())]
+        moved = sorted(awake | self._awake())
+        return [self._names[index] for index in moved if index in self._names]
 
     def _awake(self) -> set[int]:
         return {handle.index for handle in self._world.active_bodies()}
@@ -213,8 +253,8 @@ class Engine:
         words = np.frombuffer(b"".join(parts), np.float32).reshape(len(names), -1)
         return words[:, _WORDS].astype(np.float64)
 
-    def contacts(self) -> dict[Contact, float]:
-        """The pairs of bodies that touch, in the order of their ids, with their impulses (N·s)."""
+    def contacts(self) -> None:
+        """Read the pairs of bodies that touch, in the order of their ids; once in a frame."""
         touching = dict[Contact, float]()
         for pair in self._world.narrow_phase.contact_pairs():
             if pair.has_any_active_contact:
@@ -222,8 +262,10 @@ class Engine:
                 both = (left, right) if left < right else (right, left)
                 touching[both] = touching.get(both, 0.0) + pair.total_impulse_magnitude()
         # Rapier's order of pairs depends on its history.
-        self.touching = dict(sorted(touching.items()))
-        return self.touching
+        self.touching = {
+            pair: (impulse, self.touching.get(pair, (0.0, 0))[1] + 1)
+            for pair, impulse in sorted(touching.items())
+        }
 
     def kept(self) -> Mapping[str, Any]:
         """Bodies and joints as plain data, from which `continue_from` makes this space again."""
@@ -232,10 +274,11 @@ class Engine:
         asleep = np.array([body.is_sleeping for body in bodies], np.float64)
         rows = np.column_stack((self.rows(names), asleep)) if names else np.zeros((0, 14))
         return {
-            "bodies": json.dumps([[name, self._plain[name]] for name in names]),
+            "bodies": json.dumps([[name, self.plain[name]] for name in names]),
+            "lost": json.dumps(list(self.lost)),
             "rows": rows.astype("<f8").tobytes(),
             "joints": json.dumps([[name, plain] for name, (_, plain) in self.joints.items()]),
-            "touching": json.dumps([[*pair, n] for pair, n in self.touching.items()]),
+            "touching": json.dumps([[*pair, *n] for pair, n in self.touching.items()]),
         }
 
     def continue_from(self, kept: Mapping[str, Any]) -> None:
@@ -246,7 +289,9 @@ class Engine:
                 self.add(name, plain, row)
             for name, plain in json.loads(kept["joints"]):
                 self.rejoin(name, plain)
-            self.touching = {(a, b): float(n) for a, b, n in json.loads(kept["touching"])}
+            self.lost = dict.fromkeys(json.loads(kept["lost"]))
+            touching = json.loads(kept["touching"])
+            self.touching = {(a, b): (float(n), int(frames)) for a, b, n, frames in touching}
         except (KeyError, TypeError, ValueError) as error:
             if isinstance(error, BodiesError):
                 raise

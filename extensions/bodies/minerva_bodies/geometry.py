@@ -9,17 +9,19 @@ plane is one on the ground; other forms of the plane have no meaning here.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator
+from collections import Counter
+from collections.abc import Generator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from types import MappingProxyType
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import COMMANDS, DYNAMIC, JOINTS, KINEMATIC, MATERIAL, SIZES
 from minerva_bodies.rigid import Rigid
-from minerva_bus.grammar.appearance import Motion, Spatial
+from minerva_bus.grammar.appearance import Measure, Motion, Spatial
 from minerva_bus.grammar.columns import Columns, walk_pieces
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -28,6 +30,8 @@ from minerva_bus.world.services import View
 
 Part: TypeAlias = list[Any]
 """A solid as plain data: its form, the numbers of its material, its sizes, its pose in the body."""
+
+NOTHING: Final = MappingProxyType[str, list[Any]]({})
 
 MAX_NUMBER = 1e18
 """Largest number that enters Rapier, whose squares its single precision must still hold."""
@@ -57,32 +61,59 @@ class SpaceGeometry(Geometry):
 
     Args:
         vocabulary: of the world.
-        known: the bodies that exist; rows of populations without a command are not read again.
+        known: the bodies that exist, each with its pose and solids; their rows in populations are
+            not read again unless they have a command or other sizes.
         who: the name of the parameter with the id of an owner.
 
     Attributes:
-        seen: ids of the agents with bodies, in the order of the string.
+        seen: ids of the agents with bodies, with the number of their solids.
+        changed: those of known bodies whose solids are others now.
         bodies: those that are new, single or commanded; "" is the scenery.
         joints: plain data by name: kind, ids, pose, and the numbers of the joint.
 
     """
 
     def __init__(
-        self, vocabulary: Vocabulary, known: Collection[str] = (), who: str = "who"
+        self, vocabulary: Vocabulary, known: Mapping[str, list[Any]] = NOTHING, who: str = "who"
     ) -> None:
         self._vocabulary, self._known, self._who = vocabulary, known, who
-        self.seen: dict[str, None] = {}
-        self.bodies: dict[str, ShownBody] = {}
-        self.joints: dict[str, list[Any]] = {}
+        self.changed: set[str] = set()
         self._owner: str = ""
         self.pose = Rigid()
         # The pose of the body within which α adds solids, and the pose relative to it.
         self._base: Rigid | None = None
         self._inner = Rigid()
         self._commands: tuple[tuple[str, float, float, float], ...] = ()
+        self._clear()
+
+    def _clear(self) -> None:
+        self.seen = Counter[str]()
+        # Bodies of which rows have not been read.
+        self._partial: set[str] = set()
+        self.bodies: dict[str, ShownBody] = {}
+        self.joints: dict[str, list[Any]] = {}
 
     def read(self, view: View) -> None:
         """φ of a view. Raises BodiesError for anything that cannot stand as it shows it."""
+        self._read(view)
+        changed = {who for who in self.seen if who in self._known and self._differs(who)}
+        if not changed.isdisjoint(self._partial):
+            # Again, with all rows of these bodies.
+            known = self._known
+            self._known = {who: plain for who, plain in known.items() if who not in changed}
+            self._clear()
+            self._read(view)
+            self._known = known
+        self.changed = changed
+
+    def _differs(self, who: str) -> bool:
+        parts = self._known[who][1]
+        if who not in self._partial:
+            return self.bodies[who].parts != parts
+        shown = self.bodies[who].parts if who in self.bodies else []
+        return self.seen[who] != len(parts) or any(part not in parts for part in shown)
+
+    def _read(self, view: View) -> None:
         for opens, node in walk_pieces(view.skeleton, self.many):
             if isinstance(node, AgentNode):
                 if opens and node.id in view.parts:
@@ -128,7 +159,7 @@ class SpaceGeometry(Geometry):
                 )
         if owner and form == "terrain" and material[3] == DYNAMIC:
             raise BodiesError(f"{_where(owner, figure)}: a terrain cannot move; make it fixed")
-        self.seen[owner] = None
+        self.seen[owner] += 1
         base = Rigid() if not owner else self.pose if self._base is None else self._base
         inner = self.pose if not owner else self._inner if self._base is not None else Rigid()
         shown = self.bodies.setdefault(owner, ShownBody(base, commands=self._commands))
@@ -176,7 +207,7 @@ class SpaceGeometry(Geometry):
             self._base = self.pose
 
     def many(self, columns: Columns) -> bool:
-        """Read only the rows of a population that are new, commanded or follow the string."""
+        """Read only the rows of a population that are new, commanded, or no longer as known."""
         levels = list(columns.levels())
         primitive = self._vocabulary.primitives.get(levels[-1].symbol)
         spatial = primitive.shape.spatial if primitive is not None and primitive.shape else ()
@@ -188,11 +219,19 @@ class SpaceGeometry(Geometry):
         if owners is None:
             return False
         names: list[str] = owners.tolist()
-        self.seen.update(dict.fromkeys(names))
         known = self._known
         rows = {row for row, name in enumerate(names) if name not in known}
         for level in levels[:-1]:
             rows.update(self._commanded(level))
+        sizes = spatial[1 + MATERIAL :]
+        if any(isinstance(size, str) for size in sizes):
+            shown = zip(*(_listed(levels[-1], size) for size in sizes), strict=True)
+            for row, (name, values) in enumerate(zip(names, shown, strict=True)):
+                if name in known and all(part[2] != list(values) for part in known[name][1]):
+                    rows.add(row)
+        unread = [name for row, name in enumerate(names) if row not in rows]
+        self.seen.update(unread)
+        self._partial.update(unread)
         for row in sorted(rows):
             interpret(Scene((columns.node(row),)), self)
         return True
@@ -207,6 +246,10 @@ class SpaceGeometry(Geometry):
         for measure in motion.spatial[1:]:
             given |= level.column(measure) != 0 if isinstance(measure, str) else measure != 0
         return np.flatnonzero(given).tolist()
+
+
+def _listed(level: Columns, measure: Measure) -> list[Any]:
+    return level.column(measure).tolist() if isinstance(measure, str) else [measure] * level.count
 
 
 def _moved(motion: Motion, node: TransformationNode, owner: str) -> Rigid:

@@ -12,7 +12,8 @@ import numpy as np
 
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL
-from minerva_bodies.geometry import SpaceGeometry
+from minerva_bodies.geometry import ShownBody, SpaceGeometry
+from minerva_bodies.rigid import Rigid
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.vocabulary import EventType
@@ -23,7 +24,7 @@ from minerva_services.options import require
 POSE = ("x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "wx", "wy", "wz")
 """What an event of a pose may have: metres, a quaternion, m/s and rad/s."""
 JOINT = ("joint", "first", "second", "position", "velocity")
-CONTACT = ("other", "impulse", "begins", "ends")
+CONTACT = ("other", "impulse", "begins", "ends", "first", "last")
 
 
 class RigidBodies(Device, Generator, coupled=True):
@@ -32,7 +33,8 @@ class RigidBodies(Device, Generator, coupled=True):
     Bodies are created in the order of the string where an agent shows solids for the first time,
     removed with their agents, and moved by physics only. `ePose` has those of `x y z w i j k vx vy
     vz wx wy wz` that its type declares; bodies at rest get none. `eContact`, if the world declares
-    it, has `other` (an id, "" for scenery), `impulse` (N·s in the last step), `begins` and `ends`.
+    it, has `other` (an id, "" for scenery), `impulse` (N·s in the last step), `begins` and `ends`
+    (whether it is the first frame, and the one after the last), and the frames `first` and `last`.
     `eJoint`, if declared, tells the agent in whose view a revolute or prismatic joint is: `joint`
     (its symbol), `first` and `second` (ids), `position` and `velocity` (m or degrees, per second).
 
@@ -42,6 +44,8 @@ class RigidBodies(Device, Generator, coupled=True):
         pose: the event type of poses.
         contact: the event type of contacts; "" for none.
         joint: the event type of joints; "" for none.
+        lost: the event type that tells an agent that its body had no finite position any more and
+            has been removed, until its string shows none; "": such a body ends the world.
         every: frames between views; frames without one have no commands.
         substeps: steps of physics in a frame.
         threads: of physics; results do not depend on them.
@@ -59,6 +63,7 @@ class RigidBodies(Device, Generator, coupled=True):
         pose: str = "ePose",
         contact: str = "",
         joint: str = "",
+        lost: str = "",
         every: int = 1,
         substeps: int = 1,
         threads: int = 1,
@@ -77,22 +82,22 @@ class RigidBodies(Device, Generator, coupled=True):
         self.when = f"each {every} frames"
         self.draws = (draws,)
         self._gravity, self._substeps, self._threads = gravity, substeps, threads
-        self._pose, self._contact, self._joint, self._renew = pose, contact, joint, renew
-        self._assets, self._who = Path(assets), who
+        self._pose, self._contact, self._joint, self._lost = pose, contact, joint, lost
+        self._renew, self._assets, self._who = renew, Path(assets), who
         self._shown = -1
         self._next: dict[str, Any] = {}
         self._base: dict[str, Any] = {}
         self._log: list[str] = []
-        self._scenery: list[Any] | None = None
         self._moved, self._receivers = list[str](), Ids.of(())
-        self._seconds = self._steps = 0.0
+        self._seconds = self._steps = self._begun = 0.0
 
     def generates(self) -> tuple[str, ...]:
-        return tuple(filter(None, (self._pose, self._contact, self._joint)))
+        return tuple(filter(None, (self._pose, self._contact, self._joint, self._lost)))
 
     def check(self, world: WorldInfo) -> None:
         self._poses = _compared(world, self._pose, POSE)
         self._contacts = _compared(world, self._contact, CONTACT) if self._contact else None
+        self._ends = _compared(world, self._lost, ()) if self._lost else None
         self._turns = _compared(world, self._joint, JOINT) if self._joint else None
 
     def joined(self, world: WorldInfo) -> None:
@@ -104,35 +109,42 @@ class RigidBodies(Device, Generator, coupled=True):
     def _new(self) -> Any:
         from minerva_bodies.engine import Engine  # Needs the library, which `check` does not.
 
-        return Engine(self._gravity, self._dt / self._substeps, self._threads, self._assets)
+        dt, removes = self._dt / self._substeps, bool(self._lost)
+        return Engine(self._gravity, dt, self._threads, self._assets, removes)
 
     def show(self, view: View) -> None:
         """φ of the view: what is new, gone and commanded, for the next frame."""
         if view.frame <= self._shown:
             return  # A successor gets the last view again, which its predecessor has executed.
         engine = self._engine
-        space = SpaceGeometry(self._vocabulary, engine.bodies, self._who)
+        space = SpaceGeometry(self._vocabulary, engine.plain, self._who)
         space.read(view)
-        # The scenery is a body of its own, made again where the string changes it.
-        scenery = space.bodies.pop("", None)
-        ground = scenery.plain if scenery else [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], []]
-        changed = ground != self._scenery
-        self._scenery = ground
-        gone = [name for name in engine.bodies if name and name not in space.seen]
-        born = [[who, it.plain] for who, it in space.bodies.items() if who not in engine.bodies]
-        following = {who: it for who, it in space.bodies.items() if it.kinematic}
+        # The scenery is a body of its own, even where there is none.
+        shown = {"": space.bodies.pop("", ShownBody(Rigid())), **space.bodies}
+        shown = {who: it for who, it in shown.items() if who not in engine.lost}
+        joints = {
+            name: plain
+            for name, plain in space.joints.items()
+            if engine.lost.keys().isdisjoint(plain[1])
+        }
         self._next = {
-            "ground": ground if changed else None,
-            "gone": gone,
-            "born": born,
-            "follow": [[who, it.pose.numbers] for who, it in following.items()],
+            "gone": [
+                name for name in (*engine.bodies, *engine.lost) if name and name not in space.seen
+            ],
+            "born": [[who, it.plain] for who, it in shown.items() if who not in engine.bodies],
+            "changed": [
+                [who, it.parts]
+                for who, it in shown.items()
+                if who in space.changed or (who not in space.seen and engine.solids(who))
+            ],
+            "follow": [[who, it.pose.numbers] for who, it in shown.items() if who and it.kinematic],
             "commands": [
                 [who, *command]
-                for who, it in space.bodies.items()
-                if who not in view.halted
+                for who, it in shown.items()
+                if who and who not in view.halted
                 for command in it.commands
             ],
-            **self._joints(space.joints),
+            **self._joints(joints),
         }
         self._shown = view.frame
 
@@ -151,16 +163,21 @@ class RigidBodies(Device, Generator, coupled=True):
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
         """Advance by a frame; nothing before the first view."""
-        if self._scenery is None:
+        if self._shown < 0:
             return ()
+        self._begun = self._begun or time.perf_counter()
         if len(self._log) >= self._renew:
             self._renewed()
         inputs, self._next = json.dumps(self._next), {}
-        before = self._engine.touching
+        before, missed = self._engine.touching, {*self._engine.lost}
         moved = self._advance(inputs)
         # After the step: what fails is not part of the saved state.
         self._log.append(inputs)
-        return list(self._events(moved, before))
+        events = list(self._events(moved, before, tick.frame.number))
+        lost = [name for name in self._engine.lost if name not in missed]
+        if self._ends is not None and lost:
+            events.append(self._ends(receivers=lost))
+        return events
 
     def _advance(self, inputs: str) -> list[str]:
         """A frame with its inputs, as text; the agents whose bodies have moved."""
@@ -182,12 +199,10 @@ class RigidBodies(Device, Generator, coupled=True):
             engine.release(joint)
         for who in given["gone"]:
             engine.remove(who)
-        if given["ground"] is not None:
-            if "" in engine.bodies:
-                engine.remove("")
-            engine.add("", given["ground"])
         for who, plain in given["born"]:
             engine.add(who, plain)
+        for who, parts in given["changed"]:
+            engine.reshape(who, parts)
         for joint, plain in given["join"]:
             engine.join(joint, plain)
         for joint, numbers in given["drive"]:
@@ -197,7 +212,9 @@ class RigidBodies(Device, Generator, coupled=True):
         for who, kind, x, y, z in given["commands"]:
             engine.command(who, kind, x, y, z)
 
-    def _events(self, moved: list[str], before: Mapping[Any, float]) -> Iterable[AnyEvent]:
+    def _events(
+        self, moved: list[str], before: Mapping[Any, tuple[float, int]], frame: int
+    ) -> Iterable[AnyEvent]:
         names = [who for who in moved if who]
         if names:
             rows = self._engine.rows(names)
@@ -209,7 +226,7 @@ class RigidBodies(Device, Generator, coupled=True):
         if self._turns is not None:
             yield from self._positions(self._turns, {*moved})
         if self._contacts is not None:
-            yield from self._touches(self._contacts, before)
+            yield from self._touches(self._contacts, before, frame)
 
     def _positions(self, kind: EventType, moved: set[str]) -> Iterable[AnyEvent]:
         """A batch of the joints along an axis whose bodies have moved."""
@@ -237,14 +254,21 @@ class RigidBodies(Device, Generator, coupled=True):
             data = {name: values[name] for name in kind.fields.names}
             yield kind(receivers=Ids.of(owners), **data)
 
-    def _touches(self, kind: EventType, before: Mapping[Any, float]) -> Iterable[AnyEvent]:
+    def _touches(
+        self, kind: EventType, before: Mapping[Any, tuple[float, int]], frame: int
+    ) -> Iterable[AnyEvent]:
         """An event for both agents of each pair that touches or has just parted."""
-        now: Mapping[Any, float] = self._engine.touching
+        now: Mapping[Any, tuple[float, int]] = self._engine.touching
         for pair in sorted({*now, *before}):
+            ends = pair not in now
+            impulse, frames = (0.0, before[pair][1]) if ends else now[pair]
+            last = frame - ends
             values: dict[str, Any] = {
-                "impulse": now.get(pair, 0.0),
+                "impulse": impulse,
                 "begins": pair not in before,
-                "ends": pair not in now,
+                "ends": ends,
+                "first": last - frames + 1,
+                "last": last,
             }
             for who, other in (pair, pair[::-1]):
                 if who in self._engine.bodies and who and who != other:
@@ -263,9 +287,7 @@ class RigidBodies(Device, Generator, coupled=True):
 
     def save(self) -> Mapping[str, Any]:
         """The space some frames ago, and what happened since."""
-        scenery = json.dumps(self._scenery)
-        log = "\n".join(self._log)
-        return {**self._base, "log": log, "shown": self._shown, "scenery": scenery}
+        return {**self._base, "log": "\n".join(self._log), "shown": self._shown}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Make the space of a predecessor again. Raises BodiesError for other data."""
@@ -277,16 +299,22 @@ class RigidBodies(Device, Generator, coupled=True):
             for inputs in str(saved["log"]).splitlines():
                 self._advance(inputs)
                 self._log.append(inputs)
-            self._shown, self._scenery = int(saved["shown"]), json.loads(saved["scenery"])
+            self._shown = int(saved["shown"])
         except (KeyError, TypeError, ValueError) as error:
             if isinstance(error, BodiesError):
                 raise
             raise BodiesError(f"not the saved state of a space of bodies: {error!r}") from error
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        """Number of bodies, and mean duration of a step."""
+        """Number of bodies, mean duration of a step, and the share of the time in steps."""
         bodies = sum(1 for name in self._engine.bodies if name)
-        return {"bodies": bodies, "step_ms": 1e3 * self._seconds / max(1, self._steps)}
+        passed = time.perf_counter() - self._begun if self._begun else 0.0
+        share = self._seconds / passed if passed else 0.0
+        return {
+            "bodies": bodies,
+            "step_ms": 1e3 * self._seconds / max(1, self._steps),
+            "share_of_time": round(share, 3),
+        }
 
 
 def _compared(world: WorldInfo, name: str, possible: tuple[str, ...]) -> EventType:
@@ -295,6 +323,6 @@ def _compared(world: WorldInfo, name: str, possible: tuple[str, ...]) -> EventTy
     unknown = [each for each in declared.fields.names if each not in possible]
     if unknown:
         raise BodiesError(
-            f"bodies: {name} declares {unknown[0]}; it may have {', '.join(possible)}"
+            f"bodies: {name} declares {unknown[0]}; it may have {', '.join(possible) or 'no data'}"
         )
     return declared

@@ -48,25 +48,15 @@ TPush, TForce = (
 )
 NAMES = ["x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "wx", "wy", "wz"]
 ePose = EventType("ePose", **dict.fromkeys(NAMES, float))
-eContact = EventType("eContact", other=str, impulse=float, begins=bool, ends=bool)
+eContact = EventType(
+    "eContact", other=str, impulse=float, begins=bool, ends=bool, first=int, last=int
+)
 eJoint = EventType("eJoint", joint=str, first=str, second=str, position=float, velocity=float)
+eLost = EventType("eLost")
 eBodies = EventType("eBodies", visual=True)
 VOCABULARY = Vocabulary.of(
-    *(
-        PBox,
-        PBall,
-        PFloor,
-        PBlade,
-        PHill,
-        PHinge,
-        TAt,
-        TPush,
-        TForce,
-        ePose,
-        eContact,
-        eJoint,
-        eBodies,
-    )
+    *(PBox, PBall, PFloor, PBlade, PHill, PHinge, TAt, TPush, TForce),
+    *(ePose, eContact, eJoint, eLost, eBodies),
 )
 INFO = WorldInfo("yard", VOCABULARY, 7, 0.02)
 FLOOR = TAt(z=-0.5)(PFloor())
@@ -99,8 +89,11 @@ def poses(events):
 
 
 def story(number):
-    """A view with births, a death, commands, a joint and a blade."""
-    parts = {"a": TAt(z=0.5)(TPush(x=3.0 if number == 5 else 0.0)(PBox()))}
+    """A view with births, a death, commands, a growth, a loss, a joint and a blade."""
+    grown = PBox(0.1 if number < 12 else 0.2)
+    parts = {"a": TAt(z=0.5)(TPush(x=3.0 if number == 5 else 0.0)(grown))}
+    if number > 25:
+        parts["e"] = TAt(z=3)(NOTHING_LEFT + PHinge("e", "a"))
     if number < 30:
         parts["b"] = TAt(0.3, 0, 0.4)(PBall() + TAt(z=0.15)(PBall()))
     if number > 8:
@@ -110,6 +103,10 @@ def story(number):
     return parts
 
 
+NOTHING_LEFT = TPush(x=1e17)(PBox(1e-9))
+"""A body whose speed is no number after its first step."""
+
+
 def told(service, number):
     events = single(step(service, number, **story(number)))
     return [(event.receivers, dict(event.data)) for event in events]
@@ -117,7 +114,13 @@ def told(service, number):
 
 @pytest.mark.parametrize("renew", [1, 7, 300])
 def test_a_successor_in_any_frame_makes_the_same_events(renew):
-    options = {"contact": "eContact", "joint": "eJoint", "renew": renew, "substeps": 2}
+    options = {
+        "contact": "eContact",
+        "joint": "eJoint",
+        "lost": "eLost",
+        "renew": renew,
+        "substeps": 2,
+    }
     first = joined(**options)
     other = joined(**options, threads=2)
     for number in range(1, 45):
@@ -160,6 +163,9 @@ def test_agents_are_told_what_they_touch_and_when_it_begins_and_ends():
     assert touches[0].impulse > 0
     ended = [event.ends for event in touches].index(True)
     assert touches[ended].impulse == 0
+    begun, lasts = touches[0].first, [event.last for event in touches[: ended + 1]]
+    assert [event.first for event in touches[: ended + 1]] == [begun] * (ended + 1)
+    assert lasts == [*range(begun, begun + ended), begun + ended - 1]
 
 
 def test_owners_of_joints_get_their_positions_in_a_batch():
@@ -176,6 +182,52 @@ def test_owners_of_joints_get_their_positions_in_a_batch():
     assert forwards.position > 20
     assert backwards.position < -10
     assert [event.velocity for event in events] == pytest.approx([90, -45], rel=0.1)
+
+
+def test_a_body_without_a_finite_position_is_removed_until_its_agent_shows_none():
+    with pytest.raises(BodiesError, match="the body of 'a' has no finite position"):
+        step(joined(), 1, a=NOTHING_LEFT)
+    service = joined(lost="eLost")
+    parts = {"a": TAt(z=9)(NOTHING_LEFT + PHinge("a", "b")), "b": TAt(z=8)(PBox())}
+    events = step(service, 1, **parts)
+    assert [event.receivers for event in events if event.type == "eLost"] == [("a",)]
+    for number in (2, 3):
+        events = step(service, number, **parts)
+        assert [event.type for event in events] == ["ePose"]
+        assert poses(events).keys() == {"b"}
+    step(service, 4)
+    assert poses(step(service, 5, a=TAt(z=9)(PBox()))).keys() == {"a"}
+
+
+@pytest.mark.parametrize("population", [False, True])
+def test_a_solid_of_another_size_is_another_solid_where_the_body_is(population):
+    service, last = joined(), {}
+    for number in range(1, 80):
+        sizes = np.array([0.2 if number > 20 else 0.1, 0.1])
+        places = {"x": np.array([0.0, 5.0]), "z": np.array([0.1, 0.1])}
+        parts = {
+            who: TAt(places["x"][row], 0, 0.1)(PBox(sizes[row])) for row, who in enumerate("ab")
+        }
+        if population:
+            parts = {"~p": TAt(**places, who=np.array(["a", "b"]))(PBox(sizes))}
+        last |= poses(step(service, number, **parts))
+    assert [last[who][2] for who in "ab"] == pytest.approx([0.2, 0.1], abs=0.01)
+    assert service.report()["bodies"] == 2
+
+
+def test_solids_come_and_go_with_the_string():
+    service = joined(gravity=0.0)
+    step(service, 1, a=TAt(z=2)(PBox() + TAt(x=1)(PBall())))
+    engine = service._engine
+    body = engine._world.rigid_bodies[engine.bodies["a"]]
+    assert len(body.colliders) == 2
+    step(service, 2, a=TAt(z=2)(PBox() + TAt(x=2)(PBall()) + TAt(x=1)(PBall())))
+    assert len(body.colliders) == 3
+    step(service, 3, a=TAt(z=2)(TPush(x=8.0)(PBox())))
+    assert engine._world.rigid_bodies[engine.bodies["a"]].linvel.x == pytest.approx(1.0)
+    service.show(View(3, "eBodies", Scene(()), {}))
+    assert list(service.generate(tick(4))) == []
+    assert not engine._world.rigid_bodies[engine.bodies[""]].colliders
 
 
 @pytest.mark.parametrize(
