@@ -374,11 +374,11 @@ def _ground(heights: list[list[float]], cell: float) -> tuple[Any, Any]:
         raise BodiesError(f"terrain: {rows} x {columns} heights; expected 2 x 2 or more")
     row, column = np.indices(z.shape)
     points = np.column_stack((row.ravel() * cell, column.ravel() * cell, z.ravel()))
-    first: Any = np.arange(rows * columns).reshape(z.shape)
+    first = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
     a, b, c, d = first[:-1, :-1], first[1:, :-1], first[1:, 1:], first[:-1, 1:]
     below = np.stack((a, b, c), axis=-1).reshape(-1, 3)
     above = np.stack((a, c, d), axis=-1).reshape(-1, 3)
-    return points, np.concatenate((below, above)).astype(np.uint32)
+    return points, np.concatenate((below, above))
 
 
 def _along(kind: str, numbers: list[float]) -> Rigid:

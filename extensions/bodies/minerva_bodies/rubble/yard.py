@@ -7,7 +7,7 @@ Its view is its solid within both: physics reads the impulse, and a picture the 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -90,7 +90,7 @@ class Piece(Agent):
         """Away from a point, and up; `speed` (m/s) at the point, none at `reach`."""
         dx: Any = self.x - push.x
         dy: Any = self.y - push.y
-        distance = np.maximum(portable.hypot(dx, dy), 0.01)
+        distance = np.maximum(cast("Any", portable.hypot(dx, dy)), 0.01)
         impulse = self.mass * push.speed * np.maximum(0.0, 1.0 - distance / push.reach)
         self.px, self.py = impulse * dx / distance, impulse * dy / distance
         self.pz = impulse
