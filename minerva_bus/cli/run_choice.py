@@ -87,4 +87,4 @@ def _print_summary(
     elif summary.digest and not options.quiet:
         print_result("\n".join(summary.lines()))
         if record:
-            print_result(f"  record {record}")
+            print_result(f"  record: {record}")

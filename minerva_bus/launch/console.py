@@ -360,6 +360,8 @@ class RunSummary:
         for name, value in figures.items():
             text = f"{value:.2f}" if isinstance(value, float) else str(value)
             by = f" ({self.reporters[name]})" if name in self.reporters else ""
+            # A file is no figure, and in brackets a name looks like its format.
+            by = "" if isinstance(value, str) else by
             # A member in any language may report any characters.
             line = " ".join(f"{name.replace('_', ' ')}: {text}{by}".split("\n"))
             shown.append(f"  {on_screen(line)}")

@@ -49,7 +49,7 @@ def test_a_quiet_run_prints_no_summary(tmp_path, layout):
 def test_a_quiet_replay_prints_no_summary(tmp_path):
     path = write_world(tmp_path, frames=5)
     done = here(tmp_path, "run", path, "--record", "a.mcap", "--in-process")
-    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "  record a.mcap")
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "  record: a.mcap")
     done = minerva(tmp_path, "replay", "a.mcap", "--speed", "0", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
@@ -57,7 +57,7 @@ def test_a_quiet_replay_prints_no_summary(tmp_path):
 def test_a_quiet_export_to_a_file_prints_nothing(tmp_path):
     path = write_world(tmp_path, frames=5)
     done = here(tmp_path, "run", path, "--record", "a.mcap", "--in-process")
-    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "  record a.mcap")
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "  record: a.mcap")
     done = here(tmp_path, "export", "a.mcap", "--csv", "a.csv", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
