@@ -63,11 +63,26 @@ def test_south_and_west_are_negative(cable):
     assert (fix.latitude, fix.longitude) == (pytest.approx(-33.868667), -70.5)
 
 
-def test_rmc_counts_until_gga_arrives(cable):
-    report, fixes = positions(cable, rmc("115959.50"), gga(), rmc(), rmc())
-    assert [fix.time for fix in fixes] == [43199.5, 43200.0]
-    assert (fixes[0].altitude, fixes[0].accuracy) == (None, None)
-    assert report["other sentences"] == 2
+def gns(time="120000.00", mode="NANN"):
+    return said(f"GNGNS,{time},5230.0000,N,01324.0000,E,{mode},13,0.8,34.5,45.0,,")
+
+
+def gll(time="120000.00", status="A"):
+    return said(f"ECGLL,5230.0000,N,01324.0000,E,{time},{status},D")
+
+
+def test_lesser_sentences_count_until_a_better_one_arrives(cable):
+    said = gll("115958.50"), rmc("115959.50"), gll("115959.50"), gns(), rmc(), gga(), gns(), gll()
+    report, fixes = positions(cable, *said)
+    assert [fix.time for fix in fixes] == [43198.5, 43199.5, 43200.0, 43200.0]
+    assert (fixes[0].altitude, fixes[1].accuracy) == (None, None)
+    assert fixes[2] == fixes[3]
+    assert report["other sentences"] == 4
+
+
+def test_lesser_sentences_count_again_when_better_ones_stay_away(cable):
+    _, fixes = positions(cable, gga(), gns("120010.00"), gns("120011.00"), rmc("120020.00"))
+    assert [fix.time for fix in fixes] == [43200.0, 43211.0]
 
 
 @pytest.mark.parametrize(
@@ -89,6 +104,8 @@ def test_sentences_without_a_position_are_counted_by_reason(cable):
         cable,
         gga(quality=0),
         rmc(status="V"),
+        gns(mode="NN"),
+        gll(status="V"),
         gga(lat=",", lon=","),
         gga()[:-2] + "00",
         gga()[:-3],
@@ -101,7 +118,7 @@ def test_sentences_without_a_position_are_counted_by_reason(cable):
         "x" * 1000,
     )
     assert fixes == []
-    assert report["without a fix"] == 3
+    assert report["without a fix"] == 5
     assert report["checksum errors"] == 2
     assert report["other sentences"] >= 1
     assert report["garbage"] >= 4

@@ -22,6 +22,12 @@ LATE_SECONDS: Final = 3_600.0
 """Maximum seconds by which a sentence is late, or a receiver corrects its clock; an older time of
 day is that of the next day."""
 
+SENTENCES: Final = ("GGA", "GNS", "RMC", "GLL")
+"""Types of sentences with a position, the best first."""
+
+LAPSE_SECONDS: Final = 10.0
+"""Seconds by the receiver's clock without a better sentence after which a lesser type is used."""
+
 MAX_LINE_BYTES: Final = 256
 """Maximum length of a line in bytes; the standard allows 82."""
 
@@ -29,9 +35,9 @@ MAX_LINE_BYTES: Final = 256
 class Nmea(Bridge):
     """Publishes each fix of a receiver that speaks NMEA 0183 as a Position.
 
-    Fixes come from GGA sentences; from RMC sentences only until the first GGA arrives, because they
-    lack altitude and accuracy, which are then None. Times are seconds since the midnight (UTC)
-    before the first fix, by the receiver's clock.
+    Fixes come from GGA sentences, or from the best of GNS, RMC and GLL that the receiver sends; the
+    latter two lack altitude and accuracy, which are then None. Times are seconds since the midnight
+    (UTC) before the first fix, by the receiver's clock.
 
     Args:
         port: the device, such as /dev/ttyACM0, or socket://HOST:PORT.
@@ -72,7 +78,7 @@ class Nmea(Bridge):
         self, line: SerialLine, stop: threading.Event
     ) -> Iterator[tuple[str, Position] | None]:
         """Positions as sentences arrive."""
-        lines, has_gga = LineSplitter(self.count, MAX_LINE_BYTES), False
+        lines, latest = LineSplitter(self.count, MAX_LINE_BYTES), dict[str, float]()
         while not stop.is_set():
             try:
                 texts, lost = lines.feed(line.read()), None
@@ -82,8 +88,10 @@ class Nmea(Bridge):
                 fix = self._read(text)
                 if fix is None:
                     continue
-                has_gga |= fix.sentence == "GGA"
-                if has_gga and fix.sentence == "RMC":
+                latest[fix.sentence] = fix.second
+                better = SENTENCES[: SENTENCES.index(fix.sentence)]
+                ages = [abs(fix.second - latest[kind]) for kind in better if kind in latest]
+                if min(ages, default=DAY_SECONDS) <= LAPSE_SECONDS:
                     self.count("other sentences")
                 else:
                     yield self._position(fix)
@@ -159,10 +167,10 @@ class Fix:
 
 
 def read_fix(line: str) -> Fix:
-    """The fix in a GGA or RMC sentence of any talker. Raises SkippedSentence."""
+    """The fix in a sentence of one of the types SENTENCES of any talker. Raises SkippedSentence."""
     sentence = _parsed(line)
     kind = str(getattr(sentence, "sentence_type", ""))
-    if kind not in ("GGA", "RMC"):
+    if kind not in SENTENCES:
         raise SkippedSentence("other sentences")
     try:
         return _fix(kind, sentence)
@@ -187,18 +195,28 @@ def _parsed(line: str) -> Any:
 
 
 def _fix(kind: str, sentence: Any) -> Fix:
-    known = int(sentence.gps_qual or 0) > 0 if kind == "GGA" else sentence.status == "A"
-    if not known or not sentence.lat or not sentence.lon:
+    if not _is_known(kind, sentence) or not sentence.lat or not sentence.lon:
         raise SkippedSentence("without a fix")
     at = sentence.timestamp
     second = at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6
     latitude = _degrees(sentence.latitude, sentence.lat, sentence.lat_dir, "NS", 90)
     longitude = _degrees(sentence.longitude, sentence.lon, sentence.lon_dir, "EW", 180)
-    if kind == "RMC":
+    if kind in ("RMC", "GLL"):
         return Fix(kind, latitude, longitude, None, None, second)
-    above_sea, dilution = _real(sentence.altitude), _real(sentence.horizontal_dil) or None
+    above_sea = _real(sentence.altitude)
+    dilution = _real(sentence.horizontal_dil if kind == "GGA" else sentence.hdop) or None
     altitude = above_sea if above_sea is None else above_sea + (_real(sentence.geo_sep) or 0.0)
     return Fix(kind, latitude, longitude, altitude, dilution, second)
+
+
+def _is_known(kind: str, sentence: Any) -> bool:
+    """Whether the receiver knows its position. Raises ValueError."""
+    if kind == "GGA":
+        return int(sentence.gps_qual or 0) > 0
+    if kind == "GNS":
+        # A letter for each system of satellites; N: not used.
+        return bool((sentence.mode_indicator or "").strip("N"))
+    return bool(sentence.status == "A")
 
 
 def _degrees(degrees: float, text: str, hemisphere: str, known: str, most: float) -> float:
