@@ -1,0 +1,36 @@
+"""The command that plays test suites of others (tools/acceptance), with a small suite."""
+
+import json
+from functools import partial
+
+from tools.acceptance.__main__ import PAGE, SUITES, main
+from tools.acceptance.suite import LFS_POINTER, Outcome
+
+
+def play(monkeypatch, capsys, folder, *names):
+    """The exit code and the output."""
+    monkeypatch.setattr("sys.argv", ["acceptance", "--folder", str(folder), *names])
+    return main(), capsys.readouterr().out
+
+
+def test_suites_are_played_or_skipped_by_name(tmp_path, monkeypatch, capsys):
+    played = partial(play, monkeypatch, capsys, tmp_path)
+    (suite := tmp_path / "msgpack-test-suite" / "dist").mkdir(parents=True)
+    groups = {"numbers": [{"number": 1, "msgpack": ["01", "cc-01"]}, {"nil": None, "msgpack": []}]}
+    (suite / "msgpack-test-suite.json").write_text(json.dumps(groups))
+    (data := tmp_path / "mcap" / "tests" / "conformance" / "data").mkdir(parents=True)
+    (data / "pointer.mcap").write_bytes(LFS_POINTER)
+    code, output = played()
+    assert code == 1
+    assert "msgpack: 2 cases: 1 passed, 0 expected difference, 1 failed" in output
+    assert "FAILED numbers None: it is written as c0" in output
+    assert "mcap: skipped" in output
+    assert "git lfs pull" in output
+    assert played("gpsd") == (0, f"gpsd: skipped: no {tmp_path}/gpsd/test/daemon; clone"
+                                 " https://github.com/ntpsec/gpsd\n")  # fmt: skip
+
+
+def test_the_page_has_a_score_of_every_suite():
+    rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if "| [" in line]
+    assert [row.split("`")[1] for row in rows] == list(SUITES)
+    assert all(row.count("|") == 4 + len(Outcome) for row in rows)

@@ -1,0 +1,1 @@
+"""Acceptance: Minerva Bus judged by test suites that others wrote and published."""

@@ -1,0 +1,107 @@
+"""Judge Minerva Bus by suites that others wrote; nothing is fetched.
+
+    python -m tools.acceptance                  # all suites that are there
+    python -m tools.acceptance msgpack mcap     # some
+    python -m tools.acceptance --write          # all, into docs/acceptance.md
+
+Each suite is a clone of its repository in a folder, by default `acceptance` beside the project.
+A missing suite is skipped. The exit code is 1 if a case fails, 2 for a wrong argument.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from tools import blocks
+from tools.acceptance.bags import ROSBAG2
+from tools.acceptance.codec import MSGPACK
+from tools.acceptance.positions import GPSD
+from tools.acceptance.records import MCAP
+from tools.acceptance.suite import MissingSuiteError, Outcome, Score, Suite
+from tools.protocol_tables import table
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "acceptance.md"
+SUITES = {suite.name: suite for suite in (MSGPACK, MCAP, GPSD, ROSBAG2)}
+
+
+def played(names: Iterable[str], folder: Path) -> tuple[list[Score], list[str]]:
+    """Scores of these suites, and those that were skipped, each with the reason."""
+    scores: list[Score] = []
+    skipped: list[str] = []
+    for name in names:
+        suite = SUITES[name]
+        try:
+            scores.append(Score(suite, suite.results(folder)))
+        except MissingSuiteError as error:
+            skipped.append(f"{name}: skipped: {error}")
+    return scores, skipped
+
+
+def lines(score: Score) -> list[str]:
+    """A score for the terminal."""
+    counts = ", ".join(f"{score.count(outcome)} {outcome}" for outcome in Outcome)
+    return [
+        f"{score.suite.name}: {len(score.results)} cases: {counts}",
+        *(f"  {count} expected: {reason}" for reason, count in score.reasons()),
+        *(f"  FAILED {failure}" for failure in score.failures()),
+    ]
+
+
+def section(scores: Iterable[Score]) -> str:
+    """The scores as Markdown: a table, then the reasons of each suite."""
+    scores = list(scores)
+    rows = [
+        [f"`{score.suite.name}`", _source(score.suite), score.suite.judges]
+        + [str(score.count(outcome)) for outcome in Outcome]
+        for score in scores
+    ]
+    heads = ["suite", "source", "judges", "passed", "expected", "failed"]
+    parts = ["\n" + table(heads, rows)]
+    for score in scores:
+        listed = [f"- {count} expected: {reason}" for reason, count in score.reasons()]
+        listed += [f"- failed: {failure}" for failure in score.failures()]
+        if listed:
+            parts.append("\n".join([f"\n### {score.suite.name}\n", *listed, ""]))
+    return "".join(parts)
+
+
+def _source(suite: Suite) -> str:
+    return f"[{suite.repository}](https://github.com/{suite.repository}), `{suite.path}`"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.acceptance", description="judge the project by suites of others"
+    )
+    # Without `choices`, which would refuse the empty list.
+    parser.add_argument("suite", nargs="*", help=f"{', '.join(SUITES)}; default: all")
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        default=os.environ.get("MINERVA_ACCEPTANCE") or ROOT.parent / "acceptance",
+        help="folder of the clones; default: MINERVA_ACCEPTANCE, or `acceptance` beside the"
+        " project",
+    )
+    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}; needs all")
+    given = parser.parse_args()
+    if unknown := set(given.suite) - set(SUITES):
+        parser.error(f"no suite {', '.join(sorted(unknown))}; expected {', '.join(SUITES)}")
+    if given.folder.resolve().is_relative_to(ROOT):
+        parser.error(f"{given.folder} is in the project; suites of others lie outside of it")
+    scores, skipped = played(given.suite or SUITES, given.folder)
+    print("\n".join([*(line for score in scores for line in lines(score)), *skipped]))
+    if given.write:
+        if len(scores) < len(SUITES):
+            parser.error(f"{PAGE.name} needs all suites: {', '.join(SUITES)}")
+        page = PAGE.read_text(encoding="utf-8")
+        PAGE.write_text(blocks.filled(page, "scores", lambda _: section(scores)), encoding="utf-8")
+    return int(any(score.count(Outcome.FAILED) for score in scores))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
