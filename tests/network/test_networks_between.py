@@ -1,4 +1,4 @@
-"""Two networks with a router between them, as in docs/security.md, and a slow, lossy line."""
+"""Two networks with a router between them, as in the page on certificates, and a slow, lossy line."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""docs/security.md on two machines: the commands of "Quick start" and of families."""
+"""The pages on security and certificates on two machines: "Quick start" and families."""
 
 import re
 import shutil
@@ -14,13 +14,16 @@ pytest.importorskip("cryptography")
 pytestmark = needs_hosts
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+PAGES = "\n".join(
+    (ROOT / page).read_text(encoding="utf-8")
+    for page in ("docs/security.md", "extensions/certificates/certificates.md")
+)
 HERE, THERE = "lab.example", "hostA"
 
 
 def blocks(title):
     """The shell blocks of a chapter, each as its commands without comments."""
-    chapter = re.search(rf"^#+ {title}\n(.*?)^#", PAGE, re.S | re.M)[1]
+    chapter = re.search(rf"^#+ {title}\n(.*?)^#", PAGES, re.S | re.M)[1]
     texts = re.findall(r"^```sh\n(.*?)^```", re.sub(r"\s+# .*", "", chapter), re.S | re.M)
     return [text.splitlines() for text in texts]
 
@@ -80,11 +83,10 @@ def test_the_first_chapter_joins_two_machines(typist):
 
 
 def test_a_member_of_a_family_joins_by_its_own_name(typist):
-    issue, attach = blocks("Families")[0]
-    here, _ = blocks("Quick start")
-    type_all(typist, HERE, [*here[:-1], issue, here[-1]])
+    here, there = blocks("Families")
+    type_all(typist, HERE, here)
     carry(typist, "ca.pem", "hosts.pem", "hosts.key")
     typist.until(HERE, "minerva list", "foxes")
-    type_all(typist, THERE, [attach])
+    type_all(typist, THERE, there)
     typist.until(HERE, "minerva list | grep hosts-7d9f8b6c5-x2x7k", "present")
     assert typist.ends() == [0, 130], typist.logs()
