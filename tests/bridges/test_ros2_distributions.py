@@ -7,7 +7,7 @@ pytest.importorskip("rosbags")
 
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
-from minerva_services.bridges.ros2.layout import Ros2Network
+from minerva_services.bridges.ros2.layout import Attachment, Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros_messages import GarbageError
@@ -110,6 +110,22 @@ def test_the_clock_of_a_robot_may_jump():
                 eventually(arrived, f"the scan of {second} s")
                 running.published.clear()
             assert running.counted("clock steps back") == 1
+
+
+def test_messages_lost_on_the_way_are_counted_by_publisher(capsys):
+    with network() as (endpoint, hub):
+        key = Ros2Network(endpoint).key_of("scan", types.LASER_SCAN, "RIHS01_0")
+        data = messages().encode(types.LASER_SCAN, scan())
+
+        def put(number, gid):
+            hub.put(key, data, attachment=Attachment(number, 0, gid * 16).packed())
+
+        with RunningBridge(Ros2(endpoint, mount="0, 0, 0", odometry="")) as running:
+            has_come(running, lambda: put(7, b"a"))
+            for number, gid in ((8, b"a"), (3, b"b"), (11, b"a"), (4, b"b"), (10, b"a"), (6, b"b")):
+                put(number, gid)
+            running.wait_for(lambda: running.counted("lost on the way") == 3, "three are counted")
+    assert capsys.readouterr().out.count("messages of scan are lost on the way") == 1
 
 
 def drive(motors, speed):

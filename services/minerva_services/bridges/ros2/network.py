@@ -19,6 +19,7 @@ from typing import Any, Final, TypeAlias
 import zenoh
 import zenoh.ext
 
+from minerva_bus.errors import MisuseError
 from minerva_services.bridges.ros2.graph import NO_HASH, SERVER, TOKENS, Announced, RosGraph
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
@@ -110,6 +111,24 @@ class TopicPublisher:
             for publisher in self._publishers.values():
                 publisher.undeclare()
             self._publishers.clear()
+
+
+class Gaps:
+    """Counts the messages that are missing, by the numbers that each publisher gives its own."""
+
+    def __init__(self) -> None:
+        self._latest: dict[bytes, int] = {}
+
+    def before(self, attachment: zenoh.ZBytes | None) -> int:
+        """How many are missing before the message of an attachment; 0 without a number."""
+        if attachment is None:
+            return 0
+        with suppress(MisuseError):
+            about = Attachment.unpacked(attachment.to_bytes())
+            latest = self._latest.get(about.gid, about.sequence)
+            self._latest[about.gid] = max(latest, about.sequence)
+            return max(0, about.sequence - latest - 1)
+        return 0
 
 
 Answer: TypeAlias = "Callable[[bytes | None, str], None]"
@@ -243,14 +262,19 @@ class Ros2Session:
         return bool([*info.routers_zid(), *info.peers_zid()])
 
     def subscribe(
-        self, topic: str, message: str, receive: Callable[[bytes], None], *, lasting: bool = False
-    ) -> None:
+        self, topic: str, message: str, receive: Callable[[bytes], None], *,
+        lasting: bool = False, lost: Callable[[int], None] | None = None,
+    ) -> None:  # fmt: skip
         """Subscribe to a topic; Zenoh's threads deliver its payloads. `lasting` includes history.
 
-        Raises SourceError if the session is lost.
+        `lost` receives how many messages are missing before one that arrives. Raises SourceError
+        if the session is lost.
         """
+        gaps = Gaps()
 
         def on_sample(sample: zenoh.Sample) -> None:
+            if lost is not None and (missing := gaps.before(sample.attachment)):
+                lost(missing)
             receive(sample.payload.to_bytes())
 
         pattern = self.network.pattern(topic, message)

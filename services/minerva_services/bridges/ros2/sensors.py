@@ -58,6 +58,7 @@ _MAX_BYTES: Final = 64 << 20
 """Maximum of a topic's queued messages: their number and size; the oldest are dropped."""
 
 _CHECK_SECONDS: Final = 0.25
+_LOST: Final = "lost on the way"
 Make: TypeAlias = Callable[[Any], Reading]
 
 
@@ -193,8 +194,19 @@ class Ros2(Bridge):
         source = _Listening(session, self)
         for use in self.uses():
             receive = source.receiver(use.topic if use.topic in self._others else use.message)
-            session.subscribe(use.topic, use.message, receive, lasting=use.lasting)
+            # A lasting message is sent again; one with bytes may go to other keys meanwhile.
+            numbered = not use.lasting and not messages().has_bytes(use.message)
+            session.subscribe(
+                use.topic, use.message, receive,
+                lasting=use.lasting, lost=partial(self.lost, use.topic) if numbered else None,
+            )  # fmt: skip
         return source
+
+    def lost(self, topic: str, missing: int) -> None:
+        """Count messages that were sent, but did not arrive."""
+        line = f"{self.source}: messages of {topic} are lost on the way; is the link too slow?"
+        self.pass_over(_LOST, line)
+        self.count(_LOST, missing - 1)
 
     def compensator(self) -> Compensator:
         """Corrects scans for the robot's motion; counts those that it cannot correct."""
