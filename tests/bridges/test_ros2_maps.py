@@ -100,6 +100,8 @@ IMU = {
     "type": "sensor_msgs/msg/Imu", "event": "eImu", "rate": 0.001,
     "data": {"angle": "orientation", "turn": "angular_velocity.z", "at": "header.stamp"},
 }  # fmt: skip
+eSpeed = EventType("eSpeed", speed=float)
+SPEED = {"event": "eSpeed", "data": {"speed": "linear.x"}, "durability": "transient_local"}
 JOINTS = {"type": "sensor_msgs/msg/JointState", "event": "eJoints"}
 
 
@@ -136,9 +138,21 @@ def test_messages_of_any_type_are_events_at_most_at_their_rate():
     assert (other.values, other.receivers) == ((("arm", "grip"), (0.5, 0.25)), ("r1",))
 
 
+def test_the_last_message_from_before_becomes_an_event():
+    world, table = WorldInfo("w", Vocabulary.of(eSpeed), 0, 0.1), SPEED | {"type": types.TWIST}
+    with network() as (endpoint, _):
+        session = Ros2Session(Ros2Network(endpoint), "robot")
+        session.publisher("limit", types.TWIST, lasting=True).put(messages().twist(0.5, 0.0))
+        with RunningBridge(Ros2(endpoint, events={"limit": table}), world) as running:
+            running.wait_for(lambda: running.emitted, "the event")
+        session.close()
+    assert running.emitted[0].values == (0.5,)
+
+
 @pytest.mark.parametrize(
     ("table", "why"),
     [
+        (JOINTS | {"durability": "transient"}, "durability is 'transient'"),
         (JOINTS | {"type": "sensor_msgs/msg/JointStat"}, "did you mean 'sensor_msgs/msg/JointState'"),
         (JOINTS | {"data": {"position": "positions"}}, "it has no positions"),
         (JOINTS | {"rate": 0}, "rate is 0"),

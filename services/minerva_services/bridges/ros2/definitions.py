@@ -253,7 +253,9 @@ def _plain(value: Any) -> Any:
 
 _TOPIC_KEYS: Final[Mapping[str, Any]] = {
     "type": str, "definition": str, "event": str, "data": Mapping, "rate": int | float,
+    "durability": str,
 }  # fmt: skip
+_DURABILITIES: Final = ("volatile", "transient_local")
 _RATE: Final = 10.0
 
 
@@ -271,6 +273,13 @@ class MessageTopic:
         rate = check_positive(f"{self._where}: rate", table.get("rate", _RATE))
         self._seconds, self._due = 1.0 / rate, 0.0
         self._events: MessageEvents | None = None
+        durability = table.get("durability", "volatile")
+        if durability not in _DURABILITIES:
+            hint = nearest(
+                durability, list(_DURABILITIES), f"expected {' or '.join(_DURABILITIES)}"
+            )
+            raise MisuseError(f"ros2: {self._where}: durability is {durability!r}{hint}")
+        self.lasting = durability == "transient_local"
 
     def check(self, service: str, world: WorldInfo) -> None:
         """Raise MisuseError if the type of its messages or of its events does not fit."""

@@ -149,7 +149,10 @@ class Ros2(Bridge):
         if map:
             self._uses.append(TopicUse("map", map, GRID, lasting=True))
         self._others = {name: MessageTopic(name, table) for name, table in (events or {}).items()}
-        self._uses += [TopicUse("events", name, each.kind) for name, each in self._others.items()]
+        self._uses += [
+            TopicUse("events", name, each.kind, lasting=each.lasting)
+            for name, each in self._others.items()
+        ]
         # Invalid names must fail here, not in the thread that connects.
         for use in self._uses:
             self.network.name(use.topic)
