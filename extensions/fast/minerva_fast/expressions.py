@@ -401,9 +401,9 @@ class Expressions:
         return value
 
     def as_real(self, value: Value) -> Value:
-        """A number as Python converts it to a real."""
+        """A number as Python converts it to a real; a MIXED one is held as that already."""
         if value.kind is not ValueKind.INT:
-            return value
+            return replace(value, kind=ValueKind.REAL)
         if value.constant is not None:
             return constant(ValueKind.REAL, float(value.constant))
         return Value(ValueKind.REAL, f"float64({value.text})", simple=value.simple)

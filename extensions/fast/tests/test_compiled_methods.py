@@ -416,6 +416,9 @@ def test_an_int_in_a_real_attribute_stays_an_int_until_the_end_of_the_frame():
             for _ in range(day.count):
                 total += self.x * -1.0
             self.y = max(0, total) + self.x / 2
+            # A datum is a real, whatever the number was: both events have one form.
+            moment.emit(eCall(total, "a", receivers=[self.id]))
+            moment.emit(eCall(self.y, "b", receivers=[self.id]))
 
     same(Zero, many(Zero, 40), [[day(), day(wet=False)], [day(wet=False, count=0)]])
 
