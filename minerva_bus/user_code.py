@@ -38,12 +38,8 @@ LINE_LENGTH: Final = 300
 # With a separator at the end, so that a folder with a longer name does not match.
 _FRAMEWORK: Final = str(Path(__file__).parent) + os.sep
 _LIBRARIES: Final = tuple(
-    {
-        path + os.sep
-        for name in ("stdlib", "platstdlib", "purelib", "platlib")
-        if (path := sysconfig.get_path(name))
-    }
-    | {str(Path(os.__file__).parent) + os.sep}
+    str(folder) + os.sep
+    for folder in {*map(sysconfig.get_path, ("stdlib", "platstdlib")), Path(os.__file__).parent}
 )
 
 # Installed, the project's extensions are in a folder of libraries.
@@ -179,14 +175,19 @@ def innermost(frames: Sequence[SourceLine]) -> SourceLine | None:
 
 def is_foreign(file: str) -> bool:
     """Whether a source file belongs to the framework or a library, or is not a file."""
-    return file.startswith((_FRAMEWORK, "<frozen", *_LIBRARIES, *_EXTENSIONS))
+    outside = (_FRAMEWORK, "<frozen", *_LIBRARIES, *_EXTENSIONS)
+    return _is_installed(file) or file.startswith(outside)
 
 
 def _is_standard(file: str) -> bool:
     """Whether a file belongs to the standard library."""
-    return file.startswith("<frozen") or (
-        file.startswith(_LIBRARIES) and "-packages" + os.sep not in file
-    )
+    own = file.startswith(_LIBRARIES) and not _is_installed(file)
+    return own or file.startswith("<frozen")
+
+
+def _is_installed(file: str) -> bool:
+    """Whether a file is of a package in any Python: the user's, or that of another environment."""
+    return any(f"{os.sep}{kind}-packages{os.sep}" in file for kind in ("site", "dist"))
 
 
 def _package(frame: FrameType) -> str:

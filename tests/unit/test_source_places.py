@@ -61,6 +61,15 @@ def test_a_package_is_the_place_of_a_stack_only_if_the_stack_is_complete():
     assert blocked_at(written(package, launcher, __file__), launcher).file == package
 
 
+@pytest.mark.parametrize("folder", ["/home/ann/.local/lib/python3.9/site", "/usr/lib/python3/dist"])
+def test_a_library_that_another_python_has_is_not_the_place_of_a_stack(folder):
+    library = SourceLine(f"{folder}-packages/numba/compiler.py", 1, "compiles")
+    assert innermost([library, SourceLine(__file__, 20, "shrinks")]).file == __file__
+    assert innermost([library]) == library
+    own = SourceLine("/home/ann/ros-packages/world.py", 1, "moves")
+    assert innermost([library, own]) == own
+
+
 # --- code without a file: cells, `python -c`, `exec` ---
 
 SNAIL = """
