@@ -126,6 +126,7 @@ class DataActions(Acting):
         self._names = [field.name for field in self._fields]
         types = [field.type for field in self._fields]
         self._choices = [choices_of(type_) for type_ in types]
+        self._tables = [np.array(choices) for choices in self._choices]
         self.space: AnySpace = self._joined(types)
 
     def _joined(self, types: Sequence[Type]) -> AnySpace:
@@ -140,12 +141,14 @@ class DataActions(Acting):
         )
 
     def events(self, agents: Ids, actions: Rows) -> list[AnyEvent]:
-        """The events of actions in a batch, made from columns if all data are reals."""
-        if isinstance(self.space, spaces.Box) and len(agents):
+        """The events of actions in a batch, made from columns unless actions are dictionaries."""
+        if not isinstance(self.space, spaces.Dict) and len(agents):
             # What does not fit is an error of one agent, which the single events below name.
             with suppress(ValueError, TypeError, MisuseError):
-                rows = np.array(actions, np.float64).reshape(len(agents), len(self._fields))
-                data: dict[str, Any] = dict(zip(self._names, rows.T, strict=True))
+                kind = np.float64 if isinstance(self.space, spaces.Box) else None
+                rows = np.array(actions, kind).reshape(len(agents), len(self._fields))
+                columns = map(_column_of, self._tables, rows.T)
+                data: dict[str, Any] = dict(zip(self._names, columns, strict=True))
                 return [self._type(**data, receivers=agents)]
         return super().events(agents, actions)
 
@@ -228,6 +231,15 @@ def _number(part: Any) -> Any:
     """A number of numpy, or an array with one number, as a Python object."""
     item = getattr(part, "item", None)
     return item() if callable(item) and np.size(part) == 1 else part
+
+
+def _column_of(choices: NDArray[Any], parts: NDArray[Any]) -> NDArray[Any]:
+    """The column of a datum from a part of each action. Raises ValueError if one is no choice."""
+    if not len(choices):
+        return parts
+    if parts.dtype.kind not in "iu" or parts.min() < 0 or parts.max() >= len(choices):
+        raise ValueError(f"expected numbers from 0 to {len(choices) - 1}")
+    return choices[parts]
 
 
 def _index_value(choices: Sequence[Any], part: Any, agent: str) -> Any:

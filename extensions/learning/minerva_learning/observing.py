@@ -121,6 +121,7 @@ class VectorObserving:
             limit = (0.0, 1.0) if inner.words or inner.kind == "bool" else (-np.inf, np.inf)
             limits += [limit] * _width(name, type_, states)
             self._columns.append((name, type_, slice(begin, len(limits))))
+        self._words = {name: np.array(type_.words) for name, type_ in types.items() if type_.words}
         low, high = np.array(limits).reshape(-1, 2).T
         self.space: AnySpace = spaces.Box(low, high, dtype=np.float64)
 
@@ -129,8 +130,11 @@ class VectorObserving:
         rows = np.empty((len(states.ids), *(self.space.shape or ())))
         for name, type_, at in self._columns:
             if type_.item is None:
-                column = states.column(name)[:, None]
-                rows[:, at] = column == np.array(type_.words) if type_.words else column
+                column = states.column(name)
+                if type_.words:
+                    rows[:, at] = column[:, None] == self._words[name]
+                else:
+                    rows[:, at.start] = column
                 continue
             for row, values in enumerate(states.values(name)):
                 flat = _flat(values, type_.item)

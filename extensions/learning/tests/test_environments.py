@@ -24,6 +24,7 @@ from pettingzoo.utils import parallel_to_aec
 from rl_pond import Fish, eEat, ePick, eSwim, pond
 
 from minerva_bus import MinervaError, World, run
+from minerva_bus.grammar.events import single
 from minerva_bus.grammar.ids import Ids
 from minerva_learning import parallel_env, single_env
 from minerva_worlds.flock.flock import eTurn
@@ -196,8 +197,14 @@ def test_agents_are_born_and_die():
 def test_spaces_of_actions_follow_from_the_vocabulary(act, space, action, data):
     env = parallel_env(pond, Fish, act)
     assert env.action_space("a") == space
-    event = env._episode.task.acting.event("a", action)
+    acting = env._episode.task.acting
+    event = acting.event("a", action)
     assert event is None if data is None else (event.values, event.receivers) == (data, ("a",))
+    both = [
+        (each.values, each.receivers)
+        for each in single(acting.events(Ids.of(["c", "a"]), [action, action]))
+    ]
+    assert both == ([] if data is None else [(data, ("c",)), (data, ("a",))])
 
 
 def test_spaces_of_observations_follow_from_the_vocabulary():
