@@ -66,7 +66,7 @@ def section(scores: Iterable[Score]) -> str:
         listed = [f"- {count} expected: {reason}" for reason, count in score.reasons()]
         listed += [f"- failed: {failure}" for failure in score.failures()]
         if listed:
-            parts.append("\n".join([f"\n### {score.suite.name}\n", *listed, ""]))
+            parts.append("\n".join([f"\n## {score.suite.name}\n", *listed, ""]))
     return "".join(parts)
 
 
