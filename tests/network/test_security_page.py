@@ -11,6 +11,7 @@ from hosts import Network, needs_hosts
 from typist import Typist
 
 pytest.importorskip("cryptography")
+pytest.importorskip("minerva_certificates")
 pytestmark = needs_hosts
 
 ROOT = Path(__file__).parents[2]
