@@ -1,7 +1,7 @@
 """Table 2 as a pure state machine with its members: no clock, socket or thread.
 
-all steps in their order,
-members come and go          frame/algorithm.py
+all steps in their order     frame/algorithm.py
+members come and go          frame/member_lifecycle.py
 steps 2 to 4, events         frame/collection.py
 steps 5, 6, 8, evolution     frame/evolution_step.py
 step 7, views                frame/view_streams.py

@@ -1,7 +1,8 @@
 """Steps 2 to 4 of Table 2: requests to generators, and the events of a frame.
 
 `FrameInbox` has the events that wait for the next frame, `SenderRights` the agents in whose name a
-generator may send events, `OrderRules` the events that people and guests may send.
+generator may send events, `OrderRules` the events that people and guests may send. Their order,
+E(C*, t) of equation 6, is `collect` in world/event_order.py.
 
 `EventWork` weighs events by the work that they cause at hosts. A message that costs its sender and
 the coordinator little may cost the hosts much: an event without receivers goes to every agent of

@@ -65,7 +65,7 @@ def sizes(paths):
 
 @pytest.mark.parametrize(
     ("folders", "limit"),
-    [((".",), 32_620), (CORE, 14_500)],
+    [((".",), 32_640), (CORE, 14_520)],
     ids=["kernel", "pure core"],
 )
 def test_lines_of_code(folders, limit):
@@ -75,7 +75,7 @@ def test_lines_of_code(folders, limit):
 
 def test_modules():
     paths = modules(".")
-    assert len(paths) <= 152, Counter(path.parent.name for path in paths).most_common()
+    assert len(paths) <= 153, Counter(path.parent.name for path in paths).most_common()
 
 
 def test_keys_of_a_hello():
