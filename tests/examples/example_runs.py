@@ -18,8 +18,17 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "worlds" / "minerva_worlds"
 class Run:
     """A complete in-process run of a world file: strings, digests and events by frame."""
 
-    def __init__(self, world: Path, frames: int = 0, *settings: str, **options: str) -> None:
-        overrides = Overrides(frames=frames or None, settings=settings, options=options)
+    def __init__(
+        self,
+        world: Path,
+        frames: int = 0,
+        *settings: str,
+        compiled: bool | None = None,
+        **options: str,
+    ) -> None:
+        overrides = Overrides(
+            frames=frames or None, settings=settings, options=options, compiled=compiled
+        )
         file = read_world_file(world, overrides)
         self.scenes: list[Scene] = []
         self.digests: list[str] = []
