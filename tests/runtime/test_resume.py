@@ -132,4 +132,4 @@ def test_a_world_file_that_has_moved_is_asked_for(tmp_path):
 def test_to_run_nothing_is_to_ask_what(tmp_path):
     done = here(tmp_path, "run", "--in-process")
     assert done.returncode == 2
-    assert "no world; name a world file" in " ".join(done.stderr.split())
+    assert "no world: name one" in " ".join(done.stderr.split())

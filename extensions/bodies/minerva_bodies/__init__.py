@@ -4,21 +4,31 @@ A world's vocabulary declares solids and motions by the forms here; the service 
 string a meaning in Rapier's space, as `physics` does in the plane.
 """
 
-from minerva_bodies.forms import (
-    Ball,
-    Box,
-    Capsule,
-    Command,
-    Cone,
-    Cylinder,
-    Joint,
-    Matter,
-    Mesh,
-    Terrain,
-    euler,
-    quaternion,
-)
-from minerva_bodies.rigid import Rigid
+from minerva_bus.public_names import imported_at_first_use
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from minerva_bodies.forms import (
+        Ball,
+        Box,
+        Capsule,
+        Command,
+        Cone,
+        Cylinder,
+        Joint,
+        Matter,
+        Mesh,
+        Terrain,
+        euler,
+        quaternion,
+    )
+    from minerva_bodies.rigid import Rigid
+
+_HOMES = {
+    "forms": "Ball Box Capsule Command Cone Cylinder Joint Matter Mesh Terrain euler quaternion",
+    "rigid": "Rigid",
+}
+__getattr__ = imported_at_first_use(__name__, _HOMES)
 
 __all__ = [
     "Ball",
