@@ -95,8 +95,7 @@ def test_a_robot_drives_to_a_goal_and_its_agent_is_told():
         drive.robot.drive(10.0)
         assert drive.ends(1) == [(1, "reached")]
         drive.show((1, 2.0, 1.0))
-        drive.show((2, 2.0, 1.0))  # the same place again
-        drive.drives(2)
+        drive.show((2, 2.0, 1.0))  # the same place again: it is there before it tells how far it is
         assert drive.ends(2)[1] == (2, "reached")
     first = drive.running.emitted[0]
     assert first.receivers == ("r1",)
