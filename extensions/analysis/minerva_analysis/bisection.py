@@ -22,6 +22,7 @@ from minerva_analysis.causes import person_behind, sources_of
 from minerva_analysis.comparing import Difference, compare, same_events
 from minerva_analysis.first_cause import CauseAnswer, CauseQuestion, SourceFunction
 from minerva_analysis.past_frames import PastFrame, past_frames
+from minerva_analysis.replays import no_progress
 from minerva_analysis.swapping import run_again
 from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldStopped
@@ -123,13 +124,9 @@ def bisect(
         return _parting(first, path_of("b", b), ("A", "B"), world_a, world_b)
     with TemporaryDirectory(prefix="minerva-") as folder:
         again = Path(folder) / "again.mcap"
-        run_again(first, world_b or world_a, str(again), progress or _no_progress)
+        run_again(first, world_b or world_a, str(again), progress or no_progress)
         sides = ("the record", "today's code")
         return _parting(first, again, sides, world_a, world_b or world_a)
-
-
-def _no_progress(done: int, total: int) -> None:
-    """Show nothing."""
 
 
 def _parting(a: Path, b: Path, sides: tuple[str, str], world_a: str, world_b: str) -> Parting:

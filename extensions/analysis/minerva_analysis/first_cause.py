@@ -99,14 +99,15 @@ def answered(question: CauseQuestion) -> CauseAnswer:
             return _generated(question, file)
         # The events that agents sent in a frame are part of the state after it.
         past = {each.frame.number: each for each in past_frames(record, frame - BEFORE, frame + 2)}
-        causes = Causes(record.description.world, kinds_in(file), past)
+        kinds = kinds_in(file)
+        causes = Causes(record.description.world, kinds, past)
     calls = causes.calls(question.agent, frame)
     names = [question.agent, *(call.caller.id for call in calls)]
     both = [
         agent_in(scene, name) for name in names for scene in (past[frame].before, past[frame].after)
     ]
-    kinds = {node.symbol for node in both if node is not None}
-    functions = _functions([cls for symbol, cls in kinds_in(file).items() if symbol in kinds])
+    symbols = {node.symbol for node in both if node is not None}
+    functions = _functions([cls for symbol, cls in kinds.items() if symbol in symbols])
     steps = _sent if question.sent else _changed
     return replace(steps(question, causes, past, calls), functions=functions)
 

@@ -2,7 +2,7 @@
 
 Its state after a number of steps depends on the plain data and the commands alone. `Engine.kept`
 has the data from which `continue_from` makes a space that continues. Contacts are found again
-there, so a space that shall remain equal to its successor's is made again from the same data.
+there, so a space that must remain equal to its successor's is made again from the same data.
 """
 
 from __future__ import annotations
