@@ -170,8 +170,15 @@ def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, browsers):
         page.keyboard.press("ArrowUp")
         run.event("eSpeed")
         follow_an_order(page)
-        page.keyboard.press("Space")
+        # A hidden button keeps the focus until the page is drawn again.
+        page.evaluate(
+            "const close = document.querySelector('#inspector .close'); close.focus(); close.click();"
+            "close.dispatchEvent(new KeyboardEvent('keydown', {key: ' ', bubbles: true}));"
+        )
         eventually(lambda: run.client.operator.status().paused, "it is not paused")
+        page.get_by_text("paused", exact=True).wait_for()
+        page.keyboard.press("Space")
+        eventually(lambda: not run.client.operator.status().paused, "it is paused")
 
 
 def follow_an_order(page):
@@ -199,8 +206,6 @@ def follow_an_order(page):
     past = int(page.get_attribute("body", "data-frame"))
     page.locator("#live").click()
     shown(page, past + 21)
-    inspector.get_by_title("Close").click()
-    inspector.wait_for(state="hidden")
 
 
 def test_interrupting_the_world_ends_its_pages(garden, browsers):

@@ -76,9 +76,9 @@ def _is_place(declared: EventType) -> bool:
 class People:
     """The links to pages over which their users take part: text messages in JSON.
 
-    A page sends `{order, data, to}`, `{slide, steps, to}`, `{pause}`, `{step}`, `{seek}`, `{name}`,
-    `{state}` and `{explain}`, and receives `{welcome}`, `{status}`, `{orders}`, `{you}`, `{state}`,
-    `{explained}`, `{note}`, `{error}` and `{ended}`.
+    A page sends `{order, data, to}`, `{slide, steps, to}`, `{toggle}`, `{step}`, `{seek}`,
+    `{name}`, `{state}` and `{explain}`, and receives `{welcome}`, `{status}`, `{orders}`, `{you}`,
+    `{state}`, `{explained}`, `{note}`, `{error}` and `{ended}`.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class People:
         self._numbers = SentNumbers()
         self._pages: set[ServerConnection] = set()
         self._status: dict[str, Any] = {
-            "types": {}, "paused": False, "report": "", "taken": [], "end": 0, "people": []
+            "types": {}, "report": "", "taken": [], "end": 0, "people": []
         }  # fmt: skip
 
     # --- pages ---
@@ -184,7 +184,6 @@ class People:
         self._reports.update(status)
         now = {
             "types": sent_types(self._world.vocabulary, status.orders, self._options),
-            "paused": status.paused,
             "report": self._reports.text,
             "taken": self._names.taken,
             "end": status.end,
@@ -227,9 +226,13 @@ class People:
                     declared, steps, like, receivers, self._world.vocabulary, self._numbers
                 )
                 return change.do(operator)
-            case {"pause": bool(pause)}:
-                operator.pause() if pause else operator.resume()
-                return "paused" if pause else ""
+            case {"toggle": "pause"}:
+                # Decided here: a page learns only later that somebody has paused the world.
+                if operator.status().paused:
+                    operator.resume()
+                    return ""
+                operator.pause()
+                return "paused"
             case {"seek": int(frame)}:
                 operator.seek(frame)
                 return ""

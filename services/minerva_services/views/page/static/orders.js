@@ -8,7 +8,7 @@ const ZOOM = 1.0015;
 /**
  * Turns gestures on the scene into orders.
  *
- * `send(message)` gets `{order, data, to}`, `{slide, steps, to}`, `{pause}` or `{step}`; `select(agent)`
+ * `send(message)` gets `{order, data, to}`, `{slide, steps, to}`, `{toggle}` or `{step}`; `select(agent)`
  * the agent that a person selects, or "".
  */
 export class Orders {
@@ -19,7 +19,6 @@ export class Orders {
   #types = {};
   #offered = "";
   #buttons = [];
-  #isPaused = false;
 
   constructor(scene, panel, send, select) {
     this.#scene = scene;
@@ -30,9 +29,8 @@ export class Orders {
     document.addEventListener("keydown", (event) => this.#key(event));
   }
 
-  /** Takes the state of the world: the event types that people may send, and whether it is paused. */
-  update({ types, paused }) {
-    this.#isPaused = paused;
+  /** Takes the state of the world: the event types that people may send. */
+  update({ types }) {
     this.#types = types;
     const offered = JSON.stringify(types);
     if (offered === this.#offered) return;
@@ -102,9 +100,10 @@ export class Orders {
     // A held key goes on changing a number; it neither pauses nor steps again.
     if (repeat && !["ArrowUp", "+", "ArrowDown", "-"].includes(key)) return;
     if (ctrlKey || metaKey || altKey || target instanceof HTMLInputElement) return;
-    if (target instanceof HTMLButtonElement && key !== "Escape") return;
+    // A button that has just been hidden keeps the focus until the page is drawn again.
+    if (target instanceof HTMLButtonElement && target.checkVisibility() && key !== "Escape") return;
     const acts = {
-      " ": () => this.#send({ pause: !this.#isPaused }),
+      " ": () => this.#send({ toggle: "pause" }),
       n: () => this.#send({ step: 1 }),
       ".": () => this.#send({ step: 1 }),
       ArrowUp: () => this.#types.slide && this.#slide(1),
