@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.participants import MemberProcess

@@ -25,7 +25,7 @@ from benchmarks.comparison.stepping import eStep, members_of, world_of
 from minerva_bus import Agent, Event, Generator, Tick, Vocabulary, on
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.world.event_order import Priority

@@ -17,7 +17,7 @@ import zenoh
 from benchmarks.forked import coordinator, forked
 from benchmarks.large_message_cases import STRING, VOCABULARY, Case, Fox, Steps, hello
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.receiver import Receiver

@@ -41,7 +41,7 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.runtime.session import open_client, open_hub

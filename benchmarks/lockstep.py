@@ -26,7 +26,7 @@ from benchmarks.command import PEERS_FOLDER, PLOT, Table, options
 from benchmarks.forked import Members, answered, coordinator, task
 from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 
 WARM_UP = 100

@@ -38,7 +38,7 @@ from benchmarks.plot import Line, plotted
 from minerva_bus import Scene
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import size
 from minerva_bus.runtime.runner import InProcessRunner

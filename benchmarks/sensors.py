@@ -27,7 +27,7 @@ from benchmarks.command import options
 from benchmarks.forked import Members, coordinator
 from minerva_bus import Agent, Context, Event, EventType, Generator, Metres, Tick, Vocabulary, on
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.types import Degrees
 from minerva_bus.world.readings import Image, Scan

@@ -18,9 +18,9 @@
     ├── RecordError              a record cannot be written or read
     ├── RecordingError           a sensor recording cannot be read               log.recordings
     ├── ProtocolError            a member sent what the protocol does not allow
-    ├── Refusal                  the world does not admit this member            frame.member
-    │   ├── Unready              the member's service cannot run in this world   frame.member
-    │   └── WorldRestarted       the world has restarted: join again             frame.member
+    ├── Refusal                  the world does not admit this member            frame.member_side
+    │   ├── Unready              the member's service cannot run in this world   frame.member_side
+    │   └── WorldRestarted       the world has restarted: join again             frame.member_side
     ├── BusError                 a session, an endpoint or a world cannot be reached
     │   └── Followed             another coordinator runs the world now
     ├── KeysError                a key or a certificate is missing or does not fit

@@ -23,7 +23,7 @@ from typing import Any, Final, TypeAlias
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
-from minerva_bus.frame.member import Member, Outgoing, Refusal
+from minerva_bus.frame.member_side import Member, Outgoing, Refusal
 from minerva_bus.frame.stimuli import FrameInputs
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import AnyEvent, single

@@ -8,7 +8,7 @@ from typing import Any, cast
 from minerva_bus import Event, EventType, Generator, Tick, Vocabulary
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.runtime.runner import InProcessRunner

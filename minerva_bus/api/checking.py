@@ -10,7 +10,7 @@ from typing import Any, Final
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldFileError
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -14,7 +14,7 @@ from minerva_bus.cli.options import JoinOptions
 from minerva_bus.cli.output import FAILED, Done, print_message, print_report
 from minerva_bus.cli.places import identity, place
 from minerva_bus.errors import KeysError, MisuseError, UnknownOption, WorldFileError, nearest
-from minerva_bus.frame.member import Member, WorldRestarted
+from minerva_bus.frame.member_side import Member, WorldRestarted
 from minerva_bus.launch.child_processes import end_signals
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.process_specs import ProcessSpec, compile_agents

@@ -133,7 +133,7 @@ def _echo_view(
     import os
 
     from minerva_bus.cli.attaching import leave_on_signals
-    from minerva_bus.frame.member import Member
+    from minerva_bus.frame.member_side import Member
     from minerva_bus.runtime.participants import MemberProcess
     from minerva_bus.world.services import Device, View
 

@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import (
+from minerva_bus.frame.collection_step import (
     EVENTS,
     CollectionStep,
     EventWork,
@@ -29,7 +29,7 @@ from minerva_bus.frame.collection import (
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import EvolutionStep
 from minerva_bus.frame.member_lifecycle import MemberAnswers, MemberLifecycle, Shutdown
-from minerva_bus.frame.members import (
+from minerva_bus.frame.member_table import (
     MemberChange,
     Members,
 )

@@ -12,8 +12,8 @@ from typing import Final, Protocol
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import OrderRules
-from minerva_bus.frame.members import (
+from minerva_bus.frame.collection_step import OrderRules
+from minerva_bus.frame.member_table import (
     MemberChange,
     MemberEntry,
     Members,

@@ -8,7 +8,7 @@ declaration; marks beside a type restrict a field or determine where its value i
 `minerva_bus.wire` compiles encoders, decoders and the tables of PROTOCOL.md from this.
 
 To add a message: declare it here, add it to `FromMember` or `ToMember`, and handle it in
-`frame/algorithm.py` or `frame/member.py`. To add a field to `Hello`: declare it, `OPTIONAL`.
+`frame/algorithm.py` or `frame/member_side.py`. To add a field to `Hello`: declare it, `OPTIONAL`.
 `python -m tools.protocol_tables --write` updates PROTOCOL.md.
 """
 

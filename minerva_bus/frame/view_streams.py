@@ -9,7 +9,7 @@ from typing import Final
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.members import Members
+from minerva_bus.frame.member_table import Members
 from minerva_bus.frame.messages import Changes, Parts, ViewShown
 from minerva_bus.frame.stimuli import Instructions, plain_form
 from minerva_bus.frame.world_state import FrameInFlight, WorldSpec

@@ -15,7 +15,7 @@ from typing import Final, Protocol
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
-from minerva_bus.frame.members import Members
+from minerva_bus.frame.member_table import Members
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.frame.placement import PlacementRules
 from minerva_bus.frame.stimuli import DROPPED, Checkpoint, FrameInputs, OrdersBySource

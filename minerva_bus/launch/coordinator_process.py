@@ -17,7 +17,7 @@ from minerva_bus.errors import BusError, Followed, KeysError, WorldFileError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART, Fragment
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.placement import kinds_of
 from minerva_bus.grammar.scene import Scene

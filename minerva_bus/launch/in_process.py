@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.errors import MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import ORDERS
-from minerva_bus.frame.member import Member, Unready
+from minerva_bus.frame.collection_step import ORDERS
+from minerva_bus.frame.member_side import Member, Unready
 from minerva_bus.frame.norm_rejections import NORMS
 from minerva_bus.frame.world_state import Phase
 from minerva_bus.grammar.events import AnyEvent

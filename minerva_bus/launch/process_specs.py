@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, WorldFileError, nearest
-from minerva_bus.frame.member import Member
-from minerva_bus.frame.members import incompatibility
+from minerva_bus.frame.member_side import Member
+from minerva_bus.frame.member_table import incompatibility
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.columns import MANY
 from minerva_bus.grammar.scene import Scene, kind_counts

@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import check_output, write_output
-from minerva_bus.frame.member import Unready
+from minerva_bus.frame.member_side import Unready
 from minerva_bus.launch import child_processes, machine_resources
 from minerva_bus.launch.child_processes import (
     CLOSED,

@@ -13,7 +13,7 @@ from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import text_of_path
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.members import MemberIndex
+from minerva_bus.frame.member_table import MemberIndex
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.world_state import StateToRecord
 from minerva_bus.launch.past import Resumed, differing

@@ -31,8 +31,8 @@ from minerva_bus.errors import (
     WorldFileError,
     nearest,
 )
-from minerva_bus.frame.collection import ID
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.collection_step import ID
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.placement import PlacementRules, Rule
 from minerva_bus.frame.stimuli import source_of
 from minerva_bus.frame.world_state import WorldSpec

@@ -16,7 +16,7 @@ from minerva_bus.errors import Followed
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
-from minerva_bus.frame.members import MemberState
+from minerva_bus.frame.member_table import MemberState
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.admission import Admission, Linked, ListenConfig
 from minerva_bus.runtime.metrics import Status

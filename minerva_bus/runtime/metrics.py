@@ -17,7 +17,7 @@ from typing import Any, Final, ParamSpec, TypeVar
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import ORDERS
+from minerva_bus.frame.collection_step import ORDERS
 from minerva_bus.frame.world_state import Phase, WorldProgress
 from minerva_bus.grammar.events import AnyEvent, Event, Events, single
 from minerva_bus.grammar.printer import same_values

@@ -18,7 +18,7 @@ import zenoh
 
 from minerva_bus.errors import BusError, MinervaError, UserCodeError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Member, Refusal
+from minerva_bus.frame.member_side import Member, Refusal
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.runtime.endpoints import not_let_in
 from minerva_bus.runtime.joining import (

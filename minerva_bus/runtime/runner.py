@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.runtime.pace import Overruns
 
 # --- freed memory, which a process keeps for its next frame ---

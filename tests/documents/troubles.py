@@ -28,7 +28,7 @@ from minerva_bus.cli.main import app
 from minerva_bus.errors import BusError, MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.run_outputs import find_past
 from minerva_bus.launch.world_files import read_world_file

@@ -22,7 +22,7 @@ from minerva_bus import (
     Vocabulary,
     WorldInfo,
 )
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.specs import find_service
 from minerva_bus.launch.world_files import read_world_file

@@ -4,7 +4,7 @@ import pytest
 
 from minerva_bus import Agent, EventType, Vocabulary, on
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.wire.codec import Decoder, encode
 

@@ -4,7 +4,7 @@ import pytest
 
 from minerva_bus import Device
 from minerva_bus.errors import UserCodeError
-from minerva_bus.frame.member import figures_by
+from minerva_bus.frame.member_side import figures_by
 from minerva_bus.launch.console import RunSummary
 
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from minerva_bus import EMPTY, Scene
-from minerva_bus.frame import members as member_states
+from minerva_bus.frame import member_table as member_states
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import claim
-from minerva_bus.frame.members import (
+from minerva_bus.frame.member_table import (
     MAX_DEPARTED,
     TRANSITIONS,
     MemberChange,

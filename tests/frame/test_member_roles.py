@@ -1,6 +1,6 @@
 """Queries over members: machines, columns, makers and takers of events, people, rates of views."""
 
-from minerva_bus.frame.members import MemberChange, Members
+from minerva_bus.frame.member_table import MemberChange, Members
 from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.world.services import When
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from minerva_bus import Agent, EventType, Vocabulary, evolve, on
 from minerva_bus.errors import VocabularyError
-from minerva_bus.frame.member import Host
+from minerva_bus.frame.member_side import Host
 from minerva_bus.frame.messages import EvolveRequest, Fragments
 from minerva_bus.grammar.condition import holds, holds_of_many, parse_condition
 from minerva_bus.wire.strings_codec import Reader, plain_event

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from minerva_bus import EMPTY, Agent, EventType, Frame, Vocabulary, evolve, on
 from minerva_bus.errors import MisuseError, ProtocolError
-from minerva_bus.frame.members import incompatibility
+from minerva_bus.frame.member_table import incompatibility
 from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene

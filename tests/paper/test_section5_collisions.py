@@ -35,7 +35,7 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import single

@@ -30,7 +30,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.messages import EvolveRequest
 from minerva_bus.frame.stimuli import Begin, Ended, FrameDone
 from minerva_bus.frame.world_state import WorldSpec

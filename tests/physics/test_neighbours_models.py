@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.models import flock, schelling
 from minerva_bus import Agent, Scene
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.world_settings import Overrides

@@ -9,7 +9,7 @@ from running import World, eventually, write_world
 
 from minerva_bus import Generator
 from minerva_bus.errors import MisuseError
-from minerva_bus.frame.member import MAX_READINGS, Member, ReadingBuffer
+from minerva_bus.frame.member_side import MAX_READINGS, Member, ReadingBuffer
 from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.in_process import MAX_WAITING, WaitingOutput
 from minerva_bus.runtime.participants import Outlet, OwnThreads

@@ -28,7 +28,7 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.stimuli import Abandoned
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import walk

@@ -31,7 +31,7 @@ from pond import (
 )
 
 from minerva_bus import Scene
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.stimuli import Abandoned
 from tests.memory_bus import MemoryBus
 from tests.one_process import run_world

@@ -8,7 +8,7 @@ from pond import VOCABULARY, Steps, service
 from test_any_schedule import FRAMES, SETTINGS, both
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.stimuli import Abandoned
 from tests.memory_bus import BEGIN, MemoryBus
 

@@ -7,7 +7,7 @@ import pytest
 from pond import Add, Bus, Counter, eAdd, host, service, world
 
 from minerva_bus import Generator
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.process_specs import names_of
 from minerva_bus.world.context import stream

@@ -20,8 +20,8 @@ from pond import (
 from minerva_bus import Agent, Generator, Vocabulary
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.member import Member
-from minerva_bus.frame.members import MemberState
+from minerva_bus.frame.member_side import Member
+from minerva_bus.frame.member_table import MemberState
 from minerva_bus.world.services import Participation, When
 
 

@@ -16,7 +16,7 @@ from test_any_schedule import play
 from minerva_bus import Agent, EventType, Generator, Policy, Vocabulary, evolve, on
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents, walk
 from minerva_bus.world.context import Frame

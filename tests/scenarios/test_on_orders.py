@@ -9,8 +9,8 @@ from pond import VOCABULARY, Add, Steps, counters, eAdd, service
 from minerva_bus import Device, Tick
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.member import Member
-from minerva_bus.frame.members import incompatibility
+from minerva_bus.frame.member_side import Member
+from minerva_bus.frame.member_table import incompatibility
 from minerva_bus.world.services import Participation, When
 
 

@@ -7,11 +7,11 @@ import pytest
 from pond import VOCABULARY, Counter, Mother, eAdd, eCroak
 
 from minerva_bus.errors import WorldFileError
-from minerva_bus.frame import collection
+from minerva_bus.frame import collection_step as collection
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.frame.world_state import WorldSpec

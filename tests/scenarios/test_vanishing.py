@@ -20,7 +20,7 @@ from pond import (
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.members import MemberState
+from minerva_bus.frame.member_table import MemberState
 
 
 def test_the_world_waits_for_a_generator_that_dies_in_a_tick():

@@ -238,7 +238,7 @@ class Sizes(Device, draws=("eMark",), when="each frame"):
 
 
 def test_a_device_cannot_be_the_source_of_events_that_need_data():
-    from minerva_bus.frame.member import Member
+    from minerva_bus.frame.member_side import Member
     from minerva_bus.frame.world_state import WorldSpec
     from tests.family import FAMILY, FAMILY_VOCABULARY
 

@@ -20,7 +20,7 @@ from pond import (
 from minerva_bus import Generator
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.members import MemberState
+from minerva_bus.frame.member_table import MemberState
 from minerva_bus.grammar.columns import Delta, difference
 from tests.memory_bus import BEGIN, MemoryBus
 

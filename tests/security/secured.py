@@ -7,7 +7,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MEMBERS, World, eventually, write_world
 
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.runtime.operator_client import Client
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_bus.security.credentials import Credentials

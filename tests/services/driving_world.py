@@ -28,7 +28,7 @@ from minerva_bus import (
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents

@@ -6,7 +6,7 @@ import pytest
 from driving_world import INFO, joined, tick
 
 from minerva_bus import Event, MinervaError
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_services.input.each import Each
 from minerva_services.input.orders import Orders
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from minerva_bus.frame.collection import CollectionStep, FrameInbox
+from minerva_bus.frame.collection_step import CollectionStep, FrameInbox
 from minerva_bus.frame.evolution_step import EvolutionStep
-from minerva_bus.frame.member import GeneratorSide
+from minerva_bus.frame.member_side import GeneratorSide
 from minerva_bus.log.journal import Journal
 from minerva_bus.runtime.pace import Pace
 from tests.simulator.history import drawn

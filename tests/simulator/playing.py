@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.launch.console import RunSummary
 from minerva_bus.launch.process_specs import SERVICES
 from minerva_bus.launch.run_outputs import journal_path

@@ -9,7 +9,7 @@ from itertools import count
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.grammar.events import Event
 from minerva_bus.runtime.runner import InProcessRunner
 from tests.simulator.worlds import ORDERS, eCry, processes, world

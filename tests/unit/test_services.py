@@ -10,7 +10,7 @@ from hypothesis import given
 
 from minerva_bus import Context, Device, Event, Frame, Generator
 from minerva_bus.errors import MisuseError, WorldFileError
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.launch.specs import bind, find_service
 from minerva_bus.world.services import Participation, Tick, When, when_of
 from minerva_services.options import grouped, takes_options

@@ -3,7 +3,7 @@
 import wave
 from pathlib import Path
 
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.world_settings import Overrides

@@ -12,7 +12,7 @@ pytest.importorskip("viser")
 
 from minerva_bus import MinervaError, View
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_services.views.web import Web
 from minerva_services.views.web.serving import serve, stop, url
 

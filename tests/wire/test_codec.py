@@ -25,7 +25,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.appearance import Disc, Motion
 from minerva_bus.grammar.printer import same_values

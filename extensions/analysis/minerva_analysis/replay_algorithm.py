@@ -15,12 +15,12 @@ from typing import Protocol
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, InputSteps, OutcomeSteps
-from minerva_bus.frame.collection import FrameInbox, visual_events
+from minerva_bus.frame.collection_step import FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import frame_record
-from minerva_bus.frame.member import Host
 from minerva_bus.frame.member_lifecycle import MemberAnswers
-from minerva_bus.frame.members import Members
+from minerva_bus.frame.member_side import Host
+from minerva_bus.frame.member_table import Members
 from minerva_bus.frame.stimuli import DEVICES, Instructions, RecordedFrame
 from minerva_bus.frame.world_state import FrameInFlight, Phase, Progress, WorldSpec
 from minerva_bus.grammar.events import AnyEvent

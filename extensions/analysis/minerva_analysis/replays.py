@@ -30,7 +30,7 @@ from minerva_bus.files import text_of_path
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.stimuli import AGENTS, Checkpoint, FrameInputs, RecordedFrame
 from minerva_bus.frame.world_state import Phase, WorldSpec
 from minerva_bus.grammar.events import AnyEvent, senders_of

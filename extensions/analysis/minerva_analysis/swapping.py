@@ -32,8 +32,8 @@ from minerva_bus.errors import (
 )
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
-from minerva_bus.frame.members import incompatibility
+from minerva_bus.frame.member_side import Member
+from minerva_bus.frame.member_table import incompatibility
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.stimuli import FrameInputs, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent

@@ -11,7 +11,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.stimuli import Checkpoint
 from minerva_bus.launch.past import kinds_in
 from minerva_bus.log.record import Cursor

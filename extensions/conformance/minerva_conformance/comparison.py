@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Refusal
+from minerva_bus.frame.member_side import Refusal
 from minerva_bus.frame.stimuli import plain_form
 from minerva_conformance.link import CaseFailure, MemberLink
 from minerva_conformance.texts import KnownState, text_of

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Refusal
+from minerva_bus.frame.member_side import Refusal
 from minerva_bus.wire.codec import encode, stamp
 from minerva_bus.wire.plain import pack, unpack
 from minerva_conformance.case import (

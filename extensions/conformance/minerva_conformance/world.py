@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import Any, Final
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import EMPTY, Scene, walk
 from minerva_bus.grammar.types import Metres

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 
 from naive import NaiveMember
 
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.runtime.participants import MemberProcess
 from minerva_conformance.launching import RunningMember, StartMember
 from minerva_conformance.world import MemberRole, reference

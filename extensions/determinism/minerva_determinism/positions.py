@@ -16,7 +16,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.member import Member
+from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import Phase
 from minerva_bus.launch.in_process import close_services
 from minerva_bus.launch.world_files import WorldFile

@@ -27,7 +27,7 @@ from minerva_bus.errors import nearest
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.composition import Composition, ids_of
-from minerva_bus.frame.members import MemberEntry, Members
+from minerva_bus.frame.member_table import MemberEntry, Members
 from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.stimuli import (
     AGENTS,
