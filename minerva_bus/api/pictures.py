@@ -103,12 +103,12 @@ class Film(Displayed):
 class PictureSeries(Protocol):
     """A series of SVG documents of one part of a world, which only grows."""
 
-    def include(self, scene: Scene) -> None:
-        """Enlarge this part by that of a view."""
-        ...
-
     def draw(self, scene: Scene, frame: int) -> str:
         """The document of a view in a frame."""
+        ...
+
+    def film(self, views: Sequence[tuple[int, Scene]]) -> Iterable[str]:
+        """The documents of views, of the same part of the world, with the numbers of frames."""
         ...
 
 
@@ -178,13 +178,9 @@ class WorldViews:
         self, strings: Sequence[tuple[int, Scene]], event: Visual = PICTURE, width: int = WIDTH
     ) -> Film:
         """A film of strings with the numbers of their frames, at least one."""
-        pictures = self.pictures(width)
         views = [(frame, self.view(scene, event, frame)) for frame, scene in strings]
-        # First the part of the world that all pictures need.
-        for _, view in views:
-            pictures.include(view)
-        drawn = [Still(self.name, frame, pictures.draw(view, frame)) for frame, view in views]
-        return Film(tuple(drawn))
+        drawn = zip(strings, self.pictures(width).film(views), strict=True)
+        return Film(tuple([Still(self.name, frame, svg) for (frame, _), svg in drawn]))
 
 
 def views_of(file: WorldFile) -> WorldViews:

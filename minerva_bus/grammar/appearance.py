@@ -11,6 +11,7 @@ of a form, then its measures, for geometric systems that know it, such as those 
 `bodies`. Views of the plane do not use it.
 """
 
+import re
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -48,7 +49,7 @@ class Disc:
 
     Attributes:
         radius: metres, or the name of the parameter that has it.
-        color: `#rrggbb`.
+        color: `#rrggbb`, or by the value of a parameter: `viridis(age, 0, 10)`, see docs/views.md.
         heading: whether a mark shows the direction of its x axis.
         height: metres, in three dimensions.
         meaning: text of the legend; "" for the words of the primitive's name.
@@ -139,12 +140,15 @@ class Raster:
     spatial: Spatial = ()
 
 
+_SCALED = re.compile(r"^\w+\( *(\w+)")
+
+
 def parameters_of(form: "Form") -> tuple[str, ...]:
     """The names of the symbol's parameters that a form uses."""
     if isinstance(form, Motion):
         measures = (form.x, form.y, form.turn, form.forward)
     elif isinstance(form, Disc):
-        measures = (form.radius,)
+        measures = (form.radius, *_SCALED.findall(form.color))
     elif isinstance(form, Line):
         measures = (form.xs, form.ys)
     elif isinstance(form, Label):

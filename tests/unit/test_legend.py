@@ -1,5 +1,7 @@
 """Legends explain the primitives of a picture by their declared meanings or their names."""
 
+import re
+
 import msgpack
 import numpy as np
 import pytest
@@ -14,13 +16,16 @@ from minerva_bus import (
     Motion,
     Primitive,
     Raster,
+    Scene,
     Transformation,
     Vocabulary,
 )
+from minerva_bus.errors import MisuseError
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
-from minerva_services.geometry.colors import LegendEntry, legend, words
+from minerva_services.geometry.colors import SCALES, LegendEntry, legend, rgb, words
 from minerva_services.geometry.picture import Lists, Marks, Picture, Texts, combined
+from minerva_services.views.svg.document import Page, Tracer, frame_of, svg_document
 
 PFir = Primitive("PFirTree", Disc(0.3, "#009e73"))
 PSign = Primitive("PSign", Label("text", "#0072b2", "name of a place"), text=str)
@@ -83,6 +88,37 @@ def test_a_picture_explains_only_what_has_been_drawn_so_far():
 def test_populations_are_explained():
     trees = TPut(np.arange(3.0), np.zeros(3))(PFir())
     assert [entry.text for entry in Lists(WOOD).picture(trees, {}).legend] == ["fir tree"]
+
+
+def test_a_disc_has_the_colour_of_a_value_and_the_legend_its_scale():
+    PTree = Primitive("PTree", Disc("size", "greens( age , 0, 7)"), size=float, age=float)
+    wood = Vocabulary.of(PTree, TPut)
+    greens = SCALES["greens"]
+    ages = [-1.0, 0.0, 3.5, 7.0, 9.0]
+    shown = [greens[0], greens[0], greens[3], greens[6], greens[6]]
+    nodes = [TPut(0.0, 0.0)(PTree(1.0, age)) for age in ages]
+    columns = TPut(np.zeros(5), np.zeros(5))(PTree(np.ones(5), np.array(ages)))
+    for scene in (Scene(tuple(node.pieces[0] for node in nodes)), columns):
+        picture = Lists(wood).picture(scene, {})
+        assert picture.items[0].color.tolist() == [list(rgb(color)) for color in shown]
+        assert picture.legend == (LegendEntry("tree: age 0 to 7", Raster, greens),)
+        page = Page(frame_of(scene, wood), 600)
+        drawn = svg_document(scene, wood, page, Tracer(), "wood", "frame 0", set())
+        assert re.findall(r'<circle [^>]*fill="(#\w+)"', drawn) == shown
+
+
+@pytest.mark.parametrize(
+    ("color", "says"),
+    [
+        ("greens(agee, 0, 7)", "did you mean 'age'?"),
+        ("gren(age, 0, 7)", "did you mean 'greens'?"),
+        ("greens(age, 7, 0)", "expected such as viridis(age, 0, 10)"),
+        ("greens(age, a, b)", "expected such as viridis(age, 0, 10)"),
+    ],
+)
+def test_a_scale_that_is_none_is_explained(color, says):
+    with pytest.raises(MisuseError, match=re.escape(says)):
+        legend(Vocabulary.of(Primitive("PTree", Disc(1.0, color), age=float)), {"PTree"})
 
 
 def test_a_mark_colours_labels_and_is_no_label_itself():

@@ -25,6 +25,7 @@ from svg_world import (
 )
 
 from minerva_bus import EMPTY, MinervaError, Scene
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.semantics.plane import Bounds
 from minerva_bus.semantics.poses import Pose
 from minerva_services.views.svg.document import (
@@ -210,6 +211,32 @@ def test_without_rasters_the_frame_only_grows():
 def test_a_lone_disc_does_not_fill_the_picture():
     frame = frame_of(PBall(0.25), VOCABULARY)
     assert frame.right - frame.left == pytest.approx(8 * 0.25)
+
+
+def test_a_population_in_columns_is_drawn_as_its_nodes():
+    n = 40
+    at = {"x": np.linspace(0.0, 9.0, n), "y": np.zeros(n), "turn": np.linspace(0.0, 300.0, n)}
+    moves = [TMove(x=x, y=y, turn=turn) for x, y, turn in zip(*at.values(), strict=True)]
+    for many, single in (
+        (TMove(**at)(PRobot()), [move(PRobot()) for move in moves]),
+        (
+            TMove(**at)(PBall(at["x"])),
+            [move(PBall(x)) for move, x in zip(moves, at["x"], strict=True)],
+        ),
+    ):
+        assert any(isinstance(piece, Columns) for piece in many.pieces)
+        nodes = EMPTY
+        for scene in single:
+            nodes += scene
+        assert picture(many) == picture(nodes)
+
+
+def test_a_crowd_has_no_outlines():
+    few, crowd = (TMove(x=np.arange(n) * 1.0)(PRobot()) for n in (1000, 1001))
+    assert ['stroke="none" stroke-opacity' in picture(scene) for scene in (few, crowd)] == [
+        False,
+        True,
+    ]
 
 
 def test_y_grows_upwards():

@@ -17,6 +17,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.record import Record
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import Bounds, PlaneGeometry, bounds, raster_corner, resolve
+from minerva_services.geometry.colors import color_of
 
 MARGIN: Final = 0.03
 MAX_SEGMENTS: Final = 60_000
@@ -181,7 +182,8 @@ class _Ground(PlaneGeometry):
         from matplotlib.patches import Circle
 
         radius = resolve(disc.radius, figure.parameters)
-        circle = Circle((self.pose.x, self.pose.y), radius, color=disc.color, linewidth=0)
+        color = color_of(disc.color, figure.parameters)
+        circle = Circle((self.pose.x, self.pose.y), radius, color=color, linewidth=0)
         self._axis.add_patch(circle)
 
     def _line(self, line: Line, figure: FigureNode) -> None:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.appearance import Disc, Line, Raster, Shape
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 Color: TypeAlias = tuple[int, int, int]
@@ -16,6 +22,95 @@ Color: TypeAlias = tuple[int, int, int]
 
 OKABE_ITO: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours that people with colour-vision deficiency can also distinguish (Okabe and Ito, 2008)."""
+
+
+SCALES: Final[Mapping[str, tuple[str, ...]]] = {
+    "viridis": (
+        *("#440154", "#482878", "#3e4989", "#31688e", "#26828e"),
+        *("#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"),
+    ),
+    "inferno": (
+        *("#000004", "#1b0c41", "#4a0c6b", "#781c6d", "#a52c60"),
+        *("#cf4446", "#ed6925", "#fb9b06", "#f7d13d", "#fcffa4"),
+    ),
+    "greens": ("#e5f5e0", "#c7e9c0", "#a1d99b", "#74c476", "#41ab5d", "#238b45", "#006d2c"),
+    "blues": ("#deebf7", "#c6dbef", "#9ecae1", "#6baed6", "#4292c6", "#2171b5", "#08519c"),
+    "reds": ("#fee0d2", "#fcbba1", "#fc9272", "#fb6a4a", "#ef3b2c", "#cb181d", "#a50f15"),
+    "coolwarm": ("#3b4cc0", "#6788ee", "#9abbff", "#dddddd", "#f7a889", "#e26952", "#b40426"),
+    "groups": OKABE_ITO,
+}
+"""Colours of the named scales, from low to high; a value has the colour of its interval."""
+
+_SCALED: Final = re.compile(r"(\w+)\( *(\w+) *, *([-+.\w]+) *, *([-+.\w]+) *\)")
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Colours of the values of a parameter: `viridis(age, 0, 10)`.
+
+    The range is divided into equal intervals, one for each colour of the scale; values outside
+    have the colour of the nearest end.
+    """
+
+    parameter: str
+    low: float
+    high: float
+    colors: tuple[str, ...]
+
+    def intervals(self, values: NDArray[Any]) -> NDArray[np.int64]:
+        """The number of each value's colour. Raises MisuseError for texts."""
+        try:
+            part = (values.astype(np.float64) - self.low) / (self.high - self.low)
+        except ValueError:
+            raise MisuseError(
+                f"a colour is that of {self.parameter}, which is no number: {values[0]!r:.40}"
+            ) from None
+        return np.clip(part * len(self.colors), 0, len(self.colors) - 1).astype(np.int64)
+
+
+@lru_cache(maxsize=1024)
+def scale_of(color: str) -> Scale | None:
+    """The scale that a form's colour names, or None for a plain colour. Raises MisuseError."""
+    read = _SCALED.fullmatch(color)
+    if read is None:
+        return None
+    name, parameter, *ends = read.groups()
+    try:
+        low, high = map(float, ends)
+    except ValueError:
+        low, high = math.nan, math.nan
+    if name not in SCALES or not -math.inf < low < high < math.inf:
+        raise MisuseError(
+            f"{color!r} is not a scale of colours; expected such as viridis({parameter}, 0, 10),"
+            f" with one of {', '.join(SCALES)}{nearest(name, list(SCALES))}"
+        )
+    return Scale(parameter, low, high, SCALES[name])
+
+
+def color_of(color: str, parameters: Mapping[str, Any]) -> str:
+    """The colour of a figure: the form's own, or that of the value on its scale."""
+    scale = scale_of(color)
+    if scale is None:
+        return color
+    return scale.colors[int(scale.intervals(np.array([parameters[scale.parameter]]))[0])]
+
+
+def colors_of(color: str, level: Columns) -> list[str]:
+    """The colours of figures in columns; see `color_of`."""
+    scale = scale_of(color)
+    if scale is None:
+        return [color] * level.count
+    numbers = scale.intervals(level.column(scale.parameter)).tolist()
+    return [scale.colors[number] for number in numbers]
+
+
+def rgbs_of(color: str, level: Columns) -> NDArray[np.uint8]:
+    """The colours of n figures in columns as numbers, shape (n, 3)."""
+    scale = scale_of(color)
+    if scale is None:
+        return np.tile(np.array(rgb(color), np.uint8), (level.count, 1))
+    numbers = scale.intervals(level.column(scale.parameter))
+    return np.array([rgb(shade) for shade in scale.colors], np.uint8)[numbers]
 
 
 @lru_cache(maxsize=1024)
@@ -91,6 +186,11 @@ def _entries(name: str, shape: Shape) -> Iterator[LegendEntry]:
         heading = isinstance(shape, Disc) and shape.heading
         dashed = isinstance(shape, Line) and shape.dashed
         text = shape.meaning or words(name)
+        scale = scale_of(shape.color)
+        if scale is not None:
+            ends = f"{scale.parameter} {scale.low:g} to {scale.high:g}"
+            yield LegendEntry(f"{text}: {ends}", Raster, scale.colors)
+            return
         yield LegendEntry(text, type(shape), (shape.color,), 1.0, dashed, heading)
     elif shape.meanings:
         for text, (_, color) in zip(shape.meanings, shape.colors, strict=False):

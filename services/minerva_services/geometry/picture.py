@@ -19,7 +19,7 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Primitive, Vocabulary
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
-from minerva_services.geometry.colors import Color, Legend, legend, rgb
+from minerva_services.geometry.colors import Color, Legend, color_of, legend, rgb, rgbs_of
 from minerva_services.geometry.incremental import ByParts, ItemGeometry, batched
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -164,7 +164,7 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
                     at.angle,
                     resolve(shape.radius, parameters),
                     shape.height,
-                    rgb(shape.color),
+                    rgb(color_of(shape.color, parameters)),
                     shape.heading,
                     str(parameters[name]) if name else "",
                     self.owner,
@@ -212,7 +212,7 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
                 angle,
                 resolve_all(shape.radius, inner),
                 np.full(n, shape.height),
-                np.tile(np.array(rgb(shape.color), np.uint8), (n, 1)),
+                rgbs_of(shape.color, inner),
                 np.full(n, shape.heading),
                 cast("Sequence[str]", inner.column(name)) if name else _RepeatedText("", n),
                 _RepeatedText(self.owner, n),

@@ -11,6 +11,7 @@ import math
 import re
 import weakref
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any, TypeAlias
 from xml.sax.saxutils import escape
 
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
@@ -28,15 +30,25 @@ from minerva_bus.semantics.plane import (
     PlaneGeometry,
     raster_corner,
     resolve,
+    resolve_all,
 )
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import xml_characters
-from minerva_services.geometry.colors import Legend, LegendEntry, legend
+from minerva_services.geometry.colors import Legend, LegendEntry, color_of, colors_of, legend
 from minerva_services.geometry.picture import text_parameter
 from minerva_services.geometry.volumes import color_ranges, rectangles
 from minerva_services.views.layout import flow, round_step
 from minerva_services.views.names import MAX_NAMES
-from minerva_services.views.palette import BORDER, DARK, FAINT, HEADING_MARK, INK, PANEL, PAPER
+from minerva_services.views.palette import (
+    BORDER,
+    DARK,
+    FAINT,
+    HEADING_MARK,
+    INK,
+    OUTLINE,
+    PANEL,
+    PAPER,
+)
 
 FONTS = (
     "Inter, 'Segoe UI', 'Helvetica Neue', Arial, 'Liberation Sans', Roboto, Ubuntu, 'Noto Sans',"
@@ -141,6 +153,8 @@ def _caption(page: Page, title: str, subtitle: str) -> str:
 
 
 _MIN_RADIUS = 3
+_CROWD = 1000
+"""Discs of a picture above which none has an outline."""
 _MARKED = 1.3
 """Relative size of a marked label."""
 _TEXT = 'font-size="20" font-weight="600" stroke="#fff" stroke-width="4.5" stroke-linejoin="round"'
@@ -170,6 +184,7 @@ class Drawing(PlaneGeometry):
         self.pose = page.origin
         self._ground: list[str] = []
         self._things: list[str] = []
+        self._discs = 0
         self.drawn: set[str] = set()
         self._pins: list[_Placed] = []
         self._names: dict[str, _Placed] = {}
@@ -182,7 +197,14 @@ class Drawing(PlaneGeometry):
     @property
     def elements(self) -> list[str]:
         """Matrices, then everything else except labels."""
-        return self._ground + self._things
+        # In a crowd the outlines would be all that is seen.
+        outline = "none" if self._discs > _CROWD else OUTLINE
+        return [
+            *self._ground,
+            f'<g stroke="{outline}" stroke-opacity=".55">',
+            *self._things,
+            "</g>",
+        ]
 
     @property
     def labels(self) -> list[str]:
@@ -193,7 +215,17 @@ class Drawing(PlaneGeometry):
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         self.drawn.add(figure.symbol)
         if isinstance(shape, Disc):
-            self._disc(shape, figure)
+            parameters, at = figure.parameters, self.pose
+            name = text_parameter(self.vocabulary.primitives[figure.symbol])
+            self._disc(
+                shape.heading,
+                at.x,
+                at.y,
+                at.angle,
+                resolve(shape.radius, parameters),
+                color_of(shape.color, parameters),
+                str(parameters[name]) if name else "",
+            )
         elif isinstance(shape, Line):
             self._line(shape, figure)
         elif isinstance(shape, Raster):
@@ -207,27 +239,49 @@ class Drawing(PlaneGeometry):
                     _Placed(text, shape.color, *self._page.pixel(self.pose.x, self.pose.y))
                 )
 
-    def _disc(self, disc: Disc, figure: FigureNode) -> None:
-        at = self.pose
-        # On the map of a city a robot would be smaller than a pixel and vanish.
-        radius = max(resolve(disc.radius, figure.parameters), _MIN_RADIUS * self._pixel)
-        outline = min(1.6 * self._pixel, radius / 3)
-        self._things.append(
-            f'<circle cx="{self._m(at.x)}" cy="{self._m(at.y)}" r="{self._m(radius)}"'
-            f' fill="{paint(disc.color)}" stroke="#1d232b" stroke-opacity=".55"'
-            f' stroke-width="{self._m(outline)}"/>'
+    def many(self, columns: Columns) -> bool:
+        """Draw discs in columns without an object for each."""
+        *around, inner = columns.levels()
+        primitive = self.vocabulary.primitives.get(inner.symbol)
+        if primitive is None or not isinstance(disc := primitive.shape, Disc):
+            return False
+        self.drawn.add(inner.symbol)
+        name, n = text_parameter(primitive), columns.count
+        rows = (
+            *[values.tolist() for values in self.poses(around, n)],
+            resolve_all(disc.radius, inner).tolist(),
+            colors_of(disc.color, inner),
+            inner.column(name) if name and disc.heading else repeat(""),
         )
-        if disc.heading:
-            corners = (
-                at.then(0.0, 0.0, direction, distance * radius)
-                for distance, direction in HEADING_MARK
-            )
-            points = " ".join(f"{self._m(corner.x)},{self._m(corner.y)}" for corner in corners)
-            self._things.append(f'<polygon points="{points}" fill="#fff" fill-opacity=".95"/>')
-            if name := text_parameter(self.vocabulary.primitives[figure.symbol]):
-                text, (x, y) = str(figure.parameters[name]), self._page.pixel(at.x, at.y)
-                away = y - radius * self._page.scale - 0.25 * self._page.font_size
-                self._names.setdefault(text, _Placed(text, disc.color, x, away))
+        for row in zip(*rows, strict=False):
+            self._disc(disc.heading, *row)
+        return True
+
+    def _disc(
+        self, heading: bool, x: float, y: float, angle: float, radius: float, color: str, name: str
+    ) -> None:
+        # On the map of a city a robot would be smaller than a pixel and vanish.
+        radius = max(radius, _MIN_RADIUS * self._pixel)
+        outline = min(1.6 * self._pixel, radius / 3)
+        self._discs += 1
+        self._things.append(
+            f'<circle cx="{self._m(x)}" cy="{self._m(y)}" r="{self._m(radius)}"'
+            f' fill="{paint(color)}" stroke-width="{self._m(outline)}"/>'
+        )
+        if not heading:
+            return
+        at = Pose(x, y, angle)
+        corners = [
+            at.then(0.0, 0.0, direction, distance * radius) for distance, direction in HEADING_MARK
+        ]
+        points = " ".join(f"{self._m(corner.x)},{self._m(corner.y)}" for corner in corners)
+        self._things.append(
+            f'<polygon points="{points}" fill="#fff" fill-opacity=".95" stroke="none"/>'
+        )
+        if name and len(self._names) <= MAX_NAMES:
+            right, down = self._page.pixel(x, y)
+            away = down - radius * self._page.scale - 0.25 * self._page.font_size
+            self._names.setdefault(name, _Placed(name, color, right, away))
 
     def _line(self, line: Line, figure: FigureNode) -> None:
         parameters = figure.parameters
@@ -241,7 +295,8 @@ class Drawing(PlaneGeometry):
         dashes = f' stroke-dasharray="{self._m(2.5 * width)} {self._m(2.5 * width)}"'
         self._things.append(
             f'<polyline points="{points}" fill="none" stroke="{paint(line.color)}"'
-            f' stroke-width="{self._m(width)}" stroke-linejoin="round" stroke-linecap="round"'
+            f' stroke-opacity="1" stroke-width="{self._m(width)}" stroke-linejoin="round"'
+            ' stroke-linecap="round"'
             f"{dashes if line.dashed else ''}/>"
         )
 
@@ -351,7 +406,7 @@ def _swatch(entry: LegendEntry) -> str:
             points = " ".join(f"{short(at.x)},{short(at.y)}" for at in corners)
             mark = f'<polygon points="{points}" fill="#fff"/>'
         return (
-            f'<circle cx=".5" r=".45" fill="{color}" stroke="#1d232b" stroke-opacity=".55"'
+            f'<circle cx=".5" r=".45" fill="{color}" stroke="{OUTLINE}" stroke-opacity=".55"'
             f' stroke-width=".06"/>{mark}'
         )
     if entry.shape is Label:
@@ -443,14 +498,19 @@ class Page:
 
 
 class _DrawnBounds(BoundingGeometry):
-    """Bounding box of a string's rasters or, without any, of everything it draws."""
+    """Bounding box of a string's rasters or, without any, of everything it draws.
+
+    `drawn` are the symbols of the primitives.
+    """
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
         self.has_raster = False
         self.largest_disc = 0.0
+        self.drawn: set[str] = set()
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
+        self.drawn.add(figure.symbol)
         if isinstance(shape, Raster):
             # From the first raster on, only rasters count.
             if not self.has_raster:
@@ -462,25 +522,48 @@ class _DrawnBounds(BoundingGeometry):
             self.largest_disc = max(self.largest_disc, radius)
         super().shape(shape, figure)
 
+    def many(self, columns: Columns) -> bool:
+        """Include discs in columns at once."""
+        *around, inner = columns.levels()
+        primitive = self.vocabulary.primitives.get(inner.symbol)
+        if primitive is None or not isinstance(disc := primitive.shape, Disc):
+            return False
+        self.drawn.add(inner.symbol)
+        if not self.has_raster and columns.count:
+            (x, y, _), radius = self.poses(around, columns.count), resolve_all(disc.radius, inner)
+            least = [float((at - radius).min()) for at in (x, y)]
+            drawn = Bounds(*least, *[float((at + radius).max()) for at in (x, y)])
+            self.bounds = drawn if self.bounds is None else self.bounds.around(drawn)
+            self.largest_disc = max(self.largest_disc, float(radius.max()))
+        return True
 
-def frame_of(scene: Scene, vocabulary: Vocabulary, before: Bounds | None = None) -> Bounds:
+
+def frame_of(
+    scene: Scene,
+    vocabulary: Vocabulary,
+    before: Bounds | None = None,
+    drawn: set[str] | None = None,
+) -> Bounds:
     """The part of the world to show: a string's rasters or, without any, everything it draws.
 
     Without rasters the frame only grows from `before`, so that a series of pictures does not jump.
+    The symbols of its primitives are added to `drawn`.
     """
     extent = _DrawnBounds(vocabulary)
     interpret(scene, extent)
+    if drawn is not None:
+        drawn |= extent.drawn
     if extent.bounds is None:
         return before or Bounds(-1.0, -1.0, 1.0, 1.0)
-    drawn = _sized(extent.bounds)
+    framed = _sized(extent.bounds)
     if extent.has_raster:
-        return _within_aspect(drawn)
+        return _within_aspect(framed)
     # Compared without the margin, so that the frame changes only when something leaves it.
-    if before is not None and before.around(drawn) == before:
+    if before is not None and before.around(framed) == before:
         return before
-    side = max(drawn.right - drawn.left, drawn.top - drawn.bottom)
+    side = max(framed.right - framed.left, framed.top - framed.bottom)
     margin = max(_MARGIN * side, _DISC_MARGIN * extent.largest_disc)
-    wider = _grown(drawn, margin, margin)
+    wider = _grown(framed, margin, margin)
     return _within_aspect(wider if before is None else before.around(wider))
 
 
@@ -538,7 +621,7 @@ Colors: TypeAlias = tuple[tuple[int, str], ...]
 """Lowest value and colour of each range, ascending, as in `Raster.colors`."""
 Paths: TypeAlias = tuple[tuple[str, str], ...]
 """A colour and the path data of all its cells; cell [row, column] is the unit square at them."""
-Columns: TypeAlias = NDArray[np.int64]
+Numbers: TypeAlias = NDArray[np.int64]
 
 
 class Tracer:
@@ -581,7 +664,7 @@ def trace(cells: NDArray[Any], colors: Colors) -> Paths:
     )
 
 
-def _path_data(row: Columns, column: Columns, rows: Columns, columns: Columns) -> str:
+def _path_data(row: Numbers, column: Numbers, rows: Numbers, columns: Numbers) -> str:
     """`M<row> <column>h<rows>v<columns>h-<rows>z` for each rectangle, all at once.
 
     Texts of equal width form a byte matrix; padding zero bytes are removed at the end.
@@ -598,7 +681,7 @@ def _repeated(piece: str | NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
     return np.tile(np.frombuffer(piece.encode("ascii"), np.uint8), (times, 1))
 
 
-def _digits(numbers: Columns) -> NDArray[np.uint8]:
+def _digits(numbers: Numbers) -> NDArray[np.uint8]:
     """Decimal digits of non-negative numbers (n,) as ASCII (n, width), padded with zero bytes."""
     powers = 10 ** np.arange(len(str(numbers.max())) - 1, -1, -1)
     digits = (numbers[:, None] // powers % 10 + ord("0")).astype(np.uint8)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from minerva_bus.grammar.appearance import Shape
-from minerva_bus.grammar.scene import FigureNode, Scene
+import sys
+from collections.abc import Iterator, Sequence
+
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.plane import Bounds, PlaneGeometry
+from minerva_bus.semantics.plane import Bounds
 from minerva_services.views.svg.document import Page, Tracer, frame_of, svg_document
 
 
@@ -30,17 +31,27 @@ class Pictures:
         self._drawn: set[str] = set()
         self._tracer = Tracer()
 
-    def include(self, scene: Scene) -> None:
+    def film(self, views: Sequence[tuple[int, Scene]]) -> Iterator[str]:
+        """The documents of views with the numbers of their frames.
+
+        All show the same part of the world, and the same legend. If standard error is a terminal,
+        it has a line about the progress.
+        """
+        for _, scene in views:
+            self._include(scene)
+        for done, (frame, scene) in enumerate(views):
+            _report(f"film: {done} of {len(views)} pictures")
+            yield self.draw(scene, frame)
+        _report("")
+
+    def _include(self, scene: Scene) -> Bounds:
         """Enlarge the part that pictures show, and their legend, by those of a view."""
-        symbols = _DrawnSymbols(self._vocabulary)
-        interpret(scene, symbols)
-        self._drawn |= symbols.drawn
-        self._frame = frame_of(scene, self._vocabulary, self._frame)
+        self._frame = frame_of(scene, self._vocabulary, self._frame, self._drawn)
+        return self._frame
 
     def draw(self, scene: Scene, frame: int) -> str:
         """The SVG document of a view, a string of L(E), in a frame."""
-        self._frame = frame_of(scene, self._vocabulary, self._frame)
-        page = Page(self._frame, self._width)
+        page = Page(self._include(scene), self._width)
         return svg_document(
             scene,
             self._vocabulary,
@@ -52,12 +63,8 @@ class Pictures:
         )
 
 
-class _DrawnSymbols(PlaneGeometry):
-    """The symbols of the primitives that a string draws."""
-
-    def __init__(self, vocabulary: Vocabulary) -> None:
-        super().__init__(vocabulary)
-        self.drawn: set[str] = set()
-
-    def shape(self, shape: Shape, figure: FigureNode) -> None:
-        self.drawn.add(figure.symbol)
+def _report(line: str) -> None:
+    """Replace the line on standard error, if that is a terminal."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K{line}")
+        sys.stderr.flush()
