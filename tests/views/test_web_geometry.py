@@ -14,7 +14,7 @@ pytest.importorskip("viser")
 
 from minerva_bus import Line
 from minerva_bus.semantics.plane import Bounds
-from minerva_services.geometry.picture import Discs, Polyline, Texts
+from minerva_services.geometry.picture import Copies, Discs, Polyline, Texts
 from minerva_services.views.solids import (
     arrow,
     cylinder,
@@ -100,7 +100,9 @@ def test_bounds_are_around_all_that_is_shown():
 
 def hit(eye, at, shown, height=1.0):
     eye, at = np.array(eye, float), np.array(at, float)
-    return clicked(eye, at - eye, disc_table(shown.of(Discs)), shown.of(Texts), height)
+    return clicked(
+        eye, at - eye, disc_table(shown.of(Discs)), shown.of(Copies), shown.of(Texts), height
+    )
 
 
 def test_a_click_means_the_agent_or_the_text_it_hits():

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL, DYNAMIC, FIXED, KINEMATIC
-from minerva_bodies.meshes import load_mesh
+from minerva_bodies.meshes import ground, load_mesh
 from minerva_bodies.rigid import Rigid
 from minerva_bus import portable
 
@@ -326,7 +326,7 @@ class Engine:
 
     def _shape(self, name: str, form: str, sizes: list[Any], moved: float) -> Any:
         if form == "terrain":
-            return rapier.Collider.trimesh(*_ground(*sizes))
+            return rapier.Collider.trimesh(*ground(*sizes))
         if form != "mesh":
             return {
                 "box": rapier.Collider.cuboid,
@@ -364,21 +364,6 @@ def _groups(group: int) -> Any:
     return rapier.InteractionGroups(
         rapier.Group.from_bits(own), rapier.Group.from_bits(0xFFFFFFFF ^ own)
     )
-
-
-def _ground(heights: list[list[float]], cell: float) -> tuple[Any, Any]:
-    """Points and triangles of a matrix of heights in centimetres."""
-    z = np.array(heights, np.float64) / 100.0
-    rows, columns = z.shape
-    if rows < 2 or columns < 2:
-        raise BodiesError(f"terrain: {rows} x {columns} heights; expected 2 x 2 or more")
-    row, column = np.indices(z.shape)
-    points = np.column_stack((row.ravel() * cell, column.ravel() * cell, z.ravel()))
-    first = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
-    a, b, c, d = first[:-1, :-1], first[1:, :-1], first[1:, 1:], first[:-1, 1:]
-    below = np.stack((a, b, c), axis=-1).reshape(-1, 3)
-    above = np.stack((a, c, d), axis=-1).reshape(-1, 3)
-    return points, np.concatenate((below, above))
 
 
 def _along(kind: str, numbers: list[float]) -> Rigid:

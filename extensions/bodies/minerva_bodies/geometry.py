@@ -139,7 +139,7 @@ class SpaceGeometry(Geometry):
                 f"{figure.symbol} in the view of a population has no owner; give it, or a"
                 f" transformation around it, a text parameter {self._who} with the agent's id"
             )
-        values = [_value(measure, figure, owner) for measure in spatial[1:]]
+        values = [value_of(measure, figure, owner) for measure in spatial[1:]]
         if spatial[0] in JOINTS:
             self._joint(str(spatial[0]), owner, figure, values)
         else:
@@ -191,11 +191,11 @@ class SpaceGeometry(Geometry):
         declared = self._vocabulary.transformations.get(node.symbol)
         motion = declared.motion if declared is not None else None
         if motion is not None and motion.spatial and motion.spatial[0] in COMMANDS:
-            x, y, z = [_value(measure, node, self._owner) for measure in motion.spatial[1:]]
+            x, y, z = [value_of(measure, node, self._owner) for measure in motion.spatial[1:]]
             if x or y or z:
                 self._commands = (*self._commands, (str(motion.spatial[0]), x, y, z))
         elif motion is not None:
-            self._move(_moved(motion, node, self._owner))
+            self._move(moved(motion, node, self._owner))
         yield
         self.pose, self._base, self._inner, self._commands, self._owner = before
 
@@ -252,9 +252,11 @@ def _listed(level: Columns, measure: Measure) -> list[Any]:
     return level.column(measure).tolist() if isinstance(measure, str) else [measure] * level.count
 
 
-def _moved(motion: Motion, node: TransformationNode, owner: str) -> Rigid:
+def moved(motion: Motion, node: TransformationNode, owner: str) -> Rigid:
+    """The pose to which a motion with a node's parameters leads. Raises BodiesError."""
+
     def number(measure: Any) -> float:
-        return _value(measure, node, owner)
+        return value_of(measure, node, owner)
 
     x, y = number(motion.x), number(motion.y)
     spatial: Spatial = motion.spatial or ("euler", 0.0, 0.0, 0.0)
@@ -270,7 +272,7 @@ def _moved(motion: Motion, node: TransformationNode, owner: str) -> Rigid:
     return made.then(Rigid(number(motion.forward))) if motion.forward else made
 
 
-def _value(measure: Any, node: FigureNode | TransformationNode, owner: str) -> Any:
+def value_of(measure: Any, node: FigureNode | TransformationNode, owner: str) -> Any:
     """The value of a measure: a number, a text, or a matrix as lists."""
     value = node.parameters[measure] if isinstance(measure, str) else measure
     if isinstance(value, str):

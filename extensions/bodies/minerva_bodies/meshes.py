@@ -5,18 +5,22 @@ from __future__ import annotations
 import struct
 from itertools import pairwise
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from minerva_bodies.errors import BodiesError
+
+Surface: TypeAlias = tuple[NDArray[np.float64], NDArray[np.uint32]]
+"""Points (n, 3) in metres, and triangles (m, 3), counter-clockwise as seen from outside."""
 
 MAX_BYTES = 64 << 20
 MAX_TRIANGLES = 1_000_000
 _HEADER, _TRIANGLE = 84, 50
 
 
-def load_mesh(folder: Path, file: str) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+def load_mesh(folder: Path, file: str) -> Surface:
     """The points (n, 3) and triangles (m, 3) of a file below a folder.
 
     Raises BodiesError for a file that is missing, elsewhere, too large, or no mesh.
@@ -45,7 +49,7 @@ def load_mesh(folder: Path, file: str) -> tuple[NDArray[np.float64], NDArray[np.
     return points, triangles
 
 
-def _obj(where: str, data: bytes) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+def _obj(where: str, data: bytes) -> Surface:
     points, triangles = list[list[float]](), list[tuple[int, int, int]]()
     for number, line in enumerate(data.decode("utf-8", "replace").splitlines(), 1):
         kind, *words = line.split("#")[0].split() or ("",)
@@ -64,7 +68,7 @@ def _obj(where: str, data: bytes) -> tuple[NDArray[np.float64], NDArray[np.uint3
     return np.array(points).reshape(-1, 3), np.array(triangles, np.uint32).reshape(-1, 3)
 
 
-def _stl(where: str, data: bytes) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+def _stl(where: str, data: bytes) -> Surface:
     count = struct.unpack_from("<I", data, _HEADER - 4)[0] if len(data) >= _HEADER else -1
     if len(data) != _HEADER + _TRIANGLE * count:
         raise BodiesError(f"{where}: no binary STL file: its size does not fit its triangles")
@@ -72,3 +76,20 @@ def _stl(where: str, data: bytes) -> tuple[NDArray[np.float64], NDArray[np.uint3
     corners = np.frombuffer(data, layout, count, _HEADER)["corners"].reshape(-1, 3)
     points, at = np.unique(corners.astype(np.float64), axis=0, return_inverse=True)
     return points, at.reshape(-1, 3).astype(np.uint32)
+
+
+def ground(heights: ArrayLike, cell: float) -> Surface:
+    """The ground of a matrix of heights in centimetres. Raises BodiesError for less than a cell."""
+    z = np.array(heights, np.float64) / 100.0
+    rows, columns = z.shape
+    if rows < 2 or columns < 2:
+        raise BodiesError(f"terrain: {rows} x {columns} heights; expected 2 x 2 or more")
+    row, column = np.indices(z.shape)
+    points: NDArray[np.float64] = np.column_stack(
+        (row.ravel() * cell, column.ravel() * cell, z.ravel())
+    ).astype(np.float64)
+    first = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
+    a, b, c, d = first[:-1, :-1], first[1:, :-1], first[1:, 1:], first[:-1, 1:]
+    below = np.stack((a, b, c), axis=-1).reshape(-1, 3)
+    above = np.stack((a, c, d), axis=-1).reshape(-1, 3)
+    return points, np.concatenate((below, above))

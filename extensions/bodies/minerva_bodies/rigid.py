@@ -34,7 +34,7 @@ class Rigid:
     def then(self, inner: Rigid) -> Rigid:
         """The pose in the outer frame of a pose that is relative to this one."""
         x, y, z = self.turned(inner.x, inner.y, inner.z)
-        w, i, j, k = _product(self, inner)
+        w, i, j, k = product(self, inner)
         return Rigid(self.x + x, self.y + y, self.z + z, *_unit(w, i, j, k))
 
     def inverse(self) -> Rigid:
@@ -72,7 +72,8 @@ class Rigid:
         return Rigid(x, y, z, *_unit(w, i, j, k))
 
 
-def _product(a: Rigid, b: Rigid) -> tuple[float, float, float, float]:
+def product(a: Rigid, b: Rigid) -> tuple[float, float, float, float]:
+    """The rotation w, i, j, k of b, then of a."""
     return (
         a.w * b.w - a.i * b.i - a.j * b.j - a.k * b.k,
         a.w * b.i + a.i * b.w + a.j * b.k - a.k * b.j,

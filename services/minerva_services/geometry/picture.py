@@ -6,13 +6,15 @@ colour and owner of each form. Windows and web pages draw the display list.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.entry_points import entries
 from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import FigureNode, Scene
@@ -25,8 +27,21 @@ from minerva_services.geometry.incremental import ByParts, ItemGeometry, batched
 Floats: TypeAlias = NDArray[np.float64]
 
 
+class _Owned:
+    """Things with names and owners, each of length n."""
+
+    __slots__ = ()
+    names: Sequence[str]
+    owners: Sequence[str]
+
+    def agent(self, row: int) -> str:
+        """The agent that owns a thing: its fragment, or the thing's name within a population."""
+        owner = self.owners[row]
+        return self.names[row] if owner.startswith("~") else owner
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Discs:
+class Discs(_Owned):
     """n discs: positions (m), angles (deg), radii (m), heights (m), each (n,); colours (n, 3).
 
     `heading` selects those with a mark in the direction of their angle. `owners` are the names of
@@ -46,10 +61,53 @@ class Discs:
     def __len__(self) -> int:
         return len(self.x)
 
-    def agent(self, row: int) -> str:
-        """The agent that owns a disc: its fragment, or the disc's name within a population."""
-        owner = self.owners[row]
-        return self.names[row] if owner.startswith("~") else owner
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solid:
+    """Vertices (n, 3) and triangles (m, 3) of indices, counter-clockwise from outside.
+
+    Triangles that share a vertex are one smooth surface; at an edge, each has vertices of its own.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Copies(_Owned):
+    """n copies of a solid in space, for views in three dimensions.
+
+    Positions (n, 3) in metres, rotations (n, 4) as quaternions w, x, y, z, factors of the solid's
+    size along its axes (n, 3), colours (n, 3); `names` and `owners` as those of discs.
+    """
+
+    solid: Solid
+    places: Floats
+    turns: Floats
+    sizes: Floats
+    color: NDArray[np.uint8]
+    names: Sequence[str]
+    owners: Sequence[str]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def extents(self) -> tuple[Floats, Floats]:
+        """Lower and upper corners of the bounding boxes, metres; shape (n, 3) each."""
+        low, high = (
+            self.sizes * (edge(self.solid.vertices, axis=0))[None, :] for edge in (np.min, np.max)
+        )
+        w, x, y, z = self.turns.T
+        axes = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        middle = np.einsum("ijn,nj->ni", axes, (low + high) / 2) + self.places
+        reach = np.einsum("ijn,nj->ni", np.abs(axes), (high - low) / 2)
+        return middle - reach, middle + reach
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +160,7 @@ class Marks:
     owner: str = ""
 
 
-Item: TypeAlias = Discs | Polyline | Texts | Tiles | Marks
+Item: TypeAlias = Discs | Copies | Polyline | Texts | Tiles | Marks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,12 +199,12 @@ def text_parameter(primitive: Primitive) -> str:
     return next((field.name for field in primitive.fields.all if field.type.kind == "text"), "")
 
 
-class _PictureGeometry(ItemGeometry[Row | Item]):
+class PictureGeometry(ItemGeometry[Any]):
     """φ of a view: an item for each form; single discs are rows until they are batched."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
-        self._names = {
+        self.names = {
             name: text_parameter(primitive) for name, primitive in vocabulary.primitives.items()
         }
         self.drawn: set[str] = set()
@@ -156,7 +214,7 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
         parameters, at = figure.parameters, self.pose
         self.drawn.add(figure.symbol)
         if isinstance(shape, Disc):
-            name = self._names[figure.symbol]
+            name = self.names[figure.symbol]
             self.items.append(
                 (
                     at.x,
@@ -204,7 +262,7 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
                 return True
             self.items.append(Texts(x, y, texts, shape, self.owner))
             return True
-        name, n = self._names[inner.symbol], columns.count
+        name, n = self.names[inner.symbol], columns.count
         self.items.append(
             Discs(
                 x,
@@ -214,14 +272,31 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
                 np.full(n, shape.height),
                 rgbs_of(shape.color, inner),
                 np.full(n, shape.heading),
-                cast("Sequence[str]", inner.column(name)) if name else _RepeatedText("", n),
-                _RepeatedText(self.owner, n),
+                cast("Sequence[str]", inner.column(name)) if name else RepeatedText("", n),
+                RepeatedText(self.owner, n),
             )
         )
         return True
 
+    def batched(self, items: Sequence[Any]) -> list[Item]:
+        """The items of a view, with neighbouring discs as one `Discs`."""
+        return batched(items, tuple, _discs)
 
-class _RepeatedText(Sequence[str]):
+
+def geometry_in_space(vocabulary: Vocabulary) -> PictureGeometry:
+    """The geometry of views in three dimensions.
+
+    That of an installed package (the entry points `minerva.pictures`) for a vocabulary with forms
+    in space, or else that of the plane, in which things have a height.
+    """
+    declared = [each.shape for each in vocabulary.primitives.values()]
+    if any(shape.spatial for shape in declared if shape is not None):
+        for entry in entries("minerva.pictures").values():
+            return cast("PictureGeometry", entry.load()(vocabulary))
+    return PictureGeometry(vocabulary)
+
+
+class RepeatedText(Sequence[str]):
     """A sequence of n equal texts; a list of a million would cost memory in every frame."""
 
     def __init__(self, text: str, count: int) -> None:
@@ -230,9 +305,13 @@ class _RepeatedText(Sequence[str]):
     def __len__(self) -> int:
         return self._count
 
+    def __iter__(self) -> Iterator[str]:
+        # That of sequences ends at an IndexError, which `__getitem__` does not raise.
+        return repeat(self._text, self._count)
+
     def __getitem__(self, at: Any) -> Any:
         if isinstance(at, slice):
-            return _RepeatedText(self._text, len(range(*at.indices(self._count))))
+            return RepeatedText(self._text, len(range(*at.indices(self._count))))
         return self._text
 
 
@@ -253,18 +332,23 @@ def _tiles(raster: Raster, figure: FigureNode, at: Pose, owner: str) -> Tiles:
 
 
 class Lists:
-    """Converts one view after another to a picture; unchanged parts are converted once."""
+    """Converts one view after another to a picture; unchanged parts are converted once.
 
-    def __init__(self, vocabulary: Vocabulary) -> None:
-        self._geometry = _PictureGeometry(vocabulary)
+    Args:
+        vocabulary: of the world.
+        geometry: what the forms mean; None for the plane.
+
+    """
+
+    def __init__(self, vocabulary: Vocabulary, geometry: PictureGeometry | None = None) -> None:
+        self._geometry = geometry or PictureGeometry(vocabulary)
         self._views = ByParts(self._geometry)
         self._explained = 0
         self._legend: Legend = ()
 
     def picture(self, skeleton: Scene, parts: Mapping[str, Scene]) -> Picture:
         """The picture of a view: its static skeleton, and its parts in their slots."""
-        # Single discs are tuples until here; neighbours become one `Discs`.
-        items: list[Item] = batched(self._views.items(skeleton, parts), tuple, _discs)
+        items = self._geometry.batched(self._views.items(skeleton, parts))
         drawn = self._geometry.drawn
         if len(drawn) > self._explained:
             self._explained = len(drawn)

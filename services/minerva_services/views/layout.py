@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_services.geometry.picture import Discs, Item, Marks, Polyline, Texts
+from minerva_services.geometry.picture import Copies, Discs, Item, Marks, Polyline, Texts
 
 Floats = NDArray[np.float64]
 
@@ -20,6 +20,9 @@ def extremes(item: Item) -> tuple[Floats, Floats]:
     if isinstance(item, Discs):
         r = item.radius
         return np.concatenate([item.x - r, item.x + r]), np.concatenate([item.y - r, item.y + r])
+    if isinstance(item, Copies):
+        low, high = item.extents()
+        return np.concatenate([low[:, 0], high[:, 0]]), np.concatenate([low[:, 1], high[:, 1]])
     if isinstance(item, Texts):
         return item.x, item.y
     if isinstance(item, Marks):

@@ -6,14 +6,20 @@ from collections.abc import Sequence
 
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.services import View
-from minerva_services.geometry.picture import Lists, Picture, combined
+from minerva_services.geometry.picture import Lists, Picture, combined, geometry_in_space
 
 
 class Overlay:
-    """Views of the event types `draws`, drawn over each other in this order."""
+    """Views of the event types `draws`, drawn over each other in this order.
 
-    def __init__(self, vocabulary: Vocabulary, draws: Sequence[str]) -> None:
-        self._lists = {event_type: Lists(vocabulary) for event_type in draws}
+    `space`: as things in three dimensions, for vocabularies that declare those.
+    """
+
+    def __init__(self, vocabulary: Vocabulary, draws: Sequence[str], space: bool = False) -> None:
+        self._lists = {
+            event_type: Lists(vocabulary, geometry_in_space(vocabulary) if space else None)
+            for event_type in draws
+        }
         self._views: dict[str, View] = {}
 
     @property

@@ -13,25 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from minerva_services.geometry.colors import Color, rgb
-from minerva_services.geometry.picture import Discs, Polyline, Tiles
+from minerva_services.geometry.picture import Discs, Polyline, Solid, Tiles
 from minerva_services.geometry.volumes import mask_rectangles
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solid:
-    """Vertices (n, 3) and triangles (m, 3) of indices, counter-clockwise from outside."""
-
-    vertices: NDArray[np.float32]
-    faces: NDArray[np.uint32]
-
-
 @cache
 def cylinder(sides: int) -> Solid:
     """A cylinder of radius and height 1 on the ground, without a bottom."""
-    return _around(((1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), sides)
+    return around(((1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), sides)
 
 
 @cache
@@ -41,7 +33,7 @@ def pin(sides: int = 20) -> Solid:
         (0.16 * math.sin(turn), 0.84 - 0.16 * math.cos(turn))
         for turn in np.linspace(0.5, math.pi, 9)
     ]
-    return _around(((0.0, 0.0), *head), sides)
+    return around(((0.0, 0.0), *head), sides)
 
 
 @cache
@@ -74,7 +66,7 @@ def upright(angles: ArrayLike) -> NDArray[np.float64]:
     return np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=-1)
 
 
-def _around(profile: tuple[tuple[float, float], ...], sides: int) -> Solid:
+def around(profile: tuple[tuple[float, float], ...], sides: int) -> Solid:
     """A profile of (radius, height), from bottom to top, rotated around the z axis.
 
     Each segment has its own vertices, so that edges stay sharp.

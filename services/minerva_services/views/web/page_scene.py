@@ -25,12 +25,19 @@ from viser import (
 
 from minerva_bus.semantics.plane import Bounds
 from minerva_services.geometry.colors import rgb
-from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.geometry.picture import (
+    Copies,
+    Discs,
+    Picture,
+    Polyline,
+    Solid,
+    Texts,
+    Tiles,
+)
 from minerva_services.views.names import AgentName, agent_names
 from minerva_services.views.solids import (
     DiscTable,
     Floor,
-    Solid,
     arrow,
     cylinder,
     disc_table,
@@ -45,9 +52,23 @@ from minerva_services.views.solids import (
 from minerva_services.views.web.camera_control import CameraControl, bounds_of
 from minerva_services.views.web.picking import Clicked, clicked
 
+Point: TypeAlias = tuple[float, float, float]
+
 _NAME_HEIGHT = 0.3
 """Distance of an agent's name from its disc, in heights of a pin."""
 _ACCENT = (255, 196, 0)
+_RING_LEVEL = 0.05
+"""Height in metres of the ring around a selected agent, above its lowest point."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    """An agent's fragment, and the middle and radius of its ring, and its highest point; metres."""
+
+    owner: str
+    low: Point
+    radius: float
+    top: float
 
 
 class PageScene:
@@ -60,11 +81,13 @@ class PageScene:
         self._floors = FloorNodes(server.scene)
         self._lines = LineNodes(server.scene)
         self._disc_nodes = DiscNodes(server.scene)
+        self._solids = SolidNodes(server.scene)
         self._pins = PinNodes(server.scene)
         self._ring = Batch(server.scene, "/selected/ring", flat=True)
         self._names = LabelNodes(server.scene, "/names")
         self._agents: tuple[AgentName, ...] = ()
         self._discs: DiscTable = disc_table([])
+        self._copies: list[Copies] = []
         self._texts: list[Texts] = []
         self._bounds: Bounds | None = None
         self._selected = ""
@@ -76,10 +99,12 @@ class PageScene:
         with self._lock, self._server.atomic():
             self._fit(picture)
             self._discs = disc_table(picture.of(Discs))
+            self._copies = picture.of(Copies)
             self._texts = picture.of(Texts)
             self._floors.show(picture.of(Tiles))
             self._lines.show(picture.of(Polyline))
             self._disc_nodes.show(self._discs)
+            self._solids.show(self._copies)
             self._pins.show(self._texts, self.pin_height, picture.marked())
             self._agents = agent_names(picture)
             self._encircle()
@@ -99,10 +124,11 @@ class PageScene:
             labels = [*self._names.shown, *self._pins.labels]
             label = clicked_label(start, ray, eye, labels) if eye is not None else None
             if label is None:
-                return clicked(start, ray, self._discs, self._texts, self.pin_height)
+                return clicked(start, ray, self._discs, self._copies, self._texts, self.pin_height)
             if not label.agent:
                 return Clicked(text=label.text)
-            return Clicked(label.agent, self._discs.owner(self._row(label.agent)))
+            marked = self._mark(label.agent)
+            return Clicked(label.agent, marked.owner if marked is not None else "")
 
     @property
     def pin_height(self) -> float:
@@ -122,15 +148,16 @@ class PageScene:
             return
         self._bounds = bounds_of(picture)
         if self._bounds is not None:
-            height = max([matrix.form.height for matrix in picture.of(Tiles)], default=0.0)
-            self._cameras.fit(self._bounds, height)
+            heights = [matrix.form.height for matrix in picture.of(Tiles)]
+            heights += [float(copies.extents()[1][:, 2].max()) for copies in picture.of(Copies)]
+            self._cameras.fit(self._bounds, max(heights, default=0.0))
 
     def _encircle(self) -> None:
         """Show a ring around the selected agent, and the names of agents above them."""
-        discs, row = self._discs, self._row(self._selected)
-        rows = slice(row, row + 1) if row >= 0 else slice(0, 0)
-        places = np.stack([discs.x, discs.y, np.full(len(discs), 0.05)], axis=1)[rows]
-        sizes = np.stack([1.25 * discs.radius] * 2 + [np.ones(len(discs))], axis=1)[rows]
+        marked = self._mark(self._selected)
+        places, sizes = np.zeros((0, 3)), np.zeros((0, 3))
+        if marked is not None:
+            places, sizes = np.array([marked.low]), np.array([[marked.radius] * 2 + [1.0]])
         color: Any = np.tile(np.array(_ACCENT, np.uint8), (len(places), 1))
         self._ring.show(ring(), places, upright(np.zeros(len(places))), sizes, color)
         # High enough to leave the discs, as seen from the first position of the camera, uncovered.
@@ -139,11 +166,28 @@ class PageScene:
             PageLabel(name.text, (name.x, name.y, name.height + above), agent=name.text)
             for name in self._agents
         ]
-        if row >= 0 and self._selected not in {label.agent for label in labels}:
-            x, y, top = discs.x[row], discs.y[row], discs.height[row] + above
-            place = float(x), float(y), float(top)
+        if marked is not None and self._selected not in {label.agent for label in labels}:
+            x, y, _ = marked.low
+            place = x, y, marked.top + above
             labels.append(PageLabel(self._selected, place, agent=self._selected))
         self._names.show(labels)
+
+    def _mark(self, agent: str) -> _Mark | None:
+        """Where an agent's disc is, or else its first solid; None without either."""
+        discs, row = self._discs, self._row(agent)
+        if row >= 0:
+            low = float(discs.x[row]), float(discs.y[row]), _RING_LEVEL
+            radius, top = 1.25 * float(discs.radius[row]), float(discs.height[row])
+            return _Mark(discs.owner(row), low, radius, top)
+        for copies in self._copies if agent else ():
+            solid = next((at for at in range(len(copies)) if copies.agent(at) == agent), -1)
+            if solid >= 0:
+                low, high = (edge[solid] for edge in copies.extents())
+                x, y = ((low + high) / 2)[:2].tolist()
+                radius = float(np.hypot(*(high - low)[:2])) / 2
+                below = x, y, float(low[2]) + _RING_LEVEL
+                return _Mark(copies.owners[solid], below, 1.1 * radius, float(high[2]))
+        return None
 
     def _row(self, agent: str) -> int:
         """The row of an agent's disc, preferably one with a heading; -1 for none."""
@@ -191,9 +235,8 @@ class Batch:
         self, solid: Solid, positions: Array, turns: Array, scales: Array, colors: Array
     ) -> None:
         """Show copies: positions (n, 3), rotations (n, 4), scales (n, 3), colours (n, 3)."""
-        if self._node is not None and (solid is not self._solid or not len(positions)):
-            self._node.remove()
-            self._node = None
+        if solid is not self._solid or not len(positions):
+            self.remove()
         if not len(positions):
             return
         self._solid = solid
@@ -204,6 +247,12 @@ class Batch:
         self._node.batched_wxyzs = turns.astype(np.float32)
         self._node.batched_scales = scales.astype(np.float32)
         self._node.batched_colors = _linear(colors)
+
+    def remove(self) -> None:
+        """Show none."""
+        if self._node is not None:
+            self._node.remove()
+            self._node = None
 
     def _added(
         self, solid: Solid, positions: Array, turns: Array, scales: Array, colors: Array
@@ -253,6 +302,23 @@ class DiscNodes:
         on_top = np.stack([discs.x, discs.y, discs.mark_height], axis=1)[marked]
         white = np.broadcast_to(np.array(_MARK, np.uint8), (len(on_top), 3))
         self._marks.show(arrow(), on_top, turns[marked], scales[marked], white)
+
+
+class SolidNodes:
+    """The nodes of copies of solids: one for each solid."""
+
+    def __init__(self, scene: SceneApi) -> None:
+        self._scene = scene
+        self._batches: list[Batch] = []
+
+    def show(self, groups: list[Copies]) -> None:
+        """Show exactly these."""
+        while len(self._batches) < len(groups):
+            self._batches.append(Batch(self._scene, f"/solids/{len(self._batches)}"))
+        for batch in self._batches[len(groups) :]:
+            batch.remove()
+        for copies, batch in zip(groups, self._batches, strict=False):
+            batch.show(copies.solid, copies.places, copies.turns, copies.sizes, copies.color)
 
 
 class LineNodes:
@@ -361,7 +427,6 @@ class FloorNodes:
         return [laid]
 
 
-Point = tuple[float, float, float]
 # viser's font in pixels at scale 1, and measures of a label in that font size.
 _FONT_PIXELS = 12.0
 _LETTER_WIDTH, _PADDING, _LABEL_HEIGHT = 0.62, 0.4, 1.5

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_services.geometry.picture import Texts
+from minerva_services.geometry.picture import Copies, Texts
 from minerva_services.views.solids import DiscTable
 
 _TOLERANCE = 0.012
@@ -28,10 +29,11 @@ def clicked(
     origin: NDArray[Any],
     direction: NDArray[Any],
     discs: DiscTable,
+    copies: Sequence[Copies],
     texts: list[Texts],
     height: float,
 ) -> Clicked | None:
-    """What a ray from the camera hits: discs of agents and texts on pins, or None."""
+    """What a ray from the camera hits: discs and solids of agents, texts on pins, or None."""
     disc, miss = _nearest(
         origin,
         direction,
@@ -48,11 +50,30 @@ def clicked(
         np.array(places, np.float64).reshape(-1, 3),
         np.full(len(places), 0.35 * height),
     )
-    if min(miss, beside) > 1.0:
+    solids = [_nearest_copy(origin, direction, each) for each in copies]
+    solid, off = min(solids, key=lambda hit: hit[1], default=(Clicked(), np.inf))
+    if min(miss, beside, off) > 1.0:
         return None
+    if off < min(miss, beside):
+        return solid
     if beside <= miss:
         return Clicked(text=[text for batch in texts for text in batch.texts][pin])
     return Clicked(discs.agent(disc), discs.owner(disc)) if discs.owner(disc) else None
+
+
+def _nearest_copy(
+    origin: NDArray[Any], direction: NDArray[Any], copies: Copies
+) -> tuple[Clicked, float]:
+    """The solid of an agent nearest to the ray, as the ball within its bounding box."""
+    low, high = copies.extents()
+    # Scenery, such as a ground, is behind everything.
+    owned = np.flatnonzero([bool(owner) for owner in copies.owners])
+    middle, reach = ((low + high) / 2)[owned], ((high - low).max(axis=1) / 2)[owned]
+    nearest, miss = _nearest(origin, direction, middle, reach)
+    if nearest < 0:
+        return Clicked(), miss
+    row = int(owned[nearest])
+    return Clicked(copies.agent(row), copies.owners[row]), miss
 
 
 def _nearest(
