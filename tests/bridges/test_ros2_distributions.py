@@ -10,6 +10,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import (
@@ -140,7 +141,7 @@ def named(heard, name):
 def test_a_last_map_reaches_subscriptions_of_later(humble):
     with network() as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint), "view")
-        publisher, heard = session.publisher("map", types.PATH, lasting=True), []
+        publisher, heard = session.publisher("map", types.PATH, LASTING), []
         header = messages().header("map", 0)
         publisher.put(messages().make(types.PATH, header=header, poses=[]))
         with Node(endpoint, humble=humble) as rviz:
@@ -152,7 +153,7 @@ def test_a_last_map_reaches_subscriptions_of_later(humble):
 def test_a_publisher_whose_session_is_closed_loses_its_messages():
     with network() as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint), "view")
-        publishers = [session.publisher("map", types.TWIST, lasting=last) for last in (True, False)]
+        publishers = [session.publisher("map", types.TWIST, qos) for qos in (LASTING, DEFAULT)]
         session.close()
         for publisher in publishers:
             drive(publisher, 0.1)

@@ -64,7 +64,7 @@ CASES = {
     "transforms elsewhere": (
         {"namespace": "bot1"}, [rmw("MP", "/bot1/tf_static", types.TRANSFORMS)], "tf", 'set tf = "/bot1/tf"',
     ),
-    "a map of later": ({"map": "map"}, [rmw("MP", "/map", types.GRID)], "map", "transient local"),
+    "a map of later": ({"map": "map"}, [rmw("MP", "/map", types.GRID)], "map", "make its publisher transient_local"),
 }  # fmt: skip
 
 

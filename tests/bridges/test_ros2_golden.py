@@ -20,6 +20,7 @@ from minerva_services.bridges.ros2.graph import NO_HASH, RosGraph, announced
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros2.qos import DEFAULT, HEARING, LASTING
 from tests.bridges.ros2_rig import network
 from tests.patience import eventually
 
@@ -57,7 +58,7 @@ def test_tokens_of_robots_are_understood(name):
         if case["kind"] == "SC":  # Only servers of services are of interest.
             assert about is None
             continue
-        read = about.kind, about.layout, about.topic, about.message, about.lasting, about.buffered
+        read = about.kind, about.layout, about.topic, about.message, about.qos.lasting, about.buffered
         assert read == (
             case["kind"], GOLDEN[name]["layout"], case.get("topic", ""), case.get("message", ""),
             case.get("lasting", False), case.get("buffered", False),
@@ -76,9 +77,11 @@ def test_our_tokens_and_gids_are_those_of_nodes(name):
         if case["kind"] == "NN":
             made = ours.node_token(session, node)
         else:
+            usual = HEARING if case["kind"] == "MS" else DEFAULT
+            qos = LASTING if case["lasting"] else usual
             made = ours.topic_token(
                 session, node, case["entity"], case["kind"], case["topic"], case["message"],
-                token.split("/")[11], lasting=case["lasting"], buffered=case["buffered"],
+                token.split("/")[11], qos, buffered=case["buffered"],
             )  # fmt: skip
         assert made == token
 

@@ -13,6 +13,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros2.qos import LASTING
 from minerva_services.bridges.ros2.view import occupancy
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import grid_of
@@ -39,7 +40,7 @@ def test_a_map_that_was_lost_on_its_way_is_repeated():
     lost = {"flows": ["ingress"], "messages": ["put"], "key_exprs": ["*/map/**"], "size_limit": 300}
     with network([lost]) as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint), "slam")
-        slam = session.publisher("map", types.GRID, lasting=True)
+        slam = session.publisher("map", types.GRID, LASTING)
         with RunningBridge(Ros2(endpoint, map="map"), INFO) as running:
             running.wait_for(lambda: running.state == "open", "it is open")
             # A small map, which passes, and then one of 400 bytes, which is lost.
@@ -54,7 +55,7 @@ def test_a_map_that_was_lost_on_its_way_is_repeated():
 def test_a_late_subscriber_receives_the_map():
     with network() as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint), "slam")
-        slam = session.publisher("map", types.GRID, lasting=True)
+        slam = session.publisher("map", types.GRID, LASTING)
         slam.put(grid(turned=90.0))
         bridge = Ros2(endpoint, map="map", robot="r7")
         assert bridge.generates() == ("eMap",)
@@ -101,7 +102,7 @@ IMU = {
     "data": {"angle": "orientation", "turn": "angular_velocity.z", "at": "header.stamp"},
 }  # fmt: skip
 eSpeed = EventType("eSpeed", speed=float)
-SPEED = {"event": "eSpeed", "data": {"speed": "linear.x"}, "durability": "transient_local"}
+SPEED = {"event": "eSpeed", "data": {"speed": "linear.x"}, "qos": "transient_local"}
 JOINTS = {"type": "sensor_msgs/msg/JointState", "event": "eJoints"}
 
 
@@ -142,7 +143,7 @@ def test_the_last_message_from_before_becomes_an_event():
     world, table = WorldInfo("w", Vocabulary.of(eSpeed), 0, 0.1), SPEED | {"type": types.TWIST}
     with network() as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint), "robot")
-        session.publisher("limit", types.TWIST, lasting=True).put(messages().twist(0.5, 0.0))
+        session.publisher("limit", types.TWIST, LASTING).put(messages().twist(0.5, 0.0))
         with RunningBridge(Ros2(endpoint, events={"limit": table}), world) as running:
             running.wait_for(lambda: running.emitted, "the event")
         session.close()
@@ -152,7 +153,7 @@ def test_the_last_message_from_before_becomes_an_event():
 @pytest.mark.parametrize(
     ("table", "why"),
     [
-        (JOINTS | {"durability": "transient"}, "durability is 'transient'"),
+        (JOINTS | {"qos": "transient"}, "qos is 'transient'; did you mean 'transient_local'"),
         (JOINTS | {"type": "sensor_msgs/msg/JointStat"}, "did you mean 'sensor_msgs/msg/JointState'"),
         (JOINTS | {"data": {"position": "positions"}}, "it has no positions"),
         (JOINTS | {"rate": 0}, "rate is 0"),

@@ -16,6 +16,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros2.qos import LASTING
 from minerva_services.bridges.ros2.sensors import _Listening
 from minerva_services.bridges.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router, scan, transforms
@@ -65,7 +66,7 @@ class Heard:
 def test_a_scan_has_its_mount(layout):
     with network() as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint, layout), "robot")
-        lasting = session.publisher("/tf_static", types.TRANSFORMS, lasting=True)
+        lasting = session.publisher("/tf_static", types.TRANSFORMS, LASTING)
         lasting.put(transforms(90.0))
         laser = session.publisher("scan", types.LASER_SCAN)
         with Heard(Ros2(endpoint, layout=layout)) as heard:
@@ -173,7 +174,7 @@ def test_rviz_sees_the_map_and_orders_by_goals(layout, capsys):
         view.show(View(0, "ePicture", picture()))
         rviz = Ros2Session(Ros2Network(endpoint, layout), "rviz")
         grids, ways = [], []
-        rviz.subscribe("map", types.GRID, grids.append, lasting=True)
+        rviz.subscribe("map", types.GRID, grids.append, LASTING)
         rviz.subscribe("plan", types.PATH, ways.append)
         eventually(lambda: grids, "the map comes to one who is late")
         eventually(lambda: view.show(View(1, "ePicture", picture())) or ways, "the plan comes")

@@ -20,6 +20,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros2.qos import DEFAULT
 from tests.bridges.ros2_rig import network
 from tests.patience import patience
 from tests.runtime.running import eventually
@@ -127,5 +128,5 @@ print(json.dumps([made, topic_keyexpr(5, "/a/b", name, made), endpoint_livelines
     assert messages().hash(vector) == made
     assert ours.key_of("a/b", vector, made) == key
     # The root namespace is "/", which rmw_zenoh encodes as %.
-    produced = ours.topic_token("abc", "motors", 3, "MP", "a/b", vector, made, lasting=False)
+    produced = ours.topic_token("abc", "motors", 3, "MP", "a/b", vector, made, DEFAULT)
     assert produced == token

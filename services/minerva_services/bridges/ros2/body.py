@@ -51,6 +51,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         rate: velocities per second.
         clock: topic of Clock messages, for a simulation driven by them: it receives the time, and
             must answer each step with all its readings of that time.
+        qos: the quality of service of topics, by option: {scan = "sensor_data"}.
 
     """
 
@@ -73,6 +74,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         map_frame: str = "",
         rate: float = 20.0,
         clock: str = "",
+        qos: Mapping[str, Any] | None = None,
         **further: Any,
     ) -> None:
         options = {"router": router, **further}
@@ -89,6 +91,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
             limits,
             tolerances,
             check_positive("rate", rate),
+            qos,
         )
         _check_topics(self._options)
         self._robot = robot

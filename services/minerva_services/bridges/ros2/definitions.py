@@ -23,6 +23,7 @@ from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.driver import check_positive
 from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.qos import HEARING, qos_of
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import heading_of
 from minerva_services.event_factory import event_type
@@ -253,9 +254,8 @@ def _plain(value: Any) -> Any:
 
 _TOPIC_KEYS: Final[Mapping[str, Any]] = {
     "type": str, "definition": str, "event": str, "data": Mapping, "rate": int | float,
-    "durability": str,
+    "qos": str,
 }  # fmt: skip
-_DURABILITIES: Final = ("volatile", "transient_local")
 _RATE: Final = 10.0
 
 
@@ -273,13 +273,8 @@ class MessageTopic:
         rate = check_positive(f"{self._where}: rate", table.get("rate", _RATE))
         self._seconds, self._due = 1.0 / rate, 0.0
         self._events: MessageEvents | None = None
-        durability = table.get("durability", "volatile")
-        if durability not in _DURABILITIES:
-            hint = nearest(
-                durability, list(_DURABILITIES), f"expected {' or '.join(_DURABILITIES)}"
-            )
-            raise MisuseError(f"ros2: {self._where}: durability is {durability!r}{hint}")
-        self.lasting = durability == "transient_local"
+        qos = table.get("qos")
+        self.qos = HEARING if qos is None else qos_of(f"{self._where}: qos", qos, HEARING)
 
     def check(self, service: str, world: WorldInfo) -> None:
         """Raise MisuseError if the type of its messages or of its events does not fit."""

@@ -94,7 +94,9 @@ def _topics(announced: list[Announced]) -> Iterator[Found]:
             for what, kind in _ENDS.items()
             if any(each.kind == kind for each in there)
         ]
-        yield topic, True, f"{message}, {', '.join(counts)}"
+        kinds = sorted({str(each.qos) for each in there if each.kind == PUBLISHER} - {""})
+        quality = f" ({' and '.join(kinds)})" if kinds else ""
+        yield topic, True, f"{message}, {', '.join(counts)}{quality}"
 
 
 def _named(there: list[Announced], kind: str) -> str:

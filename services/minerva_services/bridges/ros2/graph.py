@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from minerva_services.bridges.ros2.qos import DEFAULT, Qos, announced_qos
+
 LAYOUTS: Final = ("rmw_zenoh", "dds")
 NODE, PUBLISHER, SUBSCRIPTION, SERVER = "NN", "MP", "MS", "SS"
 _KINDS: Final = (NODE, PUBLISHER, SUBSCRIPTION, SERVER)
@@ -26,7 +28,6 @@ NO_HASH: Final = "TypeHashNotSupported"
 TOKENS: Final = ("@ros2_lv/**", "@/*/@ros2_lv/**")
 """Key expressions of all tokens: of rmw_zenoh, and of bridges for DDS."""
 
-_TRANSIENT_LOCAL: Final = "1"
 _BACKENDS: Final = "backends:"
 
 
@@ -35,8 +36,8 @@ class Announced:
     """A node, or one of its publishers, subscriptions and services.
 
     `layout` is that of its network; `session` is the Zenoh session that it belongs to. A bridge for
-    DDS announces no nodes and no hashes, and its `domain` is 0. `lasting`: transient local;
-    `buffered`: shares memory, as nodes do from Lyrical on.
+    DDS announces no nodes and no hashes, and its `domain` is 0. `buffered`: shares memory, as nodes
+    do from Lyrical on.
     """
 
     layout: str
@@ -47,7 +48,7 @@ class Announced:
     topic: str = ""
     message: str = ""
     type_hash: str = ""
-    lasting: bool = False
+    qos: Qos = DEFAULT
     buffered: bool = False
 
 
@@ -69,9 +70,9 @@ def announced(token: str) -> Announced | None:
         name, kind_of_message = f"{name}/{SEND_GOAL}", f"{kind_of_message}_SendGoal"
     elif kind not in _KINDS:
         return None
-    lasting = bool(qos) and _durability(qos[0], 2) == _TRANSIENT_LOCAL
     kind = SERVER if kind == _ACTION_SERVER else kind
-    return Announced("dds", 0, session, kind, "", name, kind_of_message, lasting=lasting)
+    about = announced_qos("".join(qos), "dds")
+    return Announced("dds", 0, session, kind, "", name, kind_of_message, qos=about)
 
 
 def _of_rmw_zenoh(
@@ -84,12 +85,8 @@ def _of_rmw_zenoh(
     return Announced(
         "rmw_zenoh", int(domain), session, kind, name,
         _demangled(topic), ros_type(message), type_hash,
-        _durability(qos, 1) == _TRANSIENT_LOCAL, backends.startswith(_BACKENDS),
+        announced_qos(qos, "rmw_zenoh"), backends.startswith(_BACKENDS),
     )  # fmt: skip
-
-
-def _durability(qos: str, place: int) -> str:
-    return qos.split(":")[place] if qos.count(":") >= place else ""
 
 
 def mangled(name: str) -> str:

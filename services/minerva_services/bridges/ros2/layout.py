@@ -13,24 +13,13 @@ from pathlib import Path
 from typing import Final, Literal
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_services.bridges.ros2.graph import LAYOUTS, SUBSCRIPTION, dds_type, mangled
+from minerva_services.bridges.ros2.graph import LAYOUTS, dds_type, mangled
+from minerva_services.bridges.ros2.qos import Qos
 
 ENDPOINTS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURED: Final = ("tls", "quic")
 GID_BYTES: Final = 16
 _ATTACHMENT: Final = struct.Struct(f"<qqB{GID_BYTES}s")
-_QOS: Final = "::,10:,:,:,,"
-"""Reliable, volatile, depth 10: ROS 2's default, of which only the depth is written."""
-
-_LASTING_QOS: Final = ":1:,1:,:,:,,"
-"""The same, but transient local with depth 1."""
-
-_HEARING_QOS: Final = "2::,10:,:,:,,"
-"""Best effort: what a publisher of any quality of service counts as a subscription.
-
-Drivers of cameras measure only while somebody subscribes. It makes no difference to delivery.
-"""
-
 _CPU_ONLY: Final = "backends:cpu:"
 """Part of a subscription's token from Lyrical on: memory shared by devices is not understood."""
 
@@ -144,17 +133,16 @@ class Ros2Network:
 
     def topic_token(
         self, session: str, node: str, entity: int, kind: Literal["MP", "MS", "SC"],
-        topic: str, message: str, type_hash: str, *, lasting: bool, buffered: bool = False,
+        topic: str, message: str, type_hash: str, qos: Qos, *, buffered: bool = False,
     ) -> str:  # fmt: skip
         """The token of a publisher (MP), a subscription (MS) or a client of a service (SC).
 
-        `lasting` means transient local, `buffered` that it also receives on `buffered_pattern`.
+        `buffered` means that it also receives on `buffered_pattern`.
         """
         name = mangled(f"/{self.name(topic)}")
-        qos = _LASTING_QOS if lasting else _HEARING_QOS if kind == SUBSCRIPTION else _QOS
         return (
             f"@ros2_lv/{self.domain}/{session}/0/{entity}/{kind}/%/{self._node_namespace}/{node}"
-            f"/{name}/{dds_type(message)}/{type_hash}/{qos}"
+            f"/{name}/{dds_type(message)}/{type_hash}/{qos.token}"
             f"{f'/{_CPU_ONLY}' if buffered else ''}"
         )
 

@@ -10,7 +10,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
@@ -38,7 +38,8 @@ from minerva_services.bridges.ros2.messages import (
     messages,
 )
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
-from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses
+from minerva_services.bridges.ros2.qos import DEFAULT
+from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses, with_qos
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
 from minerva_services.bridging.bridge import log
@@ -99,9 +100,10 @@ class BaseOptions:
     limits: MotorLimits
     tolerances: DriveTolerances
     rate: float
+    qos: Mapping[str, Any] | None
 
     def uses(self) -> tuple[TopicUse, ...]:
-        """The topics that are configured."""
+        """The topics that are configured. Raises MisuseError for their quality of service."""
         topics = self.topics
         uses = (
             TopicUse("scan", topics.scan, LASER_SCAN),
@@ -109,12 +111,12 @@ class BaseOptions:
             TopicUse("detections", topics.detections, DETECTIONS),
             TopicUse(
                 "cmd_vel", topics.cmd_vel, types.TWIST_STAMPED if self.stamped else types.TWIST,
-                sends=True, instead="stop other programs that take its velocities",
+                sends=True, qos=DEFAULT, instead="stop other programs that take its velocities",
             ),
-            TopicUse("clock", topics.clock, types.CLOCK, sends=True),
+            TopicUse("clock", topics.clock, types.CLOCK, sends=True, qos=DEFAULT),
         )  # fmt: skip
         mounts = transforms_uses(self.network, needed=self.mount is None and bool(topics.scan))
-        return (*mounts, *(use for use in uses if use.topic))
+        return (*mounts, *with_qos([use for use in uses if use.topic], self.qos))
 
 
 class MobileBase:
@@ -134,9 +136,8 @@ class MobileBase:
             options.base, options.mount, self._moved, notify, options.time_offset
         )
         self._publisher = ReadingPublisher(self.driver, self._sensors)
-        self._motors = Motors(
-            topics.cmd_vel, topics.clock, options.map_frame, options.base, stamped=options.stamped
-        )
+        self._uses = options.uses()
+        self._motors = Motors(options.map_frame, options.base, stamped=options.stamped)
         self._sent = STILL, time.monotonic()
         self._clock = ClockWatch()
         self._link: NetworkLink | None = None
@@ -146,7 +147,7 @@ class MobileBase:
         period = 1.0 / self._options.rate
         network = self._options.network
         self._link = NetworkLink(
-            network, "minerva_motors", self._declare, self._beat, period, self._options.uses()
+            network, "minerva_motors", self._declare, self._beat, period, self._uses
         )
         self._link.start()
 
@@ -225,9 +226,8 @@ class MobileBase:
     # --- called by threads of the link and of Zenoh ---
 
     def _declare(self, session: Ros2Session) -> None:
-        topics = self._options.topics
-        self._sensors.listen(session, topics.scan, topics.odometry, topics.detections)
-        self._motors.declare(session)
+        self._sensors.listen(session, self._uses)
+        self._motors.declare(session, self._uses)
 
     def _beat(self) -> None:
         """Send the current velocity, or the current step of the simulation."""
@@ -424,18 +424,17 @@ class SensorBuffers:
         self._counts: dict[str, int] = {}
         self._lock = threading.Lock()
 
-    def listen(self, session: Ros2Session, scan: str, odometry: str, detections: str) -> None:
+    def listen(self, session: Ros2Session, uses: Sequence[TopicUse]) -> None:
         """Subscribe to the configured topics."""
-        self._by_arrival = not odometry
-        for use in transforms_uses(session.network, needed=False):
-            session.subscribe(use.topic, TRANSFORMS, self._on_transforms, lasting=use.lasting)
-        if odometry:
-            session.subscribe(odometry, ODOMETRY, self._decoder(ODOMETRY, self._take_odometry))
-        if scan:
-            session.subscribe(scan, LASER_SCAN, self._decoder(LASER_SCAN, self._take_scan))
-        if detections:
-            receive = self._decoder(DETECTIONS, self._take_detections)
-            session.subscribe(detections, DETECTIONS, receive)
+        takes: dict[str, Callable[[Any], None]] = {
+            TRANSFORMS: self._frames.update, ODOMETRY: self._take_odometry,
+            LASER_SCAN: self._take_scan, DETECTIONS: self._take_detections,
+        }  # fmt: skip
+        self._by_arrival = not any(use.message == ODOMETRY for use in uses)
+        for use in uses:
+            if not use.sends:
+                receive = self._decoder(use.message, takes[use.message])
+                session.subscribe(use.topic, use.message, receive, use.qos)
 
     @property
     def scans(self) -> tuple[Scan, ...]:
@@ -469,9 +468,6 @@ class SensorBuffers:
         """Count a skipped message."""
         with self._lock:
             self._counts[what] = self._counts.get(what, 0) + 1
-
-    def _on_transforms(self, data: bytes) -> None:
-        self._decoder(TRANSFORMS, self._frames.update)(data)
 
     def _decoder(self, message: str, take: Callable[[Any], None]) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:
@@ -599,25 +595,26 @@ def _span(reading: Scan | Sightings) -> tuple[float, float]:
 class Motors:
     """Publishes on the configured topics; publishes nothing before `declare`.
 
-    `stamped`: velocities are TwistStamped messages in the frame `base`. `clock` is a topic of Clock
-    messages, `map_frame` the frame in which transforms place the odometry frame.
+    `stamped`: velocities are TwistStamped messages in the frame `base`. `map_frame` is the frame in
+    which transforms place the odometry frame.
     """
 
-    def __init__(self, cmd_vel: str, clock: str, map_frame: str, base: str, *, stamped: bool):
-        self._cmd_vel, self._clock_topic, self._map_frame = cmd_vel, clock, map_frame
-        self._base, self._stamped = base, stamped
+    def __init__(self, map_frame: str, base: str, *, stamped: bool):
+        self._map_frame, self._base, self._stamped = map_frame, base, stamped
         self._wheels: TopicPublisher | None = None
         self._clock: TopicPublisher | None = None
         self._transforms: TopicPublisher | None = None
 
-    def declare(self, session: Ros2Session) -> None:
+    def declare(self, session: Ros2Session, uses: Sequence[TopicUse]) -> None:
         """Create the publishers of a session. Raises SourceError if it is lost."""
         if self._map_frame:
             self._transforms = session.publisher(session.network.tf, types.TRANSFORMS)
-        if self._clock_topic:
-            self._clock = session.publisher(self._clock_topic, types.CLOCK)
-        twist = types.TWIST_STAMPED if self._stamped else types.TWIST
-        self._wheels = session.publisher(self._cmd_vel, twist)
+        publishers = {
+            use.option: session.publisher(use.topic, use.message, use.qos)
+            for use in uses
+            if use.sends
+        }
+        self._clock, self._wheels = publishers.get("clock"), publishers.get("cmd_vel")
 
     def go(self, velocity: Velocity) -> None:
         """Publish a velocity that applies from now on."""

@@ -23,6 +23,7 @@ from minerva_bus.errors import MisuseError
 from minerva_services.bridges.ros2.graph import NO_HASH, SERVER, TOKENS, Announced, RosGraph
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.qos import DEFAULT, HEARING, Qos
 from minerva_services.bridges.ros2.uses import TopicUse, is_of, mismatches
 from minerva_services.bridging.bridge import SourceError, log
 
@@ -262,10 +263,10 @@ class Ros2Session:
         return bool([*info.routers_zid(), *info.peers_zid()])
 
     def subscribe(
-        self, topic: str, message: str, receive: Callable[[bytes], None], *,
-        lasting: bool = False, lost: Callable[[int], None] | None = None,
+        self, topic: str, message: str, receive: Callable[[bytes], None],
+        qos: Qos = HEARING, *, lost: Callable[[int], None] | None = None,
     ) -> None:  # fmt: skip
-        """Subscribe to a topic; Zenoh's threads deliver its payloads. `lasting` includes history.
+        """Subscribe to a topic; Zenoh's threads deliver its payloads.
 
         `lost` receives how many messages are missing before one that arrives. Raises SourceError
         if the session is lost.
@@ -279,45 +280,46 @@ class Ros2Session:
 
         pattern = self.network.pattern(topic, message)
         # A publisher of /tf_static may start later than this subscription.
-        history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+        history = zenoh.ext.HistoryConfig(
+            detect_late_publishers=True, max_samples=qos.depth or None
+        )
         recovery = zenoh.ext.RecoveryConfig(heartbeat=True, periodic_queries=None)
         declare = self._session.declare_subscriber
-        if lasting:
+        if qos.lasting:
             declare = partial(
                 zenoh.ext.declare_advanced_subscriber,
-                self._session, history=history, recovery=recovery,
+                self._session, history=history, recovery=recovery if qos.reliable else None,
             )  # fmt: skip
         self._declared.append(_declared(topic, declare, pattern, on_sample))
-        buffered = self._is_buffered(message, lasting=lasting)
+        buffered = self._is_buffered(message, qos)
         if buffered:
             shared = self.network.buffered_pattern(topic, message)
             self._declared.append(_declared(topic, declare, shared, on_sample))
-        self._announce(self._token("MS", topic, message, lasting=lasting, buffered=buffered))
+        self._announce(self._token("MS", topic, message, qos, buffered=buffered))
 
-    def publisher(self, topic: str, message: str, *, lasting: bool = False) -> TopicPublisher:
-        """A publisher; `lasting` also serves late subscribers.
-
-        Raises SourceError if the session is lost.
-        """
-        cache, declare = zenoh.ext.CacheConfig(1), self._session.declare_publisher
+    def publisher(self, topic: str, message: str, qos: Qos = DEFAULT) -> TopicPublisher:
+        """A publisher. Raises SourceError if the session is lost."""
+        cache = zenoh.ext.CacheConfig(qos.depth or 1)
+        kind = zenoh.Reliability.RELIABLE if qos.reliable else zenoh.Reliability.BEST_EFFORT
+        declare = partial(self._session.declare_publisher, reliability=kind)
         # Subscribers learn from it that they have missed a message, and get it from the cache.
         heartbeat = zenoh.ext.MissDetectionConfig(
             sporadic_heartbeat=_HEARTBEAT_SECONDS, heartbeat=None
         )
-        if lasting:
+        if qos.lasting:
             declare = partial(
                 zenoh.ext.declare_advanced_publisher,
-                self._session, cache=cache, publisher_detection=True,
-                sample_miss_detection=heartbeat,
+                self._session, cache=cache, publisher_detection=True, reliability=kind,
+                sample_miss_detection=heartbeat if qos.reliable else None,
             )  # fmt: skip
         network, name = self.network, f"/{self.network.name(topic)}"
-        token = self._token("MP", topic, message, lasting=lasting)
+        token = self._token("MP", topic, message, qos)
         publisher = TopicPublisher(
             message,
             lambda type_hash: _declared(topic, declare, network.key_of(topic, message, type_hash)),
             lambda: self.graph.hashes(name, message),
             gid_of(token) if network.layout == "rmw_zenoh" else None,
-            lasting=lasting,
+            lasting=qos.lasting,
         )
         self._publishers.append(publisher)
         self._declared.append(publisher)
@@ -367,8 +369,7 @@ class Ros2Session:
         """The gid of this session's client of a service, which is announced when it is new."""
         if (service, type_hash) not in self._clients:
             token = self.network.topic_token(
-                self._id, self.node, len(self._declared), "SC", service, kind, type_hash,
-                lasting=False,
+                self._id, self.node, len(self._declared), "SC", service, kind, type_hash, DEFAULT
             )  # fmt: skip
             self._announce(token)
             self._clients[service, type_hash] = gid_of(token)
@@ -381,23 +382,23 @@ class Ros2Session:
                 declaration.undeclare()
         self._session.close()
 
-    def _is_buffered(self, message: str, *, lasting: bool) -> bool:
+    def _is_buffered(self, message: str, qos: Qos) -> bool:
         """Whether a publisher of Lyrical or later shares memory with subscriptions of a type.
 
         It publishes nothing for a subscription without a list of the memory that it understands.
         Lasting messages are never shared.
         """
-        return self.network.layout == "rmw_zenoh" and not lasting and messages().has_bytes(message)
+        shared = self.network.layout == "rmw_zenoh" and not qos.lasting
+        return shared and messages().has_bytes(message)
 
     def _token(
-        self, kind: Any, topic: str, message: str, *, lasting: bool, buffered: bool = False
+        self, kind: Any, topic: str, message: str, qos: Qos, *, buffered: bool = False
     ) -> str:
         # The list only grows, so its length is a number that is unique within the session.
         entity, type_hash = len(self._declared), messages().hash(message)
         return self.network.topic_token(
-            self._id, self.node, entity, kind, topic, message, type_hash,
-            lasting=lasting, buffered=buffered,
-        )  # fmt: skip
+            self._id, self.node, entity, kind, topic, message, type_hash, qos, buffered=buffered
+        )
 
     def _announce(self, token: str) -> None:
         """Declare a liveliness token; a bridge for DDS finds its counterparts by other means."""

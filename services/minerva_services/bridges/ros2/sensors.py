@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, ClassVar, Final, TypeAlias
@@ -31,7 +31,14 @@ from minerva_services.bridges.ros2.messages import (
     messages,
 )
 from minerva_services.bridges.ros2.network import Ros2Session
-from minerva_services.bridges.ros2.uses import TopicUse, misfits, transforms_uses
+from minerva_services.bridges.ros2.qos import LASTING
+from minerva_services.bridges.ros2.uses import (
+    EVENTS,
+    TopicUse,
+    misfits,
+    transforms_uses,
+    with_qos,
+)
 from minerva_services.bridges.ros_messages import (
     Frames,
     GarbageError,
@@ -93,7 +100,8 @@ class Ros2(Bridge):
           obstacle), the side of a `cell`, and `x`, `y` and `angle` of the corner.
         events: other topics, such as those of Imu and JointState messages: by topic a table with
           the `type` of its messages, the `event` that each becomes, the paths of its `data` in the
-          message, and the most events per second as `rate`.
+          message, the most events per second as `rate`, and `qos`.
+        qos: the quality of service of the other topics, by option: {scan = "sensor_data"}.
 
     """
 
@@ -122,6 +130,7 @@ class Ros2(Bridge):
         map: str = "",
         map_event: str = "eMap",
         events: Mapping[str, Any] | None = None,
+        qos: Mapping[str, Any] | None = None,
         **network: Any,
     ) -> None:
         super().__init__()
@@ -147,10 +156,11 @@ class Ros2(Bridge):
         self.publishes = tuple(sorted({self._read[use.message][1] for use in self._uses}))
         self._map_event = map_event if map else ""
         if map:
-            self._uses.append(TopicUse("map", map, GRID, lasting=True))
+            self._uses.append(TopicUse("map", map, GRID, qos=LASTING))
         self._others = {name: MessageTopic(name, table) for name, table in (events or {}).items()}
+        self._uses = with_qos(self._uses, qos)
         self._uses += [
-            TopicUse("events", name, each.kind, lasting=each.lasting)
+            TopicUse(f"{EVENTS}{name}", name, each.kind, qos=each.qos)
             for name, each in self._others.items()
         ]
         # Invalid names must fail here, not in the thread that connects.
@@ -196,12 +206,13 @@ class Ros2(Bridge):
         session = Ros2Session(self.network, "minerva_sensors", self.uses())
         source = _Listening(session, self)
         for use in self.uses():
-            receive = source.receiver(use.topic if use.topic in self._others else use.message)
+            kind = use.topic if use.option.startswith(EVENTS) else use.message
+            receive = source.receiver(kind, use.qos.depth)
             # A lasting message is sent again; one with bytes may go to other keys meanwhile.
-            numbered = not use.lasting and not messages().has_bytes(use.message)
+            numbered = not use.qos.lasting and not messages().has_bytes(use.message)
             session.subscribe(
-                use.topic, use.message, receive,
-                lasting=use.lasting, lost=partial(self.lost, use.topic) if numbered else None,
+                use.topic, use.message, receive, use.qos,
+                lost=partial(self.lost, use.topic) if numbered else None,
             )  # fmt: skip
         return source
 
@@ -275,7 +286,8 @@ def _items(ready: list[Recorded]) -> Iterator[SourceItem]:
 class _Waiting:
     """Messages of one type that wait, each with its number among all messages."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = _MAX_QUEUED) -> None:
+        self._most = most
         self._messages = deque[tuple[int, bytes]]()
         self._bytes = 0
 
@@ -285,7 +297,7 @@ class _Waiting:
         self._bytes += len(data)
         dropped = 0
         while len(self._messages) > 1 and (
-            len(self._messages) > _MAX_QUEUED or self._bytes > _MAX_BYTES
+            len(self._messages) > self._most or self._bytes > _MAX_BYTES
         ):
             _, oldest = self._messages.popleft()
             self._bytes -= len(oldest)
@@ -309,17 +321,18 @@ class _Listening:
     def __init__(self, session: Ros2Session, bridge: Ros2) -> None:
         self._session = session
         self._bridge = bridge
-        self._waiting = defaultdict[str, _Waiting](_Waiting)
+        self._waiting: dict[str, _Waiting] = {}
         self._received = 0
         self._news = threading.Condition()
 
-    def receiver(self, message: str) -> Callable[[bytes], None]:
-        """A callback for the payloads of a topic."""
+    def receiver(self, message: str, depth: int = 0) -> Callable[[bytes], None]:
+        """A callback for the payloads of a topic, of which at most `depth` wait, if it is given."""
+        waiting = self._waiting.setdefault(message, _Waiting(depth or _MAX_QUEUED))
 
         def receive(data: bytes) -> None:
             with self._news:
                 self._received += 1
-                dropped = self._waiting[message].add(self._received, data)
+                dropped = waiting.add(self._received, data)
                 self._news.notify()
             if dropped:
                 self._bridge.count("dropped here", dropped)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
+from minerva_bus.errors import MisuseError, nearest
 from minerva_services.bridges.ros2.graph import (
     LAYOUTS,
     PUBLISHER,
@@ -16,6 +17,7 @@ from minerva_services.bridges.ros2.graph import (
 )
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import TRANSFORMS, TWIST, TWIST_STAMPED
+from minerva_services.bridges.ros2.qos import HEARING, LASTING, Qos, qos_of
 
 _MAX_NAMED: Final = 5
 _STARTS: Final = {
@@ -29,23 +31,45 @@ _OWN_NODES: Final = "minerva_"
 class TopicUse:
     """A topic of a service; `option` is its name in a world file.
 
-    `sends`: the service publishes on it; `lasting`: it expects messages from before it came;
-    `needed`: somebody must be at the other end. `suffix` follows the option's value in the topic's
-    name, and `instead` is what to do without such a topic, by default to empty the option.
+    `sends`: the service publishes on it; `needed`: somebody must be at the other end. `suffix`
+    follows the option's value in the topic's name, and `instead` is what to do without such a
+    topic, by default to empty the option.
     """
 
     option: str
     topic: str
     message: str
     sends: bool = False
-    lasting: bool = False
+    qos: Qos = HEARING
     needed: bool = True
     suffix: str = ""
     instead: str = ""
 
     def set_to(self, topic: str) -> str:
         """What to write into a world file for a topic."""
+        if self.option.startswith(EVENTS):
+            return f'name the table {EVENTS}"{topic}"' if topic else f"remove {self.option}"
         return f'set {self.option} = "{topic.removesuffix(self.suffix)}"'
+
+
+EVENTS: Final = "events."
+"""Begin of the options of topics that have tables of their own."""
+
+
+def with_qos(uses: Iterable[TopicUse], given: Mapping[str, Any] | None) -> list[TopicUse]:
+    """The topics with the quality of service that is given by option. Raises MisuseError."""
+    if not isinstance(given, Mapping | None):
+        raise MisuseError(f'ros2: qos is {given!r:.60}; expected a table, {{scan = "sensor_data"}}')
+    table, changed = dict(given or {}), list[TopicUse]()
+    for use in uses:
+        words = table.pop(use.option, None)
+        qos = use.qos if words is None else qos_of(f"qos.{use.option}", words, use.qos)
+        changed.append(replace(use, qos=qos))
+    for name in table:
+        names = [use.option for use in changed if not use.option.startswith(EVENTS)]
+        near = nearest(name, names, f"it may have {', '.join(names)}")
+        raise MisuseError(f"ros2: qos has {name!r}, which is no topic that is used{near}")
+    return changed
 
 
 def transforms_uses(network: Ros2Network, *, needed: bool) -> tuple[TopicUse, TopicUse]:
@@ -53,7 +77,7 @@ def transforms_uses(network: Ros2Network, *, needed: bool) -> tuple[TopicUse, To
     given = 'set mount = "x, y, degrees"'
     static = TopicUse(
         "tf", network.static_tf, TRANSFORMS,
-        lasting=True, needed=needed, suffix="_static", instead=given,
+        qos=LASTING, needed=needed, suffix="_static", instead=given,
     )  # fmt: skip
     return static, TopicUse("tf", network.tf, TRANSFORMS, needed=False)
 
@@ -179,8 +203,7 @@ def _problem(here: list[Announced], network: Ros2Network, use: TopicUse, namespa
     there = [each for each in ends if each.topic == wanted]
     fitting = [each for each in there if each.message == use.message]
     if fitting:
-        late = use.lasting and not use.sends and not any(each.lasting for each in fitting)
-        return _late(wanted) if late else ""
+        return _other_qos(wanted, [each.qos for each in fitting], use)
     if there:
         return _other_type(wanted, there, ends, use)
     if not use.needed:
@@ -192,11 +215,29 @@ def _problem(here: list[Announced], network: Ros2Network, use: TopicUse, namespa
     return f"{text}; {_remedy(ends, use)}"
 
 
-def _late(wanted: str) -> str:
-    return (
-        f"{wanted} is volatile, so messages from before are missing;"
-        " set the durability of its publisher to transient local"
-    )
+_POLICIES: Final = (
+    ("lasting", "volatile", "transient_local", "messages from before are missing"),
+    ("reliable", "best_effort", "reliable", "lost messages are not repeated"),
+)
+
+
+def _other_qos(wanted: str, others: Sequence[Qos], use: TopicUse) -> str:
+    """What the subscriptions ask for, but the publishers do not offer."""
+    qos = f"{use.option}.qos" if use.option.startswith(EVENTS) else f"qos.{use.option}"
+    for name, weak, strong, why in _POLICIES:
+        ours, theirs = getattr(use.qos, name), [getattr(other, name) for other in others]
+        if use.sends and not ours and any(theirs):
+            return (
+                f"{wanted} is sent as {weak}, but subscribed to as {strong}, so {why};"
+                f" add {strong} to {qos}"
+            )
+        if not use.sends and ours and not any(theirs):
+            other = "" if use.message == TRANSFORMS else f", or add {weak} to {qos}"
+            return (
+                f"{wanted} is published as {weak}, not {strong}, so {why};"
+                f" make its publisher {strong}{other}"
+            )
+    return ""
 
 
 def _other_type(wanted: str, there: list[Announced], ends: list[Announced], use: TopicUse) -> str:

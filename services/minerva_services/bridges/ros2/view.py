@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -22,7 +23,8 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
-from minerva_services.bridges.ros2.uses import TopicUse, misfits
+from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
+from minerva_services.bridges.ros2.uses import TopicUse, misfits, with_qos
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import place_of
 from minerva_services.bridging.bridge import log
@@ -107,6 +109,7 @@ class Ros2View(Device, draws=("ePicture",)):
         event: the type of the order, whose `marker` is the marker's name.
         frame: the map frame.
         every: frames between pictures.
+        qos: the quality of service of topics, by option: {plan = "best_effort"}.
 
     """
 
@@ -125,17 +128,28 @@ class Ros2View(Device, draws=("ePicture",)):
         event: str = "eObjective",
         frame: str = "map",
         every: int = 10,
+        qos: Mapping[str, Any] | None = None,
         **network: Any,
     ) -> None:
         self.network = Ros2Network(router, **network)
-        self._out = {types.GRID: map, types.PATH: plan, types.POSE_STAMPED: objective}
-        for topic in (*self._out.values(), goal):
-            if topic:
-                self.network.name(topic)
+        # RViz may start later than the world, and need not be there at all; for maps it expects a
+        # transient local publisher.
+        out = {
+            "map": (map, types.GRID, LASTING), "plan": (plan, types.PATH, DEFAULT),
+            "objective": (objective, types.POSE_STAMPED, DEFAULT),
+        }  # fmt: skip
+        uses = [
+            TopicUse(option, topic, message, sends=True, qos=usual, needed=False)
+            for option, (topic, message, usual) in out.items()
+        ]
+        uses.append(TopicUse("goal", goal, types.POSE_STAMPED, needed=False))
+        self._uses = with_qos([use for use in uses if use.topic], qos)
+        for use in self._uses:
+            self.network.name(use.topic)
         # Each objective that is published would come back as an order.
         if goal and goal == objective:
             raise MisuseError("ros2_view: goal and objective must be different topics")
-        self._robot, self._goal, self._radius = robot, goal, radius
+        self._robot, self._radius = robot, radius
         self._event, self._frame = event, frame
         self.when = f"each {every} frames" if every else ""
         self._link: NetworkLink | None = None
@@ -145,15 +159,8 @@ class Ros2View(Device, draws=("ePicture",)):
         self._lock = threading.Lock()
 
     def uses(self) -> tuple[TopicUse, ...]:
-        """The topics for RViz, which need not be there."""
-        options = {types.GRID: "map", types.PATH: "plan", types.POSE_STAMPED: "objective"}
-        shown = [
-            TopicUse(options[message], topic, message, sends=True, needed=False)
-            for message, topic in self._out.items()
-            if topic
-        ]
-        goal = TopicUse("goal", self._goal, types.POSE_STAMPED, needed=False)
-        return (*shown, goal) if self._goal else tuple(shown)
+        """The topics for RViz."""
+        return tuple(self._uses)
 
     def check(self, world: WorldInfo) -> list[str]:
         """What fits no robot. Raises MisuseError if rosbags is missing."""
@@ -206,14 +213,12 @@ class Ros2View(Device, draws=("ePicture",)):
         return own
 
     def _declare(self, session: Ros2Session) -> None:
-        publishers = {
-            # RViz may start later than the world; for maps it expects a transient local publisher.
-            message: session.publisher(topic, message, lasting=message == types.GRID)
-            for message, topic in self._out.items()
-            if topic
-        }
-        if self._goal:
-            session.subscribe(self._goal, types.POSE_STAMPED, self._on_goal)
+        publishers = dict[str, TopicPublisher]()
+        for use in self._uses:
+            if use.sends:
+                publishers[use.message] = session.publisher(use.topic, use.message, use.qos)
+            else:
+                session.subscribe(use.topic, use.message, self._on_goal, use.qos)
         with self._lock:
             self._publishers = publishers
 

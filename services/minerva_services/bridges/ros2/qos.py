@@ -1,0 +1,98 @@
+"""Quality of service of topics, in the words of ROS 2 and as nodes announce it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from minerva_bus.errors import MisuseError, nearest
+
+_MAX_DEPTH: Final = 1000
+_UNWRITTEN_DEPTH: Final = 42
+"""The default of rmw_zenoh, which tokens do not contain."""
+
+_WORDS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "default": {"reliable": True, "lasting": False, "depth": 10},
+    "sensor_data": {"reliable": False, "lasting": False, "depth": 5},
+    "services_default": {"reliable": True, "lasting": False, "depth": 10},
+    "parameters": {"reliable": True, "lasting": False, "depth": 1000},
+    "reliable": {"reliable": True},
+    "best_effort": {"reliable": False},
+    "transient_local": {"lasting": True},
+    "volatile": {"lasting": False},
+}
+"""Profiles and policies of ROS 2."""
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """What a publisher offers or a subscription asks for.
+
+    `lasting` is transient local: also the messages from before. `depth` is how many messages are
+    kept; 0 leaves that to this program.
+    """
+
+    reliable: bool = True
+    lasting: bool = False
+    depth: int = 0
+
+    def __str__(self) -> str:
+        """Its words that differ from ROS 2's default."""
+        words = [] if self.reliable else ["best_effort"]
+        return " ".join([*words, "transient_local"] if self.lasting else words)
+
+    @property
+    def token(self) -> str:
+        """Its part of a token of rmw_zenoh, which contains only what differs from the default."""
+        depth = self.depth or (1 if self.lasting else 10)
+        kept = "" if depth == _UNWRITTEN_DEPTH else depth
+        return f"{'' if self.reliable else 2}:{1 if self.lasting else ''}:,{kept}:,:,:,,"
+
+
+DEFAULT: Final = Qos()
+LASTING: Final = Qos(lasting=True)
+HEARING: Final = Qos(reliable=False)
+"""What a publisher of any quality of service counts as a subscription.
+
+Drivers of cameras measure only while somebody subscribes. It makes no difference to delivery.
+"""
+
+
+def announced_qos(text: str, layout: str) -> Qos:
+    """The quality of service in a token; rmw_zenoh and DDS number its parts differently."""
+    dds = layout == "dds"
+    reliability, durability = [*text.split(":"), "", "", ""][1 if dds else 0 :][:2]
+    return Qos(reliability != ("0" if dds else "2"), durability == "1")
+
+
+def qos_of(where: str, text: Any, usual: Qos) -> Qos:
+    """The quality of service in words such as "sensor_data" or "reliable transient_local 10".
+
+    The first may be a profile, of which others replace parts. What no word says is as `usual`.
+    Raises MisuseError.
+    """
+    words = text.split() if isinstance(text, str) else []
+    said, parts = set[str](), dict[str, Any]()
+    for word in words or [""]:
+        says = _WORDS.get(word) or _depth(word)
+        if not says or says.keys() & (said if len(says) == 1 else parts.keys()):
+            near = _WANTED if word in _WORDS else nearest(word, list(_WORDS), _WANTED)
+            raise MisuseError(f"ros2: {where} is {text!r:.60}; {near.removeprefix('; ')}")
+        parts |= says
+        if len(says) == 1:
+            said |= says.keys()
+    # Who wants messages from before wants none of them to be lost.
+    reliable = usual.reliable or parts.get("lasting", False)
+    return Qos(**{"reliable": reliable, "lasting": usual.lasting, **parts})
+
+
+def _depth(word: str) -> Mapping[str, Any]:
+    is_number = word.isascii() and word.isdecimal() and 1 <= int(word[:9]) <= _MAX_DEPTH
+    return {"depth": int(word)} if is_number else {}
+
+
+_WANTED: Final = (
+    "expected a profile (default, sensor_data, services_default, parameters) or none, then reliable"
+    f" or best_effort, volatile or transient_local, and a depth from 1 to {_MAX_DEPTH}"
+)
