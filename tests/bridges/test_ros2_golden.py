@@ -58,7 +58,14 @@ def test_tokens_of_robots_are_understood(name):
         if case["kind"] == "SC":  # Only servers of services are of interest.
             assert about is None
             continue
-        read = about.kind, about.layout, about.topic, about.message, about.qos.lasting, about.buffered
+        read = (
+            about.kind,
+            about.layout,
+            about.topic,
+            about.message,
+            about.qos.lasting,
+            about.buffered,
+        )
         assert read == (
             case["kind"], GOLDEN[name]["layout"], case.get("topic", ""), case.get("message", ""),
             case.get("lasting", False), case.get("buffered", False),
