@@ -40,6 +40,7 @@ from minerva_determinism.layouts import (
     run_in_layout,
 )
 from minerva_determinism.positions import deaths
+from minerva_determinism.suspects import Suspect, suspects
 
 SAME: Final = "same"
 DIFFERS: Final = "DIFFERS"
@@ -109,10 +110,14 @@ TITLES: Final = ("layout", "result", "frames", "digest", "seconds")
 
 @dataclass(slots=True)
 class Certificate:
-    """All checks; `omitted` are the processes that were left out, by world, with the reasons."""
+    """All checks, and by world: processes that were `omitted`, with the reasons, and `suspects`.
+
+    A world has suspects, lines of its code, only if something differs.
+    """
 
     checks: list[Check] = field(default_factory=list[Check])
     omitted: dict[str, dict[str, str]] = field(default_factory=dict[str, dict[str, str]])
+    suspects: dict[str, list[Suspect]] = field(default_factory=dict[str, list[Suspect]])
     made: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
 
     @property
@@ -147,6 +152,9 @@ class Certificate:
             "made": self.made,
             "machine": self.machine,
             "not_compared": self.omitted,
+            "suspects": {
+                world: [each.plain() for each in listed] for world, listed in self.suspects.items()
+            },
             "checks": [check.plain() for check in self.checks],
         }
 
@@ -188,6 +196,8 @@ def certify(specs: Sequence[str], plan: CertificatePlan) -> Certificate:
                 made.checks.append(check)
                 plan.shown(check)
             made.omitted[spec] = world.omitted
+        if any(check.world == spec and check.result == DIFFERS for check in made.checks):
+            made.suspects[spec] = suspects(read_world_file(path))
     return made
 
 

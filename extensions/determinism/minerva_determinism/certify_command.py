@@ -12,9 +12,9 @@ from typing import Final
 from minerva_bus.cli.output import FAILED, print_json, print_message, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
-from minerva_determinism.certificate import DIFFERS, SAME, TITLES, CertificatePlan, Check, certify
-from minerva_determinism.determinism import ADVICE
+from minerva_determinism.certificate import SAME, TITLES, CertificatePlan, Check, certify
 from minerva_determinism.report import page
+from minerva_determinism.suspects import causes
 
 WIDTHS: Final = (44, 9, 9, 17, 7)
 
@@ -48,8 +48,8 @@ def make_certificate(
         for world, omitted in made.omitted.items():
             for name, why in omitted.items():
                 print_result(f"not compared: {name} of {world} ({why})")
-        if made.results[DIFFERS]:
-            print_result("\n".join(ADVICE))
+        for world, suspects in made.suspects.items():
+            print_result("\n".join([f"{world}:", *causes(suspects)]))
         print_result(made.verdict())
     return 0 if made.is_complete else FAILED
 

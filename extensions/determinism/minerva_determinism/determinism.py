@@ -6,23 +6,16 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any
 
 from minerva_analysis.comparing import Difference
 from minerva_bus.cli.output import FAILED, WRONG, print_json, print_message, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.wording import counted
 from minerva_determinism.layouts import ALONE, APART, OMITTED, first_difference, run_in_layout
-
-ADVICE: Final = (
-    "usual causes, and what to use instead:",
-    "  the time of day (time.time, datetime.now): moment.time; in a service tick.time",
-    "  global random numbers (random, numpy.random): moment.random, moment.chance; tick.random",
-    "  the order of a set, hash(text), id(object): sorted(...), a number or a text of your own",
-    "  state of a module or a class, which each process has for itself: attributes of the agent",
-    "  files, networks, real devices: a service that runs freely, which is not compared",
-)
+from minerva_determinism.suspects import Suspect, causes, suspects
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +23,22 @@ class Verdict:
     """The result: the exit code, the difference if both runs ended, or how one of them failed.
 
     `omitted`: the processes that were left out, with the reasons.
+    `suspects`: lines of code that can be the cause.
     """
 
     code: int
     difference: Difference | None = None
     error: str = ""
     omitted: dict[str, str] | None = None
+    suspects: tuple[Suspect, ...] = ()
 
     def plain(self) -> dict[str, Any]:
         """The verdict as a JSON object."""
         plain: dict[str, Any] = {"ok": not self.code, "not_compared": self.omitted or {}}
         if self.error:
             plain["error"] = self.error
+        if self.suspects:
+            plain["suspects"] = [each.plain() for each in self.suspects]
         return plain | (self.difference.plain() if self.difference is not None else {})
 
     def lines(self) -> list[str]:
@@ -54,7 +51,8 @@ class Verdict:
         if self.difference.frame is None and not self.difference.frames:
             return [*self.difference.lines(), *omitted]
         sides = [f"  A: {ALONE.name}", f"  B: {APART.name}"]
-        return ["two runs differ", *sides, *self.difference.lines(), *omitted, *ADVICE]
+        shown = [*sides, *self.difference.lines(), *omitted, *causes(self.suspects)]
+        return ["two runs differ", *shown]
 
 
 def check_determinism(spec: str, frames: int, as_json: bool) -> int:
@@ -93,4 +91,6 @@ def _verdict(path: Path, frames: int, folder: Path) -> Verdict:
             return Verdict(done.returncode if wrong else FAILED, error=text if wrong else how)
     omitted = json.loads((folder / OMITTED).read_text(encoding="utf-8"))
     difference = first_difference(records[0], records[1], ("A", "B"))
-    return Verdict(0 if difference.same else FAILED, difference, omitted=omitted)
+    if difference.same:
+        return Verdict(0, difference, omitted=omitted)
+    return Verdict(FAILED, difference, "", omitted, tuple(suspects(read_world_file(path))))

@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from minerva_bus.wording import xml_characters
 from minerva_determinism.certificate import LEFT_OUT, SAME, TITLES, Certificate, Check
+from minerva_determinism.suspects import causes
 
 STYLE: Final = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem;
@@ -44,6 +45,8 @@ def page(certificate: Certificate) -> str:
         _fill(SubElement(body, "table"), checks)
         for name, why in certificate.omitted.get(world, {}).items():
             _add(body, "p", f"Not compared: {name} ({why}).", "out")
+        if world in certificate.suspects:
+            _add(body, "pre", "\n".join(causes(certificate.suspects[world])))
     indent(html)
     return "<!DOCTYPE html>\n" + tostring(html, encoding="unicode", method="html") + "\n"
 

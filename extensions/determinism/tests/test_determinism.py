@@ -139,13 +139,15 @@ def test_differences_are_named(tmp_path):
     attributes = ("time", "date", "chance", "hash", "order")
     assert changes >= {("APlant#a", attribute) for attribute in attributes}
     assert "count" in {attribute for _, attribute in changes}
+    suspected = {each["code"] for each in answer["suspects"]}
+    assert suspected >= {"counted.append(self.id)", "random.random()", "hash('sun')"}
 
 
 def test_people_read_where_and_what_to_use_instead(tmp_path):
     code, out, error = check(tmp_path, light="time.time()")
     assert (code, out) == (1, "")
     for word in ("frame 0 is the first that differs", "events of A alone", "eSun", "APlant#a",
-                 "light_seen", "A: one process for all members", "moment.time", "sorted("):  # fmt: skip
+                 "light_seen", "A: one process for all members", "moment.time", "garden.py:44: time.time()"):  # fmt: skip
         assert word in error
     assert len(error.splitlines()) <= 25
 
