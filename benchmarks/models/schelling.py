@@ -183,6 +183,6 @@ def segregation(
     """The same shares, also for residents of other platforms."""
     lattice = Lattice(width, width, RADIUS, "moore", periodic=False)
     cells = x * width + y
-    number, same = lattice.like(cells, kind)
+    number, same, _ = lattice.compared(cells, kind)
     share = same / np.maximum(number, 1)
     return {"happy": float((share >= HOMOPHILY).mean()), "similar": float(share[number > 0].mean())}

@@ -57,13 +57,17 @@ eFlock = EventType(
 )
 eSums = EventType("eSums", number=int, dx=float, vx=float, apart_x=float, apart_y=float)
 eLike = EventType("eLike", number=int, same=int, age=float)
+eMore = EventType(
+    "eMore", number=int, sum_age=float, same_colour=int, more_colour=int, more_age=int
+)
+eRank = EventType("eRank", sum_vx=float, same_vx=int, more_vx=int)
 eOdd = EventType("eOdd", dx=int)
 eTextual = EventType("eTextual", vx=str)
 eTaste = EventType("eTaste", taste=float)
 eSmell = EventType("eSmell", number=int, smell=Default(float, 0.5))
 VOCABULARY = Vocabulary.of(
     *(PSpot, PCell, PNumbered, PTree, TMove, TTurn, eWhere),
-    *(eNear, eClose, eFlock, eSums, eLike, eOdd, eTextual, eTaste, eSmell),
+    *(eNear, eClose, eFlock, eSums, eLike, eMore, eRank, eOdd, eTextual, eTaste, eSmell),
 )
 INFO = WorldInfo("test", VOCABULARY, seed=0, dt=0.1)
 Point = tuple[float, float, float]
@@ -303,6 +307,37 @@ def test_lattice_counts_are_those_of_brute_force(
         assert event.number == len(near)
         assert event.same == sum(other[2] == site[2] for other in near)
         assert event.age == sum(other[3] for other in near) / max(len(near), 1)
+
+
+@given(cells, st.booleans(), st.sampled_from(["moore", "von neumann"]))
+def test_sums_and_comparisons_on_a_lattice_are_those_of_brute_force(
+    sites: list[tuple[int, int, int, float]], periodic: bool, hood: str
+) -> None:
+    service = joined(event="eMore", grid=True, width=7, height=5, periodic=periodic, hood=hood)
+    view = Scene(tuple(PCell(f"a{n}", *values).pieces[0] for n, values in enumerate(sites)))
+    for row, event in enumerate(told(service, view)):
+        x, y, colour, age = sites[row]
+        near = []
+        for number, other in enumerate(sites):
+            dx = abs(way(x, other[0], 7.0 if periodic else 0))
+            dy = abs(way(y, other[1], 5.0 if periodic else 0))
+            if number != row and (max(dx, dy) if hood == "moore" else dx + dy) <= 1:
+                near.append(other)
+        assert event.sum_age == sum(other[3] for other in near)
+        assert event.same_colour == sum(other[2] == colour for other in near)
+        assert event.more_colour == sum(other[2] > colour for other in near)
+        assert event.more_age == sum(other[3] > age for other in near)
+
+
+@given(points, radii, st.booleans())
+def test_sums_and_comparisons_in_a_plane_are_those_of_brute_force(points, radius, periodic):
+    events = told(plane(min(radius, 2.5), periodic, event="eRank", summary=True), spots(points))
+    pairs = brute_force(points, min(radius, 2.5), periodic)
+    for row, event in enumerate(events):
+        own, near = points[row][2], [pair[5] for pair in pairs if pair[0] == row]
+        assert event.sum_vx == sum(near)
+        assert event.same_vx == near.count(own)
+        assert event.more_vx == sum(other > own for other in near)
 
 
 @pytest.mark.parametrize(("x", "y"), [(7, 0), (-1, 0), (0, 5)])

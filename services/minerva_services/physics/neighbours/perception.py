@@ -48,7 +48,7 @@ def individual(
 
 
 def summary(spots: Spots, pairs: Pairs, wanted: AbstractSet[str], apart: float) -> Data:
-    """The requested data of each agent's neighbours: number, means, and summed displacements.
+    """The requested data of each agent's neighbours: number, means, sums and comparisons.
 
     `apart_x` and `apart_y` sum the displacements away from neighbours closer than `apart`.
     """
@@ -71,6 +71,15 @@ def summary(spots: Spots, pairs: Pairs, wanted: AbstractSet[str], apart: float) 
         close = pairs.take(np.flatnonzero(pairs.squared < apart * apart))
         data["apart_x"] = _summed(close, -close.dx, close.dx, count)
         data["apart_y"] = _summed(close, -close.dy, close.dy, count)
+    for name, relation, values in spots.related(wanted):
+        own, other = values[pairs.first], values[pairs.second]
+        if relation == "sum":
+            data[name] = _summed(pairs, other, own, count)
+        else:
+            first, second = (
+                (own == other,) * 2 if relation == "same" else (other > own, own > other)
+            )
+            data[name] = _summed(pairs, first, second, count).astype(np.int64)
     data["number"] = number
     return {name: data[name] for name in data.keys() & wanted}
 

@@ -40,10 +40,12 @@ class Neighbours(Device, Generator, coupled=True):
 
     One event per agent (`summary`), also for agents without neighbours: `number` of neighbours, the
     means of `dx`, `dy`, `distance` and of everything shown, and `apart_x` and `apart_y`, the summed
-    displacements away from neighbours closer than `apart`; means over no neighbours are 0.
+    displacements away from neighbours closer than `apart`; means over no neighbours are 0. Of what
+    is shown as `size`, also `sum_size`, the sum, and how many neighbours have the agent's own
+    value, `same_size`, or a greater one, `more_size`.
 
-    On a lattice (`grid`) likewise: `number`, `same` (neighbours that show the same value of one
-    name as the agent itself), and means of everything shown.
+    On a lattice (`grid`) likewise: `number`, means, sums and comparisons of everything shown, and
+    `same`, the comparison with the name that the option `same` has.
 
     Args:
         event: the event type of notifications.
@@ -162,6 +164,8 @@ class Neighbours(Device, Generator, coupled=True):
             produced = _KINDS.get(
                 field.name, "real" if means or field.name in _REAL else field.type.kind
             )
+            if means and field.name.startswith(("same_", "more_")):
+                produced = "int"
             # A type may declare a count as a real number.
             if field.type.kind not in (produced, "real" if produced == "int" else produced):
                 raise MisuseError(

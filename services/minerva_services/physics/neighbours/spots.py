@@ -18,6 +18,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Piece, Scene, walk
 
 Array = NDArray[Any]
+RELATIONS = ("sum", "same", "more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,21 @@ class Spots:
     def numbers(self) -> dict[str, Array]:
         """The shown values that are numeric."""
         return {name: array for name, array in self.shown.items() if array.dtype != object}
+
+    def related(self, wanted: AbstractSet[str]) -> Iterator[tuple[str, str, Array]]:
+        """The requested names that join a relation to a shown name, with both.
+
+        `sum_size` is of all neighbours; `same_size` and `more_size` count those with the agent's
+        own value, or with a greater one.
+        """
+        for name in sorted(wanted - self.shown.keys()):
+            relation, _, shown = name.partition("_")
+            values = self.shown.get(shown)
+            if values is None or relation not in RELATIONS:
+                continue
+            # Texts are equal or not, and nothing else.
+            if relation == "same" or values.dtype != object:
+                yield name, relation, values
 
 
 class SpotReader:
@@ -198,19 +214,23 @@ class Lattice:
         # The values in the agent's own cell count, except its own.
         return total.reshape(-1)[cells] + (inside[cells] - values)
 
-    def like(self, cells: Array, kinds: Array) -> tuple[Array, Array]:
-        """Number of neighbours of each agent, and number of those with the agent's own value."""
-        same = np.zeros(len(cells), np.int64)
-        all_kinds = np.zeros(self._size[0] * self._size[1], np.int32)
-        for rows in self._rows_by(kinds):
+    def compared(self, cells: Array, values: Array) -> tuple[Array, Array, Array]:
+        """Number of neighbours of each agent, of those with its own value, and with a greater one.
+
+        It takes time for each different value.
+        """
+        same, more = np.zeros((2, len(cells)), np.int64)
+        so_far = np.zeros(self._size[0] * self._size[1], np.int32)
+        for rows in self._rows_by(values):
             own = cells[rows]
             counted = self._counted(own)
             same[rows] = counted[own] - 1
-            all_kinds += counted
-        return all_kinds[cells] - 1, same
+            so_far += counted
+            more[rows] = so_far[own]
+        return so_far[cells] - 1, same, so_far[cells] - more
 
     def _rows_by(self, kinds: Array) -> list[Array]:
-        """Rows of each value; cached while the array stays the same object."""
+        """Rows of each value, ascending; cached while the array stays the same object."""
         if self._kinds is None or self._kinds[0] is not kinds:
             self._kinds = kinds, [np.flatnonzero(kinds == kind) for kind in np.unique(kinds)]
         return self._kinds[1]
@@ -259,9 +279,14 @@ def counts(
     cells = lattice.cells(spots)
     result: dict[str, Any] = {}
     if "same" in wanted and same in spots.shown:
-        result["number"], result["same"] = lattice.like(cells, spots.shown[same])
+        result["number"], result["same"], _ = lattice.compared(cells, spots.shown[same])
     else:
         result["number"] = lattice.around(cells)
+    for name, relation, values in spots.related(wanted):
+        if relation == "sum":
+            result[name] = lattice.around(cells, values)
+        else:
+            result[name] = lattice.compared(cells, values)[RELATIONS.index(relation)]
     several = np.maximum(result["number"], 1)
     numbers = spots.numbers()
     for name in sorted(numbers.keys() & wanted - result.keys()):
