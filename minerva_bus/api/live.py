@@ -19,6 +19,7 @@ from minerva_bus.api.pictures import (
 )
 from minerva_bus.api.running import SHOWN_DIGITS, pick_table
 from minerva_bus.api.world import World, request_of
+from minerva_bus.collect.collector import agents_now
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped, whole
 from minerva_bus.frame.world_state import WorldSpec
@@ -186,6 +187,23 @@ class Live(Displayed):
         Raises MisuseError as `view` does, and if no primitive has a form.
         """
         return self.views.picture(self.scene, self.frame, event, width)
+
+    def agents(self, kind: type[Agent] | str, where: str = "") -> DataTable:
+        """A table with a row for each agent of a kind, as the next frame begins.
+
+        Its columns are `frame`, `id`, and the attributes that are numbers, bools or texts.
+
+        Args:
+            kind: the class, or the symbol, such as "ATree".
+            where: a condition, in the language of docs/norms.md; "": all.
+
+        Raises VocabularyError for an unknown kind or attribute.
+
+        Example:
+            `live.agents(Tree, "age > 3")["size"].mean()`
+
+        """
+        return agents_now(self.scene, self.vocabulary, kind, where, self.frame)
 
     def table(self, name: str = "") -> DataTable:
         """The data collected so far, as for `Run.table`; of a world in this process only."""

@@ -124,7 +124,7 @@ class WorldViews:
 
     def __init__(self, name: str, vocabulary: Vocabulary, agents: Iterable[type[Agent]]) -> None:
         self.name = name
-        self._vocabulary = vocabulary
+        self.vocabulary = vocabulary
         self._agents = tuple(agents)
 
     def view(self, scene: Scene, event: Visual, frame: int) -> Scene:
@@ -132,7 +132,7 @@ class WorldViews:
 
         Raises MisuseError if the type is not visual, or if classes of agents are unknown.
         """
-        events = self._vocabulary.events
+        events = self.vocabulary.events
         if not isinstance(event, Event):
             name = event.name if isinstance(event, EventType) else text("event", event)
             if name not in events:
@@ -144,7 +144,7 @@ class WorldViews:
         if not events[event.type].visual:
             raise MisuseError(f"{event.type} is not visual: no agent has a view for it")
         known = {cls.kind.name for cls in self._agents}
-        for kind in self._vocabulary.kinds.values():
+        for kind in self.vocabulary.kinds.values():
             if event.type in kind.views and kind.name not in known:
                 raise MisuseError(
                     f"the class of {kind.name} is not known here: connect(..., agents=[...])"
@@ -153,14 +153,14 @@ class WorldViews:
 
     def pictures(self, width: int = WIDTH) -> PictureSeries:
         """An empty series of pictures, `width` pixels wide. Raises MisuseError without forms."""
-        if all(primitive.shape is None for primitive in self._vocabulary.primitives.values()):
+        if all(primitive.shape is None for primitive in self.vocabulary.primitives.values()):
             raise MisuseError(
                 f"the world {self.name} has no pictures: no primitive has a form, such as"
                 ' Primitive("PBall", Disc(0.5, "#3366cc"))'
             )
         # Found by its name, because services import this package.
         svg: Any = find_service("svg")
-        return svg.pictures(self.name, self._vocabulary, width)
+        return svg.pictures(self.name, self.vocabulary, width)
 
     def picture(
         self, scene: Scene, frame: int, event: Visual = PICTURE, width: int = WIDTH

@@ -31,9 +31,6 @@ MAKE: Final = "make"
 _ARGUMENTS: Final = ("agents", "services", "symbols", "options", "collect", "norms", "placement")
 """Arguments of `World` beside its settings."""
 
-_ROLES: Final = {"generators", "devices"}
-"""What users may write in place of the argument `services`."""
-
 _numbers = count(1)
 
 
@@ -106,8 +103,6 @@ class PythonTables:
         settings: Mapping[str, Any],
     ) -> None:
         known = {key: value for key, value in settings_of(WorldSettings).items() if value.key}
-        for role in sorted(_ROLES & settings.keys()):
-            raise MisuseError(f"there is no setting {role!r}; services=[...] takes {role}")
         check_known(settings, known, _ARGUMENTS)
         self.name = name
         self.module = ModuleType(f"minerva_world_{next(_numbers)}")

@@ -24,11 +24,12 @@ from minerva_bus.api.pictures import (
 )
 from minerva_bus.api.world import ContinuedRecord, Processes, Request, World, request_of, world_of
 from minerva_bus.arguments import path_of, text, whole_number
+from minerva_bus.collect.collector import agents_now
 from minerva_bus.collect.data_tables import DataTable, read_columns, table_path
 from minerva_bus.collect.plans import plans_of
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped, nearest
 from minerva_bus.frame import stimuli as s
-from minerva_bus.grammar.events import AnyEvent, Events
+from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
@@ -37,6 +38,7 @@ from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
 from minerva_bus.wording import counted
+from minerva_bus.world.agent import Agent
 from minerva_bus.world.expressions import Expression
 
 FRAMES = "frames"
@@ -94,6 +96,10 @@ class Run(Displayed):
 
         """
         return pick_table(self.tables, name, self.into)
+
+    def agents(self, kind: type[Agent] | str, where: str = "") -> DataTable:
+        """A table of the agents of a kind in the last string, as `Live.agents` makes it."""
+        return agents_now(self.scene, self.views.vocabulary, kind, where, self.frames)
 
     def plot(self, path: str | Path, *series: str, x: str = "") -> None:
         """Save a plot of the table with a row for each frame, as `minerva plot` does.
@@ -234,7 +240,7 @@ def run(
         >>> done.table().to_pandas().plot(x="time", y="sick")
 
     """
-    check_film(film)
+    whole_number("film", film)
     request = request_of(
         world_of(world, {}),
         options,
@@ -265,11 +271,6 @@ def run_request(request: Request, *, bus: bool, quiet: bool, film: int = 0) -> R
     )
 
 
-def check_film(film: int) -> None:
-    """Raise MisuseError for an interval of a film that is not a number of frames."""
-    whole_number("film", film)
-
-
 class EventCounts:
     """A sink that counts the events of a run by type."""
 
@@ -283,7 +284,7 @@ class EventCounts:
     def add(self, events: Iterable[AnyEvent]) -> None:
         """Count the events of a frame."""
         for event in events:
-            self.counts[event.type] += len(event) if isinstance(event, Events) else 1
+            self.counts[event.type] += len(event)
 
     def sorted(self) -> dict[str, int]:
         """The counts by type, sorted."""
@@ -497,7 +498,7 @@ def resume(
         `resume("run.mcap", frames=600)`
 
     """
-    check_film(film)
+    whole_number("film", film)
     request = request_of(
         world_of_record(record, world),
         options,

@@ -13,15 +13,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.collect.data_tables import Data, Writer
-from minerva_bus.collect.plans import TablePlan, condition_of, fields_of, series_of
+from minerva_bus.collect.data_tables import Data, DataTable, Gathered, Writer
+from minerva_bus.collect.plans import TablePlan, condition_of, fields_of, plans_of, series_of
+from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import NUMPY_TYPES, Columns
 from minerva_bus.grammar.events import AnyEvent, Event, Events
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.expressions import Expression
+from minerva_bus.world.expressions import Expression, data
 from minerva_bus.world.operator import CollectedSeries
 
 # --- agents of a string and events of a frame as columns, without an object for each ---
@@ -33,7 +34,7 @@ class Rows:
     def __init__(self, fields: Fields, parts: Sequence[Columns | Events | list[Any]]) -> None:
         self._fields = fields
         self._parts = parts
-        self.count = sum(map(len_of, parts))
+        self.count = sum([len(p) if isinstance(p, list) else p.count for p in parts])
 
     def column(self, name: str) -> NDArray[Any]:
         """The values of an attribute or datum, shape (count,)."""
@@ -66,11 +67,6 @@ class Rows:
             # Ids are spelled only if a writer needs texts.
             return made[0]
         return _array([text for texts in made for text in texts], object)
-
-
-def len_of(part: Columns | Events | list[Any]) -> int:
-    """The number of rows of a part."""
-    return len(part) if isinstance(part, list) else part.count
 
 
 def agent_rows(scene: Scene, kind: str, fields: Fields) -> Rows:
@@ -294,6 +290,19 @@ class Collector:
             return {name: values.sum().item()}
         # numpy raises an error for the minimum of no values, and warns for their mean.
         return {name: float(getattr(values, entry.function)()) if len(values) else NAN}
+
+
+def agents_now(
+    scene: Scene, vocabulary: Vocabulary, kind: Any, where: str, frame: int
+) -> DataTable:
+    """The agents of a kind in the string with which a frame begins; see `Live.agents`."""
+    selected = data(kind).where(where)
+    (plan,) = plans_of({selected.symbol: selected}, vocabulary, "agents of")
+    if selected.of_events:
+        raise MisuseError(f"{plan.symbol} is an event type; expected an agent class")
+    gathered = Gathered(plan.name, plan.columns)
+    Collector([plan], vocabulary, 0.0, lambda _: gathered).begin(frame, scene)
+    return gathered.table
 
 
 # --- the last values of collected series, for dashboards of a running world ---

@@ -132,7 +132,8 @@ def plans_of(entries: Entries, vocabulary: Vocabulary, option: str = "collect:")
             plan = plans[key] = _plan(_table_name(about, entry, name, taken), about, entry)
             taken.add(plan.name)
         fields = fields_of(vocabulary, entry.symbol)
-        for column, kind in _columns(name, entry, fields):
+        made = _columns(name, entry, fields)
+        for column, kind in made:
             if column in plan.columns:
                 raise MisuseError(
                     f"collect: the table {plan.name} has two columns {column!r}; rename {name}"
@@ -141,8 +142,7 @@ def plans_of(entries: Entries, vocabulary: Vocabulary, option: str = "collect:")
         if entry.function:
             plan.entries[name] = entry
         else:
-            names = [entry.name] if entry.name else fields.names
-            plan.names |= {name if entry.name else each: each for each in names}
+            plan.names |= {column: entry.name or column for column, _ in made}
     return list(plans.values())
 
 
@@ -203,11 +203,12 @@ def _columns(name: str, entry: Expression, fields: Fields) -> list[tuple[str, st
 
 
 def _data_columns(entry: Expression, types: Mapping[str, str]) -> list[tuple[str, str]]:
+    """The columns of all data of events, or of those attributes of agents that have columns."""
     for name, kind in types.items():
-        if kind not in COLUMN_TYPES:
+        if kind not in COLUMN_TYPES and entry.of_events:
             raise MisuseError(f"collect: {entry.symbol}.{name} is not a number, bool or text; name"
                               f" the data to collect: data({entry.symbol}, NAME)")  # fmt: skip
-    return [(name, COLUMN_TYPES[kind]) for name, kind in types.items()]
+    return [(name, COLUMN_TYPES[kind]) for name, kind in types.items() if kind in COLUMN_TYPES]
 
 
 def condition_of(
@@ -301,7 +302,7 @@ def read_expression(text: str, source: str = "collect") -> Expression:
     if not clear:
         _wrong("the expression cannot be read", text, offset + term.start("rest"), source)
     name = term["name"] or ""
-    if not name and (term["symbol"][0] == "A" or function) and function != "count":
+    if not name and function not in ("", "count"):
         _wrong(f"which attribute of {term['symbol']}", text, offset + term.end("symbol"), source)
     try:
         return Expression(term["symbol"], name, function, condition, tuple(numbers), interval)

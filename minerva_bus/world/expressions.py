@@ -6,7 +6,7 @@
     Person.x.mean()                             mean(APerson.x)
     Person.x.quantiles(0.1, 0.9)                quantiles(APerson.x, 0.1, 0.9)
     Person.x.histogram(0, 60, bins=12)          histogram(APerson.x, 0, 60, 12)
-    data(eBite); data(eBite, "depth").sum()     eBite; sum(eBite.depth)
+    data(Person); data(eBite, "depth").sum()    APerson; sum(eBite.depth)
 
 An attribute of an agent class is an expression. `str` of an expression is its text, and
 collect/plans.py reads it. Conditions have the language of grammar/condition.py; texts in them may
@@ -34,7 +34,7 @@ class Expression:
 
     Args:
         symbol: the agent kind, such as `APerson`, or the event type, such as `eBite`.
-        name: the attribute or datum; "": all data of an event type, or nothing but a count.
+        name: the attribute or datum; "": all data, or nothing but a count.
         function: one of FUNCTIONS, which makes one row per frame; "": a row per agent or event.
         condition: which agents or events count; "": all.
         arguments: of `quantiles`, numbers from 0 to 1; of `histogram`, low, high and bins.
@@ -134,14 +134,19 @@ def count(symbol: Any, where: str = "") -> Expression:
     return Expression(_name_of(symbol), function="count", condition=where)
 
 
-def data(event_type: Any, name: str = "") -> Expression:
-    """The events of a type, a row for each with sender, receiver and data; `name`: of one datum.
+def data(symbol: Any, name: str = "") -> Expression:
+    """The agents of a kind, or the events of a type, a row for each with all its data.
+
+    Args:
+        symbol: an agent class, an event type, or the name of one.
+        name: only of this attribute or datum; "": of all, except agents' lists, matrices and
+            strings.
 
     Example:
-        `data(eBite)`, `data(eBite, "depth").mean()`
+        `data(Person)`, `data(eBite)`, `data(eBite, "depth").mean()`
 
     """
-    return Expression(_name_of(event_type), name)
+    return Expression(_name_of(symbol), name)
 
 
 def _name_of(symbol: Any) -> str:

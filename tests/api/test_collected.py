@@ -37,6 +37,7 @@ def table():
     ("sum(AFrog.age, hungry == true)", Frog.age.sum("hungry == true")),
     ("quantiles(AFrog.x, 0.1, 0.9)", Frog.x.quantiles(0.1, 0.9)),
     ("histogram(AFrog.x, 0, 60, 12, age > 1)", Frog.x.histogram(0, 60, 12, where="age > 1")),
+    ("AFrog where age > 3", data(Frog).where("age > 3")),
     ("eCroak", data(eCroak)),
     ("eCroak.loud", data(eCroak, "loud")),
     ("max(eCroak.loud)", data(eCroak, "loud").max()),
@@ -50,7 +51,6 @@ def test_expressions_and_their_texts_are_the_same(text, expression):
 @pytest.mark.parametrize(("text", "problem"), [
     ("averge(AFrog.x)", "no function averge"),
     ("mean(AFrog)", "which attribute of AFrog"),
-    ("AFrog", "which attribute"),
     ("count(AFrog x > 1)", "cannot be read"),
     ("AFrog.x if x > 1", "cannot be read"),
     ("quantiles(AFrog.x, 2)", "from 0 to 1"),
@@ -360,3 +360,23 @@ def test_they_count_in_a_world_that_is_stopped():
     with race("anna").start(collect=CROSSED) as live:
         live.step(3)
     assert live.table("frames")["crossed"].tolist() == [0, 0, 0, 1]
+
+
+def test_agents_of_the_present_string_are_selected():
+    every = {"frogs": data(Frog).where("x > 0")}
+    done = run(pond(), frames=4, seed=3, collect=every)
+    with pond().start(seed=3) as live:
+        live.step(4)
+        frogs = live.agents(Frog, "x > 0")
+        again = done.agents("AFrog", "x > 0")
+        assert 0 < len(frogs) < len(live.agents(Frog))
+        for wrong, problem in ((("AFrg",), "did you mean 'AFrog'"), ((Frog, "y > 0"), "has no y")):
+            with pytest.raises(VocabularyError, match=problem):
+                live.agents(*wrong)
+        with pytest.raises(MisuseError, match="expected an agent class"):
+            live.agents(eCroak)
+    assert frogs.columns == ("frame", "id", "x", "size", "age", "hungry", "mood")
+    collected = done.table()
+    last = collected["frame"] == 4
+    for name in frogs.columns:
+        assert list(frogs[name]) == list(again[name]) == list(collected[name][last])
