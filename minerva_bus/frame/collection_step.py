@@ -160,15 +160,17 @@ class EventWork:
         return frozenset(name for name, kind in kinds if event_type in kind.subscribes | kind.views)
 
     def _of_batch(self, receivers: Ids) -> int:
-        single, steps = len(receivers), 0
+        steps = len(receivers)
         for part in self._composition.parts.values():
+            if part.ids is receivers:
+                return PART_STEPS + steps // ROWS_PER_STEP
             rows = ids_of(part).rows_of(receivers)
             there = rows[rows >= 0]
             if len(there):
                 # A population takes a batch in as many passes as one of its agents has events.
                 steps += int(np.bincount(there).max()) * PART_STEPS + len(there) // ROWS_PER_STEP
-                single -= len(there)
-        return single + steps
+                steps -= len(there)
+        return steps
 
 
 def _size(event: AnyEvent) -> int:
@@ -390,7 +392,8 @@ class UnknownReceivers:
             event = single[receiver]
             if event.type not in self._reported and not self._was_there(receiver):
                 self._reported.add(event.type)
-                by = _sender(event)
+                sender = first_of(event).sender
+                by = f" of #{sender}" if sender else ""
                 whom = unknown_agent(composition, receiver)
                 yield f"{event.type}{by} goes to an agent that the string does not have: {whom}"
 
@@ -398,11 +401,6 @@ class UnknownReceivers:
         parts = receiver.split(":")
         ancestors = [":".join(parts[:count]) for count in range(1, len(parts) + 1)]
         return bool(self._first.home_of_each(ancestors))
-
-
-def _sender(event: AnyEvent) -> str:
-    sender = first_of(event).sender
-    return f" of #{sender}" if sender else ""
 
 
 ID: Final = "#"
@@ -470,9 +468,6 @@ ORDERS: Final = "orders"
 """Name under which orders are logged."""
 
 _TYPE: Final = attrgetter("type")
-
-
-_NOBODY: Final = frozenset[str]()
 
 
 MAX_LISTED: Final = 12
@@ -643,7 +638,7 @@ class CollectionStep:
         elif self._inbox.events:
             self._hand_over(self._inbox.take_orders(self._has_taker))
         # `tickers` includes members that are away and awaited: the frame waits for their return.
-        resting = self._resting() if index.alone else _NOBODY
+        resting = self._resting() if index.alone else frozenset[str]()
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
             self._out.add(s.Send(s.TICKED, m.TickRequest(self._now.frame)))

@@ -186,17 +186,19 @@ class Composition:
 
     def first_missing(self, agents: Ids | None) -> str | None:
         """The first of these agents that is not in the string; None if all are."""
-        if agents is None:
+        parts = self.parts.values()
+        # An event for all agents of a part shares its ids.
+        if agents is None or any(part.ids is agents for part in parts):
             return None
         left = agents
-        for part in self.parts.values():
+        for part in parts:
             left = left.take(ids_of(part).rows_of(left) < 0)
         return next((agent for agent in left.texts() if agent not in self._home), None)
 
     def homes(self, agents: Ids) -> Iterator[str]:
         """The fragments that contain these agents."""
         exact = next((name for name, part in self.parts.items() if part.ids is agents), None)
-        if exact is not None:  # An event for all agents of a part shares its ids.
+        if exact is not None:
             yield exact
             return
         if not self._home:

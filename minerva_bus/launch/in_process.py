@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import takewhile
@@ -47,7 +47,7 @@ from minerva_bus.launch.run_outputs import (
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.operator_client import AskingOperator
 from minerva_bus.runtime.participants import Outlet, Published
-from minerva_bus.runtime.questions import LocalQuestion, WorldRun
+from minerva_bus.runtime.questions import LocalQuestion, WorldRun, answer
 from minerva_bus.runtime.runner import InProcessRunner, Notice, Sink, timed
 from minerva_bus.runtime.session import REAL
 from minerva_bus.uncaught import VARIABLE
@@ -176,16 +176,19 @@ class InProcessRun(WorldRun):
                 # Those that arrived during the last frame.
                 self._answer_waiting()
 
-    def put_question(self, asked: LocalQuestion) -> None:
+    def reply_to(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
         """Answer a question between two frames; at once if no thread runs the world."""
         # The thread that runs the world must not wait for itself, as after a key in a window.
         if not self._running.acquire(blocking=False):
-            self._asked.put(asked)
-            return
+            return super().reply_to(question)
         try:
-            self.answer(asked)
+            return answer(question, self)
         finally:
             self._running.release()
+
+    def put_question(self, asked: LocalQuestion) -> None:
+        """Let the thread that runs the world answer between two frames."""
+        self._asked.put(asked)
 
     def _answer_waiting(self) -> None:
         for _ in range(self._asked.qsize()):

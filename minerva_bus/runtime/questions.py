@@ -144,16 +144,20 @@ class WorldRun(Sink):
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         """Answer a question from any thread. Raises BusError, as a client does."""
-        asked = LocalQuestion({"ask": question, **details})
-        self.put_question(asked)
-        try:
-            reply = asked.answer.result(ANSWER_SECONDS)
-        except NoAnswer:
-            name = self.algorithm.world.name
-            raise BusError(f"{name} has not answered for {ANSWER_SECONDS:g} s") from None
+        reply = self.reply_to({"ask": question, **details})
         if "error" in reply:
             raise BusError(str(reply["error"]))
         return reply
+
+    def reply_to(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The answer of the thread that runs the world. Raises BusError if there is none."""
+        asked = LocalQuestion(question)
+        self.put_question(asked)
+        try:
+            return asked.answer.result(ANSWER_SECONDS)
+        except NoAnswer:
+            name = self.algorithm.world.name
+            raise BusError(f"{name} has not answered for {ANSWER_SECONDS:g} s") from None
 
     def put_question(self, asked: LocalQuestion) -> None:
         """Let the thread that runs the world `answer` a question; from any thread."""
@@ -310,13 +314,10 @@ def _send_batch(running: WorldRun, batch: Events, person: str) -> dict[str, Any]
         for event in batch:
             _send(running, event, person, known)
     else:
-        refusal = algorithm.orders.refusal_of_order(batch.type)
-        if refusal:
-            raise ProtocolError(refusal)
         missing = algorithm.composition.first_missing(batch.receivers)
-        if missing is not None:
-            raise ProtocolError(_no_agent(running, missing))
-        refusal = algorithm.inbox.too_much_work(batch, person)
+        refusal = algorithm.orders.refusal_of_order(batch.type)
+        refusal = refusal or ("" if missing is None else _no_agent(running, missing))
+        refusal = refusal or algorithm.inbox.too_much_work(batch, person)
         if refusal:
             raise ProtocolError(refusal)
         running.runner.handle(s.Publish(batch, person))

@@ -116,6 +116,17 @@ def test_large_data_weigh_too():
     )
 
 
+def test_a_batch_weighs_the_same_if_it_shares_the_ids_of_the_string():
+    composition = Composition(Minnow.many("m", 5_000))
+    work = EventWork(composition, VOCABULARY)
+    (own,) = [part.ids for part in composition.parts.values()]
+    equal = Ids.of(own.texts())
+    assert own is not equal
+    shared, searched = (work.weight(many(eCroak(1.0), 5_000, ids)) for ids in (own, equal))
+    assert shared == searched > 1
+    assert composition.first_missing(own) is composition.first_missing(equal) is None
+
+
 # --- a frame that ends a host ---
 
 
