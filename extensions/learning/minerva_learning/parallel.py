@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from operator import index
@@ -21,9 +21,10 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_learning.acting import Acting, Rows
+from minerva_learning.infos import StepInfo
 from minerva_learning.observing import Observing
 from minerva_learning.scoring import Ending, Rewarding
-from minerva_learning.shared import taken
+from minerva_learning.shared import each
 from minerva_learning.states import KindStates
 
 RENDER_MODES: Final = ("rgb_array", "svg", "ansi")
@@ -169,9 +170,10 @@ class RunningEpisode:
         late = bool(self.task.frames) and self.live.frame - self._began >= self.task.frames
         return terminated, ~terminated & late
 
-    def info(self) -> dict[str, Any]:
-        """Frame and digest."""
-        return {"frame": self.live.frame, "digest": self.states.scene.digest.hex()}
+    def digest(self) -> Callable[[], str]:
+        """Computes the digest of the string that the agents see now, also after further steps."""
+        scene = self.states.scene
+        return lambda: scene.digest.hex()
 
     def close(self) -> None:
         """End the world, unless it belongs to the caller."""
@@ -275,15 +277,17 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
     def _observe(self, agents: list[str], rows: NDArray[np.intp]) -> dict[str, Any]:
         """The observation of each agent; of a dead one (-1) the last one."""
         seen, last = self._episode.task.observing.rows(self._episode.states), self._observations
+        values = each(seen)
         self._observations = {
-            agent: taken(seen, row) if row >= 0 else last[agent]
+            agent: values[row] if row >= 0 else last[agent]
             for agent, row in zip(agents, rows.tolist(), strict=True)
         }
         return dict(self._observations)
 
     def _infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
-        info = self._episode.info()
-        return {agent: info.copy() for agent in agents}
+        values = {"frame": self._episode.live.frame, "digest": ""}
+        digest = self._episode.digest()
+        return {agent: StepInfo.of(values, digest) for agent in agents}
 
     def observation_space(self, agent: str) -> Space[Any]:
         """The space of an agent's observations."""

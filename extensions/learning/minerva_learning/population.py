@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_learning.acting import AnySpace
+from minerva_learning.infos import StepInfo
 from minerva_learning.parallel import Episodes, LearningTask, RunningEpisode
 from minerva_learning.shared import checked_rows
 from minerva_learning.states import KindStates
@@ -103,10 +104,11 @@ class PopulationEnv(VectorEnv[Any, Any, Any]):
         return ~(self._ends[0] | self._ends[1])
 
     def _infos(self, active: NDArray[np.bool_]) -> dict[str, Any]:
-        info = self._episode.info()
-        return {
-            "frame": np.full(self.num_envs, info["frame"]),
+        count, digest = self.num_envs, self._episode.digest()
+        values = {
+            "frame": np.full(count, self._episode.live.frame),
             "_frame": active.copy(),
-            "digest": np.full(self.num_envs, info["digest"], object),
+            "digest": None,
             "_digest": active.copy(),
         }
+        return StepInfo.of(values, lambda: np.full(count, digest(), object))

@@ -7,7 +7,7 @@ is copied or serialized between them.
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.printer import SIZE
 from minerva_learning.acting import AnySpace
+from minerva_learning.infos import StepInfo
 
 Batch = NDArray[Any] | dict[str, Any]
 """An array with a row for each world, or a dictionary of them for a `Dict` space."""
@@ -58,18 +59,16 @@ class SharedArrays:
         """Store the actions of all worlds. Raises MisuseError if they do not fit."""
         _put_all(self.action, actions)
 
-    def infos(self) -> dict[str, Any]:
+    def infos(self, digests: Callable[[], list[str]]) -> dict[str, Any]:
         """Frame and digest of each world, in the form of Gymnasium's vector environments."""
-        count = len(self.frame)
-        digests = np.empty(count, object)
-        digests[:] = [row.tobytes().hex() for row in self.digest]
-        every = np.ones(count, np.bool_)
-        return {
+        every = np.ones(len(self.frame), np.bool_)
+        values = {
             "frame": self.frame.copy(),
             "_frame": every,
-            "digest": digests,
+            "digest": None,
             "_digest": every.copy(),
         }
+        return StepInfo.of(values, lambda: np.array(digests(), object))
 
 
 def put(batch: Batch, row: int, value: Any) -> None:
@@ -86,6 +85,14 @@ def taken(batch: Batch, row: int) -> Any:
     if isinstance(batch, dict):
         return {name: taken(part, row) for name, part in batch.items()}
     return batch[row]
+
+
+def each(batch: Batch) -> list[Any]:
+    """The value of each world or agent; as `taken`, in half of its time."""
+    if isinstance(batch, dict):
+        parts = map(each, batch.values())
+        return [dict(zip(batch, values, strict=True)) for values in zip(*parts, strict=True)]
+    return list(batch)
 
 
 def copied(batch: Batch) -> Any:

@@ -78,7 +78,7 @@ class WorldVectorEnv(VectorEnv[Any, Any, Any]):
             raise MisuseError(f"reset: {len(seeds)} seeds; expected {self.num_envs}, one per world")
         self._do(lambda: self._worlds.reset(seeds))
         self._begun = True
-        return copied(self._arrays.observation), self._arrays.infos()
+        return copied(self._arrays.observation), self._arrays.infos(self._worlds.digests())
 
     def _seeds(self, seed: Any) -> list[int | None]:
         """The seed of each world. Raises MisuseError."""
@@ -111,7 +111,7 @@ class WorldVectorEnv(VectorEnv[Any, Any, Any]):
             self._arrays.reward.copy(),
             ends[:, 0],
             ends[:, 1],
-            self._arrays.infos(),
+            self._arrays.infos(self._worlds.digests()),
         )
 
     def _do(self, command: Callable[[], None]) -> None:

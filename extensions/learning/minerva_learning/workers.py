@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -89,9 +89,10 @@ class WorldWorkers:
         self._pipes = Pipes()
         self._workers: list[_EnvironmentWorker] = []
         self._closed = False
+        self._arrays = arrays
         try:
             for number, worlds in enumerate(blocks):
-                self._start(number, worlds, make, arrays)
+                self._start(number, worlds, make)
         except BaseException:
             self.kill()
             raise
@@ -104,10 +105,15 @@ class WorldWorkers:
         """Step all worlds. Raises WorldStopped."""
         self._command(None)
 
-    def _start(self, number: int, worlds: range, make: MakeEnv, arrays: SharedArrays) -> None:
+    def digests(self) -> Callable[[], list[str]]:
+        """The digest of each world now; the processes have computed them."""
+        rows = self._arrays.digest.copy()
+        return lambda: [row.tobytes().hex() for row in rows]
+
+    def _start(self, number: int, worlds: range, make: MakeEnv) -> None:
         (read, write), (commands, give) = os.pipe(), os.pipe()
         child = fork(
-            lambda: _serve(make, worlds, arrays, commands, ReportPipe(write)),
+            lambda: _serve(make, worlds, self._arrays, commands, ReportPipe(write)),
             (write, commands),
             self._lifeline[0],
         )
@@ -191,6 +197,7 @@ def _serve(
                     block.step()
                 else:
                     block.reset(seeds)
+                block.share_digests()
             except MinervaError as error:
                 reports.send("failed", error=str(error))
             except Exception as error:  # of code that the user has written, such as a reward

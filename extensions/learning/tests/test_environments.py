@@ -1,5 +1,7 @@
 """Worlds as environments of PettingZoo and Gymnasium."""
 
+import copy
+import pickle
 import warnings
 from dataclasses import replace
 from types import SimpleNamespace
@@ -26,6 +28,7 @@ from rl_pond import Fish, eEat, ePick, eSwim, pond
 from minerva_bus import MinervaError, World, run
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Scene
 from minerva_learning import parallel_env, single_env
 from minerva_worlds.flock.flock import eTurn
 
@@ -136,6 +139,31 @@ def test_an_environment_runs_the_frames_of_the_world():
     env.reset(seed=9)
     assert frames == [env.reset() and env.step({})[4]["a"]["digest"] for _ in range(2)]
     assert len({results[4]["a"]["digest"], *frames}) == 3
+
+
+def test_digests_of_infos_are_computed_when_they_are_read(monkeypatch):
+    env = parallel_env(pond, Fish, "eSwim", frames=9)
+    frames = [env.reset(seed=9)[1], *(env.step({})[4] for _ in range(3))]
+    expected = [pond.scene.digest.hex(), *(run(pond, frames=n, seed=9).digest for n in (1, 2, 3))]
+    with monkeypatch.context() as patched:
+        patched.setattr(Scene, "digest", property(lambda scene: pytest.fail("nobody reads it")))
+        env.step({})
+        assert [infos["a"]["frame"] for infos in frames] == [0, 1, 2, 3]
+        assert "digest" in frames[0]["a"]
+        assert frames[0]["a"].get("other", 7) == 7
+    ways = [
+        dict,
+        copy.deepcopy,
+        lambda info: pickle.loads(pickle.dumps(info)),
+        lambda info: {**info},
+    ]
+    for number, (infos, read) in enumerate(zip(frames, ways, strict=True)):
+        assert read(infos["a"]) == {"frame": number, "digest": expected[number]}
+        assert type(read(infos["b"])) is dict
+        assert infos["b"] == infos["a"]
+    env.reset(seed=9)
+    assert env.step({})[4]["a"] != env.step({})[4]["a"]
+    assert str(env.step({})[4]["a"]) == f"{{'frame': 3, 'digest': '{expected[3]}'}}"
 
 
 def test_numbers_of_numpy_are_seeds_and_options():
