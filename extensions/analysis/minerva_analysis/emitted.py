@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
+from functools import cache
 from types import FunctionType, ModuleType
 from typing import Any, Final, cast
 
@@ -12,16 +13,15 @@ from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.user_code import variables_of
 from minerva_bus.world.agent import Agent
 
-_PACKAGE: Final = __name__.partition(".")[0]
-_MESSAGES: Final = f"{_PACKAGE}.acl"
-"""The only part of this package that defines event types."""
+_KERNEL: Final = "minerva_bus"
 
 
 def emitted_by(cls: type[Agent]) -> set[str]:
     """The event types that an agent's code names as variables, and thus may emit.
 
-    The search follows functions, classes and tables of them in the agent's own package and in files
-    that are not installed. The code of other agents, such as children, does not count.
+    The search follows functions, classes and tables of them in the agent's own package, in files
+    that are not installed, and in installed modules that use Minerva Bus. The code of other agents,
+    such as children, does not count.
     """
     search = _EventTypeSearch(cls.__module__.partition(".")[0])
     for base in cls.__mro__:
@@ -39,12 +39,12 @@ class _EventTypeSearch:
     def follows(self, module: str) -> bool:
         """Whether the code of a module counts."""
         top = module.partition(".")[0]
-        if top == _PACKAGE:
-            return module.startswith(_MESSAGES)
         if top == self._package:
             return True
         file = getattr(sys.modules.get(module), "__file__", None)
-        return file is not None and "site-packages" not in file and not _is_standard(top)
+        if file is None or top == _KERNEL or top in sys.stdlib_module_names:
+            return False
+        return "site-packages" not in file or _uses_kernel(module)
 
     def enter(self, values: Iterable[object]) -> None:
         """Search values and the code behind them."""
@@ -83,5 +83,9 @@ def _used_by(function: FunctionType) -> Iterable[object]:
     return [*values, *(vars(m)[name] for m in modules for name in used if name in vars(m))]
 
 
-def _is_standard(package: str) -> bool:
-    return package in sys.stdlib_module_names
+@cache
+def _uses_kernel(module: str) -> bool:
+    """Whether a module has a variable of the kernel: its classes, functions or objects of them."""
+    values = vars(sys.modules[module]).values()
+    homes = (getattr(value, "__module__", None) or type(value).__module__ for value in values)
+    return any(str(home).partition(".")[0] == _KERNEL for home in homes)

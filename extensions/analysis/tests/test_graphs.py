@@ -1,5 +1,6 @@
 """The graph of a world: its content in each form, for installed worlds and for others."""
 
+import importlib
 import json
 import re
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from minerva_analysis import graph
+from minerva_analysis.emitted import emitted_by
 from minerva_analysis.graphs import mermaid
 from minerva_bus import Agent, EventType, Generator, MinervaError, World, each, on, view
 from minerva_bus.launch.installed import installed_worlds
@@ -81,6 +83,24 @@ def test_events_are_in_the_order_of_a_frame_with_their_publishers_and_receivers(
     )
     # The code of an agent that it creates is not its own.
     assert (bird.emits, chick.emits) == (("eSing",), ("eRest",))
+
+
+def test_code_of_installed_packages_counts_if_it_uses_the_platform(tmp_path, monkeypatch):
+    folder = tmp_path / "site-packages"
+    folder.mkdir()
+    (folder / "letters.py").write_text(
+        "from minerva_bus import Agent, EventType, on\n"
+        'eLetter = EventType("eLetter")\n'
+        "class Writer(Agent):\n"
+        '    @on("eTick")\n'
+        "    def write(self, tick, moment):\n"
+        "        moment.emit(eLetter())\n"
+    )
+    monkeypatch.syspath_prepend(folder)
+    letters = importlib.import_module("letters")
+    clerk = type("Clerk", (letters.Writer,), {"__module__": __name__}, symbol="AClerk")
+    assert emitted_by(clerk) == {"eLetter"}
+    assert emitted_by(Bird) == {"eSing"}
 
 
 def test_processes_have_their_roles_topics_and_copies():

@@ -9,7 +9,7 @@
             if conversation and conversation.state == "refused":
                 ...
 
-The protocols define which acts each side may send in each state (acl/protocols.py); the agent
+The protocols define which acts each side may send in each state (protocols.py); the agent
 decides how to answer and what to do.
 """
 
