@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -50,9 +51,10 @@ def test_the_same_world_in_three_layouts_prints_what_is_quoted(tmp_path):
 
 def test_the_program_runs(tmp_path):
     (program,) = blocks("python")
-    (tmp_path / "program.py").write_text(program, encoding="utf-8")
-    done = python("program.py", folder=tmp_path)
+    (tmp_path / "snails.py").write_text(program, encoding="utf-8")
+    done = python("snails.py", folder=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert f"prints {done.stdout.split()[0]} and" in README
     births = re.findall(r"\d+", done.stdout.partition("[")[2])
     assert int(births[0]) == 2
     assert len(set(births)) > 1
@@ -67,6 +69,10 @@ def test_the_commands_that_it_names_exist(tmp_path):
 
 def test_the_first_command_installs_what_the_others_need():
     (extras,) = re.findall(r"\.\[([\w,]+)\]", blocks("sh")[0])
+    groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    (extras,) = re.findall(r"\[([\w,]+)\]", groups[extras][0])
     text = "\n".join(blocks("sh"))
     needed = {extra for words, extra in EXTRA_OF.items() if words in text}
     assert needed == set(EXTRA_OF.values())

@@ -68,6 +68,17 @@ EXTRAS: Final = {
     "spade": (("spade", "greenlet"), "agents of SPADE"),
 }
 
+GROUPS: Final = {
+    "robots": ("maps", "picture", "record", "ros", "top", "web"),
+    "models": ("fast", "neighbours", "picture", "plot", "record", "sweep"),
+    "views": ("opengl", "page", "picture", "plot", "sprites", "top", "video", "web"),
+    "sensors": ("gamepad", "mqtt", "ros", "serial", "vision"),
+    "ml": ("lerobot", "onnx", "optuna", "rl"),
+}
+"""The extras that are groups for a task; what is in none of them is listed as `MORE`."""
+
+MORE: Final = "more extras"
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -90,8 +101,11 @@ def examine(as_json: bool, sources: Mapping[str, str] = MappingProxyType({})) ->
     if as_json:
         print_json([asdict(finding) for finding in findings])
     else:
-        width = max(len(finding.what) for finding in findings)
-        for finding in findings:
+        shown = [finding for finding in findings if finding.what not in EXTRAS]
+        # A specific check has no extras.
+        shown += [] if sources else _by_group(findings)
+        width = max(len(finding.what) for finding in shown)
+        for finding in shown:
             mark = "✓" if finding.good else ("✗" if finding.needed else "–")
             print_result(f"{mark} {finding.what.ljust(width)}  {finding.note}")
     return 0 if all(finding.good for finding in findings if finding.needed) else 1
@@ -111,7 +125,7 @@ def _findings() -> Iterator[Finding]:
     yield Finding("Python", sys.version_info >= LEAST, f"{version}, {platform.platform()}", True)
     yield _tried("the bus", _exchange)
     yield _tried("running worlds", _registry)
-    yield Finding("cores", True, f"{os.cpu_count()}; a process each for what a world names")
+    yield Finding("cores", True, f"{os.cpu_count()}; worlds may have more processes")
     yield _memory()
     yield _screen()
     for name, (modules, purpose) in EXTRAS.items():
@@ -119,6 +133,18 @@ def _findings() -> Iterator[Finding]:
         missing = [name for name in modules if find_spec(name) is None]
         hint = f"; {install(name)}" if missing else ""
         yield Finding(name, not missing, purpose + hint)
+
+
+def _by_group(findings: Iterable[Finding]) -> Iterator[Finding]:
+    """One line for each group of extras: those it has, or those it lacks and the remedy."""
+    present = {finding.what: finding.good for finding in findings}
+    grouped = {name for names in GROUPS.values() for name in names}
+    others = tuple([name for name in EXTRAS if name not in grouped])
+    for group, names in [*GROUPS.items(), (MORE, others)]:
+        missing = ",".join(name for name in names if not present[name])
+        remedy = install(missing if group == MORE else group)
+        note = f"without {missing.replace(',', ', ')}; {remedy}" if missing else ", ".join(names)
+        yield Finding(group, not missing, note)
 
 
 def _tried(what: str, deed: Callable[[], str]) -> Finding:
@@ -134,7 +160,7 @@ def _exchange() -> str:
 
     hub, endpoint = open_hub("doctor")
     with hub, open_client("patient", endpoint):
-        return f"a session listens at {endpoint.split('/')[0]}, and another has found it"
+        return f"a session listens on {endpoint.split('/')[0]}, and another connects to it"
 
 
 def _registry() -> str:
@@ -159,4 +185,4 @@ def _memory() -> Finding:
 def _screen() -> Finding:
     shown = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY") or ""
     there = bool(shown) or sys.platform == "darwin"
-    return Finding("a screen", there, shown or "none: views write files, or use web")
+    return Finding("a screen", there, shown or "none; no windows, but pictures, films and pages")

@@ -32,16 +32,26 @@ def test_missing_parts_are_reported_with_a_remedy(capsys, tmp_path, monkeypatch)
     assert "pip install 'minerva-bus[web]'" in checks["web"]["note"]
 
 
-def test_it_knows_all_extras():
+def test_missing_extras_have_a_line_for_each_group(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    there = {"moderngl", "pygame", "gymnasium", "pettingzoo"}
+    monkeypatch.setattr(doctor, "find_spec", lambda name: name if name in there else None)
+    assert doctor.examine(False) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (ml,) = [line for line in lines if line.startswith("– ml ")]
+    assert "without lerobot, onnx, optuna; " in ml
+    assert ml.endswith("'minerva-bus[ml]'")
+    assert lines[-1].startswith("– more extras ")
+    assert not [line for line in lines if line[2:].startswith(("web ", "rl "))]
+
+
+def test_it_knows_all_extras_and_groups():
     project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
-    assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - {
-        "all",
-        "audit",
-        "dev",
-        "docs",
-        "mutation",
-        "test",
-    }
+    declared = project["optional-dependencies"]
+    others = {"all", "audit", "dev", "docs", "mutation", "test"}
+    assert set(doctor.EXTRAS) | set(doctor.GROUPS) == set(declared) - others
+    for group, names in doctor.GROUPS.items():
+        assert declared[group] == [f"minerva-bus[{','.join(names)}]"]
 
 
 def test_without_a_bus_there_are_no_worlds(capsys, monkeypatch):
