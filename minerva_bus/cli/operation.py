@@ -150,8 +150,8 @@ def publish(order: OrderToSend, wait: float | None, target: WorldTarget, as_json
         if not as_json:
             through = f" through {', '.join(answer['through'])}" if answer["through"] else ""
             sender = f" by {answer['by']}" if answer["by"] else ""
-            sent = f"sent{sender}{through} in frame {answer['frame']}"
-            print_result(f"{answer['event']} {sent}")
+            # It counts in this frame or in the next one, which the log says.
+            print_result(f"{answer['event']} sent{sender}{through}")
             if "note" in answer:
                 print_message(f"warning: {answer['note']}")
         fate = None if wait is None else _fate(world, int(answer["number"]), wait)

@@ -306,7 +306,7 @@ def _interactive(file: WorldFile, overrides: Overrides) -> WorldFile:
         rate = 1.0 / world.dt
         notes.append(f"{rate:g} frames per second, real time (--rate changes it)")
     if "until" not in overrides.values and world.until:
-        notes.append(f"no end at {world.until} (--until {world.until} sets it)")
+        notes.append(f"runs on after {world.until} (--until {world.until} ends it there)")
         world = replace(world, until="")
     return replace(file, world=world, rate=rate, notes=tuple(notes))
 

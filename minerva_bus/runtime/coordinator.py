@@ -220,7 +220,7 @@ class Monitor:
         late = sorted(self._algorithm.waiting_for())
         within = HURRIED_REPORTS_WITHIN if self._is_hurried else self._waits.for_output(late)
         left = within - self._meter.waited
-        waiting = f"the world has ended; waiting for {{}} for up to {duration(left)}"
+        waiting = f"the world has ended; finishing {{}} ({duration(left)} at most)"
         self._warn_of(self._waits.reportable(now), waiting, "its last output", "the last output")
         if left > 0:
             return

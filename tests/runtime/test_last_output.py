@@ -22,7 +22,7 @@ def test_a_slow_view_finishes_its_last_picture_and_its_file(tmp_path):
 def test_the_member_with_awaited_output_is_named(tmp_path):
     path = write_world(tmp_path, MEMBERS + PAINTER + "drawing = 1.5\n", frames=3)
     with Run(tmp_path, "run", path) as run:
-        run.says("painter │ the world has ended; waiting for its last output for")
+        run.says("painter │ the world has ended; finishing its last output (")
         assert run.ends() == 0
 
 
@@ -34,9 +34,9 @@ def test_the_last_output_of_many_is_awaited_in_one_line(tmp_path):
         tmp_path, MEMBERS + painters.replace("yard:painter", "yard:Painter"), frames=3
     )
     with Run(tmp_path, "run", path) as run:
-        run.says("waiting for the last output of painter0, painter1, painter2 and 2 more for")
+        run.says("finishing the last output of painter0, painter1, painter2 and 2 more (")
         assert run.ends() == 0
-    assert run.text.count("waiting for") == 1
+    assert run.text.count("finishing") == 1
 
 
 def test_ctrl_c_does_not_wait_for_a_slow_view(tmp_path):

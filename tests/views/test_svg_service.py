@@ -31,7 +31,10 @@ def test_a_view_becomes_an_svg_and_a_png(tmp_path: Path):
     assert (root.attrib["width"], root.attrib["height"]) == (str(width), str(height))
     assert "orchard" in document
     assert "frame 30" in document
-    assert device.report() == {"picture": str(tmp_path / "deep" / "world.png")}
+    assert device.report() == {
+        "picture": str(tmp_path / "deep" / "world.png"),
+        "picture_as_svg": str(tmp_path / "deep" / "world.svg"),
+    }
 
 
 def test_a_picture_does_not_depend_on_the_machine(tmp_path: Path):

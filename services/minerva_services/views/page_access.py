@@ -5,13 +5,16 @@ from __future__ import annotations
 import errno
 import logging
 import socket
+import sys
 import threading
 from collections.abc import Awaitable, Callable, Generator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from typing import Any, TypeVar
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.frame.world_state import Phase
 from minerva_bus.runtime.endpoints import is_wildcard, loopback
+from minerva_bus.world.services import WorldInfo
 from minerva_services.web_access import WebAccess
 
 
@@ -79,6 +82,16 @@ def _checked(
         return response
 
     return process
+
+
+def announce(world: WorldInfo, *lines: str) -> None:
+    """Print where a page is, unless its world on the bus has ended before the page was ready."""
+    if world.endpoint:
+        with suppress(MinervaError):
+            if world.operator.status().phase == Phase.STOPPING.value:
+                return
+    sys.stdout.write("".join(f"{line}\n" for line in lines))
+    sys.stdout.flush()
 
 
 _Server = TypeVar("_Server")

@@ -21,7 +21,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
 from minerva_services.views.overlay import Overlay
-from minerva_services.views.page_access import listen
+from minerva_services.views.page_access import announce, listen
 from minerva_services.web_access import WebAccess
 
 if TYPE_CHECKING:
@@ -128,8 +128,7 @@ class Foxglove(Device, draws=("ePicture",)):
         except MisuseError:
             self.close()
             raise
-        sys.stdout.write(f"ws://{host}:{self._port.port}\n")
-        sys.stdout.flush()
+        announce(world, f"ws://{host}:{self._port.port}")
 
     def show(self, view: View) -> None:
         self._overlay.add(view)

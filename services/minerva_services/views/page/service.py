@@ -17,7 +17,7 @@ from minerva_services.views.page.names import PageNames, read_joins
 from minerva_services.views.page.people import PageOptions, People
 from minerva_services.views.page.relay import check_relayed
 from minerva_services.views.page.site import PageSite
-from minerva_services.views.page_access import address_in_network, listen, page_url
+from minerva_services.views.page_access import address_in_network, announce, listen, page_url
 from minerva_services.views.window.order_types import check_named
 from minerva_services.web_access import WebAccess, forget_token, token_for
 
@@ -107,8 +107,7 @@ class MemberPage(Device):
 
         self._server, access = listen("page", host, wanted, start)
         self._port = access.port
-        _say(page_url(access))
-        _say(self._advice(access))
+        announce(world, page_url(access), self._advice(access))
 
     def show(self, view: View) -> None:
         """Nothing: it draws no views itself, the pages do."""

@@ -87,7 +87,12 @@ class Svg(Device, draws=("ePicture",)):
             self._write_png(path.with_suffix(".png"), document)
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        return {"picture": text_of_path(self._written)} if self._written else {}
+        if self._written is None:
+            return {}
+        figures = {"picture": text_of_path(self._written)}
+        if self._written.suffix == ".png":
+            figures["picture_as_svg"] = text_of_path(self._written.with_suffix(".svg"))
+        return figures
 
     def _draw(self, frame: int) -> str:
         if self._pictures is None:

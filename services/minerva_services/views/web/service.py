@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
 from minerva_services.views.overlay import Overlay
+from minerva_services.views.page_access import announce
 from minerva_services.views.window.order_types import check_named
 from minerva_services.web_access import forget_token
 
@@ -110,8 +110,7 @@ class Web(Device, draws=("ePicture",)):
             if hit is not None:
                 self._controller.click(hit)
 
-        sys.stdout.write(f"{url(server)}\n")
-        sys.stdout.flush()
+        announce(world, url(server))
 
     def show(self, view: View) -> None:
         began = time.perf_counter()
