@@ -14,6 +14,7 @@
   | fov       | 60         | field of view of the camera, degrees                                  |
   | sight     | 5.0        | range at which the camera recognises a marker, metres                 |
   | localise  | "odometry" | "matching": correct odometry by scans, see `robot.ALocalisingRobot`   |
+  | physics   | "physics"  | "bodies": solids in space, by the extension of this name              |
 
 All other options belong to the world's other members.
 
@@ -340,6 +341,9 @@ _NAMES: Final = (
     "localise",
 )
 
+_SERVICES: Final = {"bodies": "rovers"}
+"""Services by the option `physics`, where their names differ."""
+
 _PARCEL_DIRECTION: Final = -90.0
 """Direction of the parcels at a marker in degrees; the world's y is up."""
 _PARCEL_FAN: Final = 140.0
@@ -381,7 +385,9 @@ def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
     """
     chosen = RobotOptions.read(options)
     values = {name: getattr(chosen, name) for name in _NAMES if name not in options}
-    return {**values, **options, "objective": chosen.goal}
+    physics = options.get("physics", "physics")
+    service = _SERVICES.get(physics, physics)
+    return {**values, **options, "objective": chosen.goal, "physics": service}
 
 
 def notes(options: Mapping[str, Any]) -> Sequence[str]:

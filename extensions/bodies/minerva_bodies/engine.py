@@ -11,7 +11,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import rapier3d
@@ -21,6 +21,7 @@ from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL, DYNAMIC, FIXED, KINEMATIC
 from minerva_bodies.meshes import ground, load_mesh
 from minerva_bodies.rigid import Rigid
+from minerva_bodies.vehicle import Vehicle
 from minerva_bus import portable
 
 rapier: Any = rapier3d
@@ -28,10 +29,25 @@ rapier: Any = rapier3d
 
 Contact: TypeAlias = tuple[str, str]
 
+WHEEL = "wheel"
+"""Form of a part that makes a body a vehicle: sizes are its radius and the suspension's travel."""
+_LATE, _LOST = 0.02, 0.3
+"""Metres behind its way with which a vehicle that touches something, or nothing, is stopped."""
+_FACING = 0.2
+"""Least cosine between the way of a vehicle and the normal of what stops it."""
+
 _WORDS: tuple[int, ...] = (6, 7, 8, 5, 2, 3, 4, 11, 12, 13, 16, 17, 18)
 """Places of x, y, z, w, i, j, k, velocity and spin among the 32-bit words of a body's row."""
 _UPRIGHT = Rigid(w=math.sqrt(0.5), i=math.sqrt(0.5))
 """Rapier's cylinders and cones lie along y, and ours stand along z."""
+
+
+class Touch(NamedTuple):
+    """What stops a body: the id of its agent, "" for scenery, and the direction to it."""
+
+    other: str
+    x: float
+    y: float
 
 
 class Engine:
@@ -58,6 +74,8 @@ class Engine:
         """The pose at which each began, and its solids now."""
         self.lost: dict[str, None] = {}
         """Those that a step has removed, until `remove` forgets them."""
+        self.vehicles: dict[str, Vehicle] = {}
+        """The bodies with wheels."""
         self._names: dict[int, str] = {}
         self._owners: dict[Any, str] = {}
         self.joints: dict[str, tuple[Any, list[Any]]] = {}
@@ -82,10 +100,16 @@ class Engine:
             build = build.linvel(tuple(speeds[:3])).angvel(tuple(speeds[3:6]))
             build = build.sleeping(bool(speeds[6]))
         # All shapes first: a mesh that is none must leave no body behind.
-        solids = [self._collider(name, part) for part in parts]
-        handle = self._world.add_body(build)
+        wheels = [part for part in parts if part[0] == WHEEL]
+        solids = [self._collider(name, part) for part in parts if part[0] != WHEEL]
+        # The wheels of a vehicle at rest hold it, which sleep would not let them.
+        handle = self._world.add_body(build.can_sleep(False) if wheels else build)
         for solid in solids:
             self._owners[self._world.add_collider(solid, handle)] = name
+        if wheels:
+            ahead = Rigid(*pose).turned(1.0, 0.0, 0.0)
+            angle = math.degrees(portable.atan2(ahead[1], ahead[0]))
+            self.vehicles[name] = Vehicle(handle, wheels, [pose[0], pose[1], angle])
         self.bodies[name], self.plain[name] = handle, plain
         self._names[handle.index] = name
 
@@ -95,6 +119,8 @@ class Engine:
 
     def reshape(self, name: str, parts: list[Any]) -> None:
         """Give a body other solids where it is. Raises BodiesError."""
+        if name in self.vehicles:
+            raise BodiesError(f"the vehicle {name!r} cannot change its size; remove it before")
         handle = self.bodies[name]
         kind, solids = _kind_of(name, parts), [self._collider(name, part) for part in parts]
         body = self._world.rigid_bodies[handle]
@@ -125,6 +151,7 @@ class Engine:
         for solid in self._world.rigid_bodies[handle].colliders:
             del self._owners[solid]
         self._world.remove_body(handle)
+        self.vehicles.pop(name, None)
         del self.plain[name], self._names[handle.index]
         self.touching = {pair: n for pair, n in self.touching.items() if name not in pair}
 
@@ -220,7 +247,10 @@ class Engine:
         A body that has left all numbers is lost, or raises BodiesError.
         """
         awake = self._awake()
-        for _ in range(substeps):
+        dt = self._world.integration_parameters.dt
+        for number in range(substeps):
+            for vehicle in self.vehicles.values():
+                vehicle.drive(self._world, (number + 1) / substeps, dt, substeps * dt)
             self._world.step()
             lost = sorted(self._names[handle.index] for handle in self._world.quarantine.bodies)
             if lost and not self._removes:
@@ -267,6 +297,71 @@ class Engine:
             for pair, impulse in sorted(touching.items())
         }
 
+    def roll(self, name: str, turn: float, forward: float) -> None:
+        """Command a vehicle for the next frame: a turn in degrees, then metres ahead."""
+        vehicle = self.vehicles[name]
+        vehicle.turn, vehicle.forward = turn, forward
+
+    def arrive(self, name: str, after: float) -> tuple[float, Touch | None]:
+        """End the command of a vehicle, with another turn by `after` degrees.
+
+        Returns the metres along its way that it has not moved because something stopped it, and
+        what it touches then.
+        """
+        vehicle = self.vehicles[name]
+        forward = abs(vehicle.forward)
+        body = self._world.rigid_bodies[vehicle.body]
+        x, y, behind = vehicle.finish(body, after)
+        touch = self._ahead(name, body, (x, y)) if forward and behind > _LATE else None
+        if touch is None and behind <= _LOST:
+            return 0.0, None
+        shortfall = min(behind, forward)
+        vehicle.give_way((x, y), shortfall)
+        return shortfall, touch or Touch("", x, y)
+
+    def _ahead(self, name: str, body: Any, along: tuple[float, float]) -> Touch | None:
+        """What stands in the way of a body in a direction over the ground."""
+        touches: list[tuple[float, Touch]] = []
+        for solid in body.colliders:
+            for pair in self._world.narrow_phase.contact_pairs_with(solid):
+                if not pair.has_any_active_contact:
+                    continue
+                is_first = pair.collider1 == solid
+                other = self._owners[pair.collider2 if is_first else pair.collider1]
+                for manifold in pair.manifolds:
+                    x, y, _ = manifold.data.normal.to_tuple()
+                    x, y = (x, y) if is_first else (-x, -y)
+                    facing = x * along[0] + y * along[1]
+                    if manifold.data.num_active_contacts and facing > _FACING:
+                        length = math.sqrt(x * x + y * y)
+                        touches.append((facing, Touch(other, x / length, y / length)))
+        # Rapier's order of pairs depends on its history.
+        return max(touches)[1] if touches else None
+
+    def pose(self, name: str) -> Rigid:
+        """The pose of a body now."""
+        return self._pose(self.bodies[name])
+
+    def cast(
+        self, start: Sequence[float], along: NDArray[np.float64], longest: float, name: str = ""
+    ) -> NDArray[np.float64]:
+        """Metres to what rays meet first, `longest` for nothing; shape (n,).
+
+        Sensors and the body `name` are invisible; shapes that a ray begins in are met at once.
+
+        Args:
+            start: point where all rays begin.
+            along: directions of length 1, shape (n, 3).
+            longest: of all rays, metres.
+            name: of a body, or "".
+
+        """
+        own = self.bodies[name] if name else None
+        seen = rapier.QueryFilter(exclude_rigid_body=own).exclude_sensors()
+        cast, ray, x = self._world.query_pipeline.cast_ray, rapier.Ray, tuple(start)
+        hits = [cast(ray(x, tuple(way)), longest, True, seen) for way in along.tolist()]
+        return np.array([longest if hit is None else hit[1] for hit in hits])
+
     def kept(self) -> Mapping[str, Any]:
         """Bodies and joints as plain data, from which `continue_from` makes this space again."""
         names = list(self.bodies)
@@ -278,6 +373,7 @@ class Engine:
             "lost": json.dumps(list(self.lost)),
             "rows": rows.astype("<f8").tobytes(),
             "joints": json.dumps([[name, plain] for name, (_, plain) in self.joints.items()]),
+            "vehicles": json.dumps({name: each.goal for name, each in self.vehicles.items()}),
             "touching": json.dumps([[*pair, *n] for pair, n in self.touching.items()]),
         }
 
@@ -289,6 +385,8 @@ class Engine:
                 self.add(name, plain, row)
             for name, plain in json.loads(kept["joints"]):
                 self.rejoin(name, plain)
+            for name, goal in json.loads(kept["vehicles"]).items():
+                self.vehicles[name].goal = goal
             self.lost = dict.fromkeys(json.loads(kept["lost"]))
             touching = json.loads(kept["touching"])
             self.touching = {(a, b): (float(n), int(frames)) for a, b, n, frames in touching}

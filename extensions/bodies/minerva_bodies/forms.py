@@ -20,7 +20,16 @@ from minerva_bus.grammar.appearance import Disc, Measure, Motion, Raster, Spatia
 
 MATERIAL = 6
 """Measures of a solid's material, which stand between the name of its form and its sizes."""
-SIZES = {"box": 3, "ball": 1, "capsule": 2, "cylinder": 2, "cone": 2, "mesh": 2, "terrain": 2}
+SIZES = {
+    "box": 3,
+    "ball": 1,
+    "capsule": 2,
+    "cylinder": 2,
+    "cone": 2,
+    "mesh": 2,
+    "terrain": 2,
+    "wheel": 2,
+}
 """Solids by name, with the number of their sizes."""
 DYNAMIC, FIXED, KINEMATIC = 0.0, 1.0, 2.0
 JOINTS = ("fixed", "revolute", "prismatic", "spherical")

@@ -41,7 +41,7 @@ class RigidBodies(Device, Generator, coupled=True):
     Args:
         gravity: m/s², downwards.
         draws: the visual event type of the views.
-        pose: the event type of poses.
+        pose: the event type of poses; "" for none.
         contact: the event type of contacts; "" for none.
         joint: the event type of joints; "" for none.
         lost: the event type that tells an agent that its body had no finite position any more and
@@ -89,13 +89,14 @@ class RigidBodies(Device, Generator, coupled=True):
         self._base: dict[str, Any] = {}
         self._log: list[str] = []
         self._moved, self._receivers = list[str](), Ids.of(())
+        self._arrivals: dict[str, tuple[float, Any]] = {}
         self._seconds = self._steps = self._begun = 0.0
 
     def generates(self) -> tuple[str, ...]:
         return tuple(filter(None, (self._pose, self._contact, self._joint, self._lost)))
 
     def check(self, world: WorldInfo) -> None:
-        self._poses = _compared(world, self._pose, POSE)
+        self._poses = _compared(world, self._pose, POSE) if self._pose else None
         self._contacts = _compared(world, self._contact, CONTACT) if self._contact else None
         self._ends = _compared(world, self._lost, ()) if self._lost else None
         self._turns = _compared(world, self._joint, JOINT) if self._joint else None
@@ -114,11 +115,14 @@ class RigidBodies(Device, Generator, coupled=True):
 
     def show(self, view: View) -> None:
         """φ of the view: what is new, gone and commanded, for the next frame."""
+        space = SpaceGeometry(self._vocabulary, self._engine.plain, self._who)
+        space.read(view)
+        self._take(view, space)
+
+    def _take(self, view: View, space: SpaceGeometry) -> None:
         if view.frame <= self._shown:
             return  # A successor gets the last view again, which its predecessor has executed.
         engine = self._engine
-        space = SpaceGeometry(self._vocabulary, engine.plain, self._who)
-        space.read(view)
         # The scenery is a body of its own, even where there is none.
         shown = {"": space.bodies.pop("", ShownBody(Rigid())), **space.bodies}
         shown = {who: it for who, it in shown.items() if who not in engine.lost}
@@ -191,32 +195,39 @@ class RigidBodies(Device, Generator, coupled=True):
         self._steps += self._substeps
         if self._contact:
             engine.contacts()
+        self._arrivals = {
+            who: engine.arrive(who, after)
+            for who, _, _, after in given.get("roll", ())
+            if who in engine.vehicles
+        }
         return moved
 
     def _change(self, given: Mapping[str, Any]) -> None:
         engine = self._engine
-        for joint in given["free"]:
+        for joint in given.get("free", ()):
             engine.release(joint)
-        for who in given["gone"]:
+        for who in given.get("gone", ()):
             engine.remove(who)
-        for who, plain in given["born"]:
+        for who, plain in given.get("born", ()):
             engine.add(who, plain)
-        for who, parts in given["changed"]:
+        for who, parts in given.get("changed", ()):
             engine.reshape(who, parts)
-        for joint, plain in given["join"]:
+        for joint, plain in given.get("join", ()):
             engine.join(joint, plain)
-        for joint, numbers in given["drive"]:
+        for joint, numbers in given.get("drive", ()):
             engine.drive(joint, numbers)
-        for who, pose in given["follow"]:
+        for who, pose in given.get("follow", ()):
             engine.follow(who, pose)
-        for who, kind, x, y, z in given["commands"]:
+        for who, kind, x, y, z in given.get("commands", ()):
             engine.command(who, kind, x, y, z)
+        for who, turn, forward, _ in given.get("roll", ()):
+            engine.roll(who, turn, forward)
 
     def _events(
         self, moved: list[str], before: Mapping[Any, tuple[float, int]], frame: int
     ) -> Iterable[AnyEvent]:
-        names = [who for who in moved if who]
-        if names:
+        names = [who for who in moved if who and who not in self._engine.vehicles]
+        if names and self._poses is not None:
             rows = self._engine.rows(names)
             data = {name: rows[:, POSE.index(name)] for name in self._poses.fields.names}
             # Mostly those of the previous frame, and ids are costly to make.

@@ -1,4 +1,4 @@
-"""The world `rubble` has one string in all layouts, with kills, and when it continues."""
+"""The worlds in space have one string in all layouts, with kills, and when they continue."""
 
 import platform
 
@@ -9,13 +9,20 @@ pytest.importorskip("rapier3d", reason="needs the extra space")
 from minerva_bus import run
 from minerva_bus.launch.installed import find_world
 
-GOLDEN = "edebb05c0a91c9e79c6a84e33f382102"
-OPTIONS = {"pieces": 40, "frames": 60}
+GOLDEN = {
+    "rubble": ({"pieces": 40, "frames": 60}, "edebb05c0a91c9e79c6a84e33f382102"),
+    "rover": (
+        {"start": "5.2, 5.9, 0", "beams": 45, "frames": 60},
+        "b5c60326d7d0b5f2c0ab5e5b8656ec4e",
+    ),
+}
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the library's bits differ elsewhere")
-def test_rubble_has_its_golden_digest():
-    assert run("rubble", **OPTIONS).digest == GOLDEN
+@pytest.mark.parametrize("world", GOLDEN)
+def test_worlds_have_their_golden_digests(world):
+    options, digest = GOLDEN[world]
+    assert run(world, **options).digest == digest
 
 
 def test_pieces_fall_and_the_yard_holds_them():
@@ -28,12 +35,21 @@ def test_pieces_fall_and_the_yard_holds_them():
     assert columns["x"][-1] < 8.0
 
 
-def test_layouts_and_kills_and_resumes_have_one_string(tmp_path):
+@pytest.mark.parametrize(
+    ("world", "changes"),
+    [
+        ("rubble", {"600": "40", "gravity =": "renew = 8\ngravity ="}),
+        ("rover", {'start = ""': 'start = "5.2, 5.9, 0"', "beams =": "renew = 8\nbeams ="}),
+    ],
+)
+def test_layouts_and_kills_and_resumes_have_one_string(world, changes, tmp_path):
     pytest.importorskip("mcap")
     layouts = pytest.importorskip("minerva_determinism.layouts")
-    text = find_world("rubble").read_text(encoding="utf-8")
-    path = tmp_path / "rubble.toml"
-    path.write_text(text.replace("600", "40").replace("gravity =", "renew = 8\ngravity ="))
+    text = find_world(world).read_text(encoding="utf-8")
+    for old, new in changes.items():
+        text = new.join(text.rsplit(old, 1))
+    path = tmp_path / f"{world}.toml"
+    path.write_text(text)
     records = {}
     for name, layout in {
         "alone": layouts.ALONE,
