@@ -92,19 +92,28 @@ class Copies(_Owned):
     def __len__(self) -> int:
         return len(self.places)
 
-    def extents(self) -> tuple[Floats, Floats]:
-        """Lower and upper corners of the bounding boxes, metres; shape (n, 3) each."""
-        low, high = (
-            self.sizes * (edge(self.solid.vertices, axis=0))[None, :] for edge in (np.min, np.max)
-        )
+    def points(self) -> Floats:
+        """The vertices of all copies in the world, metres; shape (n, vertices, 3)."""
+        scaled = self.solid.vertices[None] * self.sizes[:, None]
+        return np.einsum("ijn,nkj->nki", self._axes(), scaled) + self.places[:, None]
+
+    def _axes(self) -> Floats:
+        """Matrices of the rotations; shape (3, 3, n)."""
         w, x, y, z = self.turns.T
-        axes = np.array(
+        return np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
                 [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
             ]
         )
+
+    def extents(self) -> tuple[Floats, Floats]:
+        """Lower and upper corners of the bounding boxes, metres; shape (n, 3) each."""
+        low, high = (
+            self.sizes * (edge(self.solid.vertices, axis=0))[None, :] for edge in (np.min, np.max)
+        )
+        axes = self._axes()
         middle = np.einsum("ijn,nj->ni", axes, (low + high) / 2) + self.places
         reach = np.einsum("ijn,nj->ni", np.abs(axes), (high - low) / 2)
         return middle - reach, middle + reach

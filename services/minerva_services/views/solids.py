@@ -59,6 +59,18 @@ def ring(sides: int = 48) -> Solid:
     return _solid(edges, faces)
 
 
+def normals(solid: Solid) -> NDArray[np.float32]:
+    """The direction outwards at each vertex, the mean over its triangles; shape (n, 3)."""
+    a, b, c = solid.vertices[solid.faces].swapaxes(0, 1)
+    # Their lengths are the areas, by which larger triangles count more.
+    facing = np.cross(b - a, c - a)
+    sums = np.zeros(solid.vertices.shape, np.float64)
+    for corner in solid.faces.T:
+        np.add.at(sums, corner, facing)
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    return (sums / np.maximum(lengths, 1e-12)).astype(np.float32)
+
+
 def upright(angles: ArrayLike) -> NDArray[np.float64]:
     """Quaternions (w, x, y, z) of shape (..., 4) for angles in degrees of shape (...)."""
     half = np.radians(np.asarray(angles, np.float64)) / 2

@@ -41,11 +41,10 @@ from foxglove.messages import (
 from foxglove.websocket import ChannelView, Client, ServerListener
 
 from minerva_services.geometry.colors import rgb
-from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.geometry.picture import Copies, Discs, Picture, Polyline, Solid, Texts, Tiles
 from minerva_services.views.solids import (
     DiscTable,
     Floor,
-    Solid,
     arrow,
     disc_table,
     floor_meshes,
@@ -185,6 +184,9 @@ def scene_entities(picture: Picture, stamp: Timestamp) -> dict[str, SceneEntity]
         parts[owner].cylinders.append(cylinder)
         if mark is not None:
             parts[owner].triangles.append(mark)
+    for copies in picture.of(Copies):
+        for row, triangles in enumerate(_solids(copies)):
+            parts[copies.owners[row]].triangles.append(triangles)
     lines: list[Polyline] = picture.of(Polyline)
     for line in lines:
         parts[line.owner].lines.append(_line(line))
@@ -244,6 +246,18 @@ def _discs(
             scaled = Solid(solid.vertices * np.float32(radius), solid.faces)
             mark = _triangles(scaled, _pose(x, y, float(tops[row]), angle), _WHITE)
         yield discs.owner(row), cylinder, mark
+
+
+def _solids(copies: Copies) -> Iterator[TriangleListPrimitive]:
+    """Each copy as triangles, whose format has poses and no scales."""
+    turns = np.roll(copies.turns, -1, axis=-1).tolist()
+    for row, (place, (x, y, z, w)) in enumerate(zip(copies.places.tolist(), turns, strict=True)):
+        solid = Solid((copies.solid.vertices * copies.sizes[row]).astype("f4"), copies.solid.faces)
+        pose = Pose(
+            position=Vector3(x=place[0], y=place[1], z=place[2]),
+            orientation=Quaternion(x=x, y=y, z=z, w=w),
+        )
+        yield _triangles(solid, pose, _color(copies.color[row].tolist()))
 
 
 def _line(line: Polyline) -> LinePrimitive:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.geometry.picture import Copies, Discs, Picture, Polyline, Texts, Tiles
 from minerva_services.views.opengl.camera import Floats
 from minerva_services.views.opengl.painting import walled
 from minerva_services.views.opengl.solids import placed
@@ -72,7 +72,9 @@ def extent_of(picture: Picture, before: SceneBox | None = None) -> SceneBox:
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         return before or SceneBox(-1.0, -1.0, 1.0, 1.0, 0.0)
-    height = max((float(d.height.max()) for d in picture.of(Discs) if len(d)), default=0.0)
+    heights = [float(d.height.max()) for d in picture.of(Discs) if len(d)]
+    heights += [float(copies.extents()[1][:, 2].max()) for copies in picture.of(Copies)]
+    height = max(heights, default=0.0)
     box = _box(points, height)
     room = max(0.05 * box.span, _largest(picture))
     box = SceneBox(box.left - room, box.bottom - room, box.right + room, box.top + room, height)
@@ -87,11 +89,14 @@ def _grown(box: SceneBox, before: SceneBox | None) -> SceneBox:
 
 
 def _largest(picture: Picture) -> float:
-    return max((2 * float(d.radius.max()) for d in picture.of(Discs) if len(d)), default=0.2)
+    sizes = [2 * float(d.radius.max()) for d in picture.of(Discs) if len(d)]
+    # Solids are within their bounds already.
+    return max(sizes, default=0.0 if picture.of(Copies) else 0.2)
 
 
 def _points(picture: Picture) -> list[Floats]:
     points = [line.points for line in picture.of(Polyline)]
+    points += [np.concatenate(copies.extents())[:, :2] for copies in picture.of(Copies)]
     points += [np.column_stack([item.x, item.y]) for item in picture.of(Discs) + picture.of(Texts)]
     return points
 

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from minerva_services.geometry.picture import Discs, Picture, Texts, Tiles
+from minerva_services.geometry.picture import Copies, Discs, Picture, Texts, Tiles
 from minerva_services.views.layout import round_step
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.camera import Floats, OrbitCamera
+from minerva_services.views.opengl.copies import CopyMeshes
 from minerva_services.views.opengl.drums import Drums
 from minerva_services.views.opengl.extent import SceneBox
 from minerva_services.views.opengl.floors import FloorMeshes
@@ -69,7 +70,7 @@ _IN_ITS_LIGHT = (
     *(moderngl.ZERO, moderngl.ONE),
 )
 """Blending: transparent surfaces take the brightness below them; colours are premultiplied."""
-# Number of discs above which a software renderer does without smooth edges.
+# Number of discs and solids above which a software renderer does without smooth edges.
 _MANY_DISCS = 3000
 _GROUND_EXTENT = 4.0
 """Extent of the ground as a multiple of half the picture's diagonal."""
@@ -85,6 +86,7 @@ class GLScene:
         self._frame.bind_to_uniform_block(FRAME)
         self._shade = Shade(gl)
         self._floors, self._drums, self._pins = FloorMeshes(gl), Drums(gl), PinMeshes(gl)
+        self._copies = CopyMeshes(gl)
         self._ribbons, self._ring, self._fans = Ribbons(gl), Ribbons(gl), Fans(gl)
         self._back = program(gl, shaders.BACKDROP_VERTEX, shaders.BACKDROP_FRAGMENT)
         self._backdrop = gl.vertex_array(self._back, [])
@@ -102,7 +104,7 @@ class GLScene:
     @property
     def crowded(self) -> bool:
         """True if there is so much to draw that slow machines should reduce quality."""
-        return self._drums.count > _MANY_DISCS
+        return self._drums.count + self._copies.count > _MANY_DISCS
 
     def take(self, picture: Picture, extent: SceneBox) -> None:
         """Set the picture; parts that did not change stay on the graphics card."""
@@ -112,6 +114,7 @@ class GLScene:
         tiles = picture.of(Tiles)
         self._floors.take(tiles, lift, depth=0.02 * extent.span)
         self._drums.take(picture.of(Discs))
+        self._copies.take(picture.of(Copies))
         # Lines lie above all matrices.
         self._level = lift * (len(tiles) + 1)
         self._ribbons.take(raised_lines(picture, self._level))
@@ -138,6 +141,7 @@ class GLScene:
         gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         # What lies on top first, so that hidden pixels of the floors are not shaded.
         self._drums.draw()
+        self._copies.draw()
         self._pins.draw()
         self._floors.draw()
         gl.enable_only(moderngl.DEPTH_TEST)
@@ -168,6 +172,7 @@ class GLScene:
         self._gl.polygon_offset = 1.5, 2.0
         self._floors.cast()
         self._drums.cast()
+        self._copies.cast()
         self._pins.cast()
         self._gl.polygon_offset = 0.0, 0.0
 
@@ -175,6 +180,7 @@ class GLScene:
         extent = self._extent
         # Without slabs, just below level 0: transparent floors lie there.
         below = -self._floors.depth if self._floors.lies_deep else -0.001
+        below = min(below, self._copies.lowest)
         self._ground["span"] = *extent.middle, _GROUND_EXTENT * extent.span, below
         self._ground["step"] = round_step(extent.span / 8)
         self._square.draw(self._ground)

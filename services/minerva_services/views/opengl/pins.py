@@ -33,7 +33,7 @@ class PinMeshes:
 
     def __init__(self, gl: moderngl.Context) -> None:
         mesh = pin()
-        self._program = program(gl, shaders.PIN_VERTEX, shaders.PIN_FRAGMENT)
+        self._program = program(gl, shaders.PIN_VERTEX, shaders.TINTED_FRAGMENT)
         self._dark = program(gl, shaders.PIN_SHADOW, shaders.NOTHING)
         self._feet = GrowingBuffer(gl)
         vertices, triangles = gl.buffer(mesh.vertices), gl.buffer(mesh.triangles)

@@ -26,6 +26,7 @@ class OpenGL(WindowDevice, draws=("ePicture",)):
 
     service = "opengl"
     needs = "moderngl", "pygame"
+    space = True
 
     @takes_options(WindowOptions, without=("service", "needs", "environment"))
     def __init__(

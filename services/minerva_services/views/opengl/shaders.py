@@ -237,6 +237,33 @@ DRUM_SHADOW = """
 void main() { gl_Position = vec4((sun * vec4(spot(), 1.0)).xyz * 2.0 - 1.0, 1.0); }
 """
 
+_COPY = """
+in vec3 corner;
+in vec3 stand;
+in vec4 turn;         // w, x, y, z
+in vec3 size;
+vec3 turned(vec3 at) { return at + 2.0 * cross(turn.yzw, cross(turn.yzw, at) + turn.x * at); }
+vec3 spot() { return stand + turned(corner * size); }
+"""
+
+COPY_VERTEX = """
+#include _PLACED
+#include _COPY
+in vec3 facing;
+in vec4 paint;
+flat out vec3 tint;
+void main() {
+    tint = paint.rgb;
+    put(spot(), turned(normalize(facing / size)));
+}
+"""
+
+COPY_SHADOW = """
+#include _FRAME
+#include _COPY
+void main() { gl_Position = vec4((sun * vec4(spot(), 1.0)).xyz * 2.0 - 1.0, 1.0); }
+"""
+
 _PIN = """
 in vec4 shape;        // x, y in radii, height, vertical offset in radii
 in vec2 foot;
@@ -258,7 +285,7 @@ void main() {
 }
 """
 
-PIN_FRAGMENT = """
+TINTED_FRAGMENT = """
 #include _LIT
 flat in vec3 tint;
 void main() { pixel = shone(tint, normalize(normal), 1.0); }
@@ -350,5 +377,5 @@ def complete(shader: str) -> str:
 
 _INCLUDES = {
     "_FRAME": _FRAME, "_PLACED": _PLACED, "_LIT": _LIT,
-    "_BACKDROP": _BACKDROP, "_DRUM": _DRUM, "_PIN": _PIN,
+    "_BACKDROP": _BACKDROP, "_DRUM": _DRUM, "_COPY": _COPY, "_PIN": _PIN,
 }  # fmt: skip

@@ -17,7 +17,7 @@ import rerun as rr
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import MARK, target_of
 from minerva_services.geometry.colors import rgb
-from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.geometry.picture import Copies, Discs, Picture, Polyline, Solid, Texts, Tiles
 from minerva_services.views.solids import (
     DiscTable,
     Floor,
@@ -25,6 +25,7 @@ from minerva_services.views.solids import (
     floor_meshes,
     image,
     named_floors,
+    normals,
     segments,
     upright,
 )
@@ -85,6 +86,7 @@ class RrdFile:
         self._stream = open_stream(world, path, "set path")
         self._floors: dict[str, tuple[Floor, frozenset[str]]] = {}
         self._shown: frozenset[str] = frozenset()
+        self._solids: dict[str, Solid] = {}
 
     def show(self, picture: Picture, frame: int, time: float) -> None:
         """Write the picture of a frame at a world time in seconds."""
@@ -98,10 +100,23 @@ class RrdFile:
             elif path in self._shown:
                 self._clear(path)
         self._shown = frozenset(shown)
+        self._show_solids(picture.of(Copies))
 
     def close(self) -> None:
         """Finish the file."""
         close_stream(self._stream, self._path)
+
+    def _show_solids(self, groups: list[Copies]) -> None:
+        shown = solid_archetypes(groups)
+        for path in sorted(self._solids.keys() - shown.keys()):
+            del self._solids[path]
+            self._clear(path)
+        for path, (solid, mesh, poses) in shown.items():
+            # A mesh is written once, its copies move.
+            if self._solids.get(path) is not solid:
+                self._solids[path] = solid
+                self._stream.log(path, mesh)
+            self._stream.log(path, poses)
 
     def _show_floors(self, floors: dict[str, Floor]) -> None:
         for name in sorted(self._floors.keys() - floors.keys()):
@@ -153,6 +168,33 @@ def archetypes(picture: Picture) -> Archetypes:
     texts: list[Texts] = picture.of(Texts)
     if texts:
         shown[LABELS] = _labels(texts, picture.marked())
+    return shown
+
+
+def solid_archetypes(
+    groups: list[Copies],
+) -> dict[str, tuple[Solid, rr.AsComponents, rr.AsComponents]]:
+    """Solids with their mesh and the poses of their copies, by the path of their entity.
+
+    A mesh has one colour, so each colour is an entity.
+    """
+    shown: dict[str, tuple[Solid, rr.AsComponents, rr.AsComponents]] = {}
+    for number, copies in enumerate(groups):
+        for red, green, blue in np.unique(copies.color, axis=0).tolist():
+            rows = (copies.color == (red, green, blue)).all(axis=1)
+            mesh = rr.Mesh3D(
+                vertex_positions=copies.solid.vertices,
+                triangle_indices=copies.solid.faces,
+                vertex_normals=normals(copies.solid),
+                albedo_factor=(red, green, blue),
+            )
+            poses = rr.InstancePoses3D(
+                translations=copies.places[rows],
+                quaternions=np.roll(copies.turns[rows], -1, axis=-1),  # x, y, z, w
+                scales=copies.sizes[rows],
+            )
+            path = f"world/solids/{number}/{red:02x}{green:02x}{blue:02x}"
+            shown[path] = copies.solid, mesh, poses
     return shown
 
 

@@ -106,9 +106,9 @@ def pace(status: WorldStatus) -> str:
 class Composer:
     """Combines the views of several event types to one picture."""
 
-    def __init__(self, world: WorldInfo, draws: tuple[str, ...]) -> None:
+    def __init__(self, world: WorldInfo, draws: tuple[str, ...], space: bool = False) -> None:
         self._world = world
-        self._overlay = Overlay(world.vocabulary, draws)
+        self._overlay = Overlay(world.vocabulary, draws, space)
         self._scans = ScanBuffer()
         self.picture = Picture()
 

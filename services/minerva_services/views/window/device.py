@@ -34,6 +34,8 @@ class WindowDevice(Device):
     """Name of the view and of the extra with its libraries."""
     needs: ClassVar[tuple[str, ...]] = ("pygame",)
     """Modules that the painter imports."""
+    space: ClassVar[bool] = False
+    """Whether it draws copies of solids in space instead of their outlines."""
 
     @takes_options(WindowOptions, without=("service", "needs", "environment"))
     def __init__(self, draws: str = "ePicture", **window: Any) -> None:
@@ -65,7 +67,7 @@ class WindowDevice(Device):
         options = self.options
         # Wrong options must fail before a window opens.
         self.check(world)
-        self._composer = Composer(world, self.draws)
+        self._composer = Composer(world, self.draws, self.space)
         self.controls = WindowControls(
             world.vocabulary, options.click, options.slide, options.follow
         )

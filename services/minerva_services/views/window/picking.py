@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from minerva_services.geometry.picture import Discs, Picture
+from minerva_services.geometry.picture import Copies, Discs, Picture
 from minerva_services.views.window.painter import Box, Floats
 
 Projection: TypeAlias = Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
@@ -40,20 +40,27 @@ def pick(
 
 def _agent(picture: Picture, project: Projection, at: tuple[float, float]) -> str:
     best, agent = float("inf"), ""
-    for discs in picture.of(Discs):
-        if len(discs):
-            x, y, scale = project(discs.x, discs.y, discs.height / 2)
-            away = np.hypot(x - at[0], y - at[1])
-            with np.errstate(invalid="ignore"):
-                # Discs behind the camera are NaN, for which the comparison is false.
-                touched = away <= discs.radius * scale + TOLERANCE
-            for row in np.flatnonzero(touched)[np.argsort(away[touched], kind="stable")]:
-                # Rows are in ascending distance.
-                if away[row] >= best:
-                    break
-                if discs.agent(int(row)):
-                    best, agent = float(away[row]), discs.agent(int(row))
-                    break
+    for things in picture.items:
+        if isinstance(things, Discs) and len(things):
+            x, y, scale = project(things.x, things.y, things.height / 2)
+            radius = things.radius
+        elif isinstance(things, Copies):
+            low, high = things.extents()
+            x, y, scale = project(*((low + high) / 2).T)
+            radius = (high - low).max(axis=1) / 2
+        else:
+            continue
+        away = np.hypot(x - at[0], y - at[1])
+        with np.errstate(invalid="ignore"):
+            # Things behind the camera are NaN, for which the comparison is false.
+            touched = away <= radius * scale + TOLERANCE
+        for row in np.flatnonzero(touched)[np.argsort(away[touched], kind="stable")]:
+            # Rows are in ascending distance.
+            if away[row] >= best:
+                break
+            if things.agent(int(row)):
+                best, agent = float(away[row]), things.agent(int(row))
+                break
     return agent
 
 
@@ -68,7 +75,7 @@ class Spot:
 
 
 def spots_of(picture: Picture, agents: Collection[str]) -> dict[str, Spot]:
-    """Positions of agents: the first disc with a heading, otherwise the first disc."""
+    """Positions of agents: the first disc with a heading, otherwise the first disc or solid."""
     spots: dict[str, Spot] = {}
     headed: set[str] = set()
     for discs in picture.of(Discs) if agents else ():
@@ -78,6 +85,12 @@ def spots_of(picture: Picture, agents: Collection[str]) -> dict[str, Spot]:
                 place = discs.x[row], discs.y[row], discs.angle[row], discs.radius[row]
                 spots[agent] = Spot(*map(float, place))
                 headed |= {agent} if heads else set()
+    for copies in picture.of(Copies) if agents else ():
+        for row, agent in _rows(copies, agents):
+            if agent not in spots:
+                low, high = (edge[row] for edge in copies.extents())
+                (x, y), radius = ((low + high) / 2)[:2].tolist(), float((high - low)[:2].max()) / 2
+                spots[agent] = Spot(x, y, 0.0, radius)
     return spots
 
 
@@ -86,8 +99,8 @@ def spot_of(picture: Picture, agent: str) -> Spot | None:
     return spots_of(picture, (agent,)).get(agent) if agent else None
 
 
-def _rows(discs: Discs, agents: Collection[str]) -> Iterator[tuple[int, str]]:
-    for row, (owner, name) in enumerate(zip(discs.owners, discs.names, strict=True)):
+def _rows(things: Discs | Copies, agents: Collection[str]) -> Iterator[tuple[int, str]]:
+    for row, (owner, name) in enumerate(zip(things.owners, things.names, strict=True)):
         # The fragment of a population begins with ~; its agents have names of their own.
         agent = name if owner.startswith("~") else owner
         if agent in agents:
