@@ -446,14 +446,14 @@ def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
             f"it speaks protocol {hello.version}, this world {PROTOCOL_VERSION}: install the same"
             " version of Minerva Bus on both sides"
         )
+    visual = ", ".join(name for name, each in vocabulary.events.items() if each.visual) or "none"
     for event_type in (*hello.generates, *hello.draws, *hello.orders):
         if event_type not in vocabulary.events:
-            known = nearest(event_type, list(vocabulary.events))
+            drawn = f"its visual ones: {visual}" if event_type in hello.draws else ""
+            known = nearest(event_type, list(vocabulary.events), drawn)
             return f"the world's vocabulary has no event type {event_type}{known}"
     for event_type in hello.draws:
         if not vocabulary.events[event_type].visual:
-            names = [name for name, each in vocabulary.events.items() if each.visual]
-            visual = ", ".join(names) or "none"
             return f"it draws {event_type}, which is not visual; expected one of {visual}"
     # The coordinator generates such events itself and has no data for them.
     views = replace(hello.when, asked=Participation.NEVER)

@@ -17,7 +17,7 @@ from pond import (
     started,
 )
 
-from minerva_bus import Agent, Generator, Vocabulary
+from minerva_bus import Agent, Device, Generator, Vocabulary
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member_side import Member
@@ -167,9 +167,14 @@ class Rain(Generator, events=("eRain",)):
     pass
 
 
+class Canvas(Device, draws=("eCanvas",)):
+    pass
+
+
 @pytest.mark.parametrize(
     ("stranger", "reason"),
     [
+        (service("new", Canvas), "has no event type eCanvas; its visual ones: e"),
         (service("new", Rain), "the world's vocabulary has no event type eRain"),
         (host("new", type("Toad", (Frog,), {}, symbol="AToad")), "no agents AToad"),
         (host("new", Elsewhere), "its ACounter has the state (n, m), the world's (n): both must"),
