@@ -36,7 +36,7 @@ EXTRAS: Final = {
     "plot": (("matplotlib",), "plots of records"),
     "neighbours": (("scipy",), "the service neighbours"),
     "fast": (("numba",), "compiled methods and spaces"),
-    "space": (("rapier3d",), "bodies in three dimensions"),
+    "space": (("rapier3d", "trimesh"), "bodies in three dimensions"),
     "tls": (("cryptography",), "certificates for remote members"),
     "profile": (("pyinstrument",), "flame graphs of members"),
     "mcp": (("mcp", "jsonschema"), "worlds for assistants"),

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL, DYNAMIC, FIXED, KINEMATIC
-from minerva_bodies.meshes import ground, load_mesh
+from minerva_bodies.meshes import check_closed, ground, load_mesh
 from minerva_bodies.rigid import Rigid
 from minerva_bodies.vehicle import Vehicle
 from minerva_bus import portable
@@ -57,18 +56,15 @@ class Engine:
         gravity: m/s², downwards.
         dt: duration of a step, seconds.
         threads: of Rapier; they do not change its results.
-        assets: folder of meshes.
         removes: whether `step` removes a body without a finite position; or else it raises.
 
     """
 
-    def __init__(
-        self, gravity: float, dt: float, threads: int, assets: Path, removes: bool = False
-    ) -> None:
+    def __init__(self, gravity: float, dt: float, threads: int, removes: bool = False) -> None:
         self._world = rapier.PhysicsWorld(gravity=(0.0, 0.0, -gravity))
         self._world.integration_parameters.dt = dt
         self._world.set_num_threads(threads)
-        self._assets, self._removes = assets, removes
+        self._removes = removes
         self.bodies: dict[str, Any] = {}
         self.plain: dict[str, list[Any]] = {}
         """The pose at which each began, and its solids now."""
@@ -433,9 +429,10 @@ class Engine:
                 "cylinder": rapier.Collider.cylinder,
                 "cone": rapier.Collider.cone,
             }[form](*sizes)
-        points, triangles = load_mesh(self._assets, sizes[0])
+        points, triangles = load_mesh(sizes[0])
         points = points * sizes[1]
         if name and moved == DYNAMIC:
+            check_closed(sizes[0], (points, triangles))
             return rapier.Collider.convex_hull(points)
         return rapier.Collider.trimesh(points, triangles)
 

@@ -153,7 +153,7 @@ def Mesh(
     """The surface in a file; a body that moves has the convex hull of its points.
 
     Args:
-        file: name of the parameter with the file's name, relative to the option `assets`.
+        file: name of the parameter with the asset's name; see `meshes`.
         scale: factor of its coordinates, which then are metres.
         color: of its outline in the plane.
         radius: of its outline in the plane.

@@ -1,16 +1,25 @@
-"""Surfaces in files: OBJ and STL, as points and triangles."""
+"""Assets: surfaces in files, OBJ, STL and GLB, as points and triangles.
+
+An asset is named by a path: of a file beside the world, or in an installed package,
+`PACKAGE/FOLDER/FILE`. These are the folders from which Python imports. The name may end with the
+digest of the contents, `FILE#sha256=HEX`, of 16 digits or more.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import struct
+import sys
+from io import BytesIO
 from itertools import pairwise
-from pathlib import Path
-from typing import TypeAlias
+from pathlib import Path, PurePosixPath
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from minerva_bodies.errors import BodiesError
+from minerva_services.options import require
 
 Surface: TypeAlias = tuple[NDArray[np.float64], NDArray[np.uint32]]
 """Points (n, 3) in metres, and triangles (m, 3), counter-clockwise as seen from outside."""
@@ -18,27 +27,16 @@ Surface: TypeAlias = tuple[NDArray[np.float64], NDArray[np.uint32]]
 MAX_BYTES = 64 << 20
 MAX_TRIANGLES = 1_000_000
 _HEADER, _TRIANGLE = 84, 50
+_DIGEST, _MIN_DIGEST = "#sha256=", 16
 
 
-def load_mesh(folder: Path, file: str) -> Surface:
-    """The points (n, 3) and triangles (m, 3) of a file below a folder.
-
-    Raises BodiesError for a file that is missing, elsewhere, too large, or no mesh.
-    """
-    path = (folder / file).resolve()
-    where = f"mesh {file!r}"
-    if not path.is_relative_to(folder.resolve()):
-        raise BodiesError(f"{where}: expected a file below {folder}")
-    try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise BodiesError(f"{where}: {size} bytes; expected at most {MAX_BYTES}")
-        data = path.read_bytes()
-    except OSError as error:
-        raise BodiesError(f"{where}: {error.strerror} ({path})") from None
-    read = {".obj": _obj, ".stl": _stl}.get(path.suffix.lower())
+def load_mesh(name: str) -> Surface:
+    """The surface of an asset; see the module. Raises BodiesError for what is none."""
+    where = f"mesh {name!r}"
+    file, data = _asset(name)
+    read = _READERS.get(Path(file).suffix.lower())
     if read is None:
-        raise BodiesError(f"{where}: expected a file of the type .obj or .stl")
+        raise BodiesError(f"{where}: expected a file of the type {', '.join(_READERS)}")
     points, triangles = read(where, data)
     if not len(triangles) or len(triangles) > MAX_TRIANGLES:
         raise BodiesError(f"{where}: {len(triangles)} triangles; expected 1 to {MAX_TRIANGLES}")
@@ -47,6 +45,60 @@ def load_mesh(folder: Path, file: str) -> Surface:
     if triangles.max() >= len(points):
         raise BodiesError(f"{where}: a triangle has point {triangles.max() + 1} of {len(points)}")
     return points, triangles
+
+
+def check_closed(name: str, surface: Surface) -> None:
+    """Raises BodiesError for a surface with a border, which has no inside."""
+    points, triangles = surface
+    _, same = np.unique(points.round(9), axis=0, return_inverse=True)
+    corners = same.ravel()[triangles]
+    corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
+    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
+    _, count = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    if opened := int((count == 1).sum()):
+        raise BodiesError(
+            f"mesh {name!r}: it is open: {opened} of {len(count)} edges have one triangle; a body"
+            " that moves needs a closed surface"
+        )
+
+
+def _asset(name: str) -> tuple[str, bytes]:
+    """The name of an asset's file, and its contents. Raises BodiesError."""
+    where = f"mesh {name!r}"
+    file, marked, digest = name.partition(_DIGEST)
+    path = _path(where, file)
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise BodiesError(f"{where}: {size} bytes; expected at most {MAX_BYTES} ({path})")
+        data = path.read_bytes()
+    except OSError as error:
+        raise BodiesError(f"{where}: {error.strerror} ({path})") from None
+    own = hashlib.sha256(data).hexdigest()
+    if marked and (len(digest) < _MIN_DIGEST or not own.startswith(digest.lower())):
+        raise BodiesError(
+            f"{where}: the file has another digest; expected #sha256={own[:_MIN_DIGEST]}, as for"
+            f" {path}"
+        )
+    return file, data
+
+
+def _path(where: str, file: str) -> Path:
+    """The file in the first folder that has it. Raises BodiesError."""
+    parts = PurePosixPath(file).parts
+    if not parts or parts[0] == "/" or ".." in parts or "\\" in file or "\0" in file:
+        raise BodiesError(f"{where}: expected the path of a file below a folder, without ..")
+    folders = list(dict.fromkeys(Path(folder).resolve() for folder in sys.path))
+    for folder in folders:
+        path = (folder / file).resolve()
+        if path.is_file():
+            if not path.is_relative_to(folder):
+                raise BodiesError(f"{where}: {folder / file} leads out of its folder")
+            return path
+    raise BodiesError(
+        f"{where}: there is no such file beside the world or in an installed package, as"
+        f" PACKAGE/FILE; searched are {len(folders)} folders, of which the first is {folders[0]}"
+    )
 
 
 def _obj(where: str, data: bytes) -> Surface:
@@ -70,12 +122,39 @@ def _obj(where: str, data: bytes) -> Surface:
 
 def _stl(where: str, data: bytes) -> Surface:
     count = struct.unpack_from("<I", data, _HEADER - 4)[0] if len(data) >= _HEADER else -1
-    if len(data) != _HEADER + _TRIANGLE * count:
-        raise BodiesError(f"{where}: no binary STL file: its size does not fit its triangles")
-    layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
-    corners = np.frombuffer(data, layout, count, _HEADER)["corners"].reshape(-1, 3)
+    if len(data) == _HEADER + _TRIANGLE * count:
+        layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+        corners = np.frombuffer(data, layout, count, _HEADER)["corners"].reshape(-1, 3)
+    else:
+        rows = [line.split() for line in data.decode("utf-8", "replace").splitlines()]
+        words = [row[1:4] for row in rows if row[:1] == ["vertex"]]
+        try:
+            corners = np.array([[float(word) for word in row] for row in words]).reshape(-1, 3)
+        except ValueError as error:
+            raise BodiesError(f"{where}: a vertex of the STL file: {error}") from None
+        if not data.lstrip().startswith(b"solid") or not len(corners) or len(corners) % 3:
+            raise BodiesError(f"{where}: no STL file: its size does not fit its triangles")
     points, at = np.unique(corners.astype(np.float64), axis=0, return_inverse=True)
     return points, at.reshape(-1, 3).astype(np.uint32)
+
+
+def _glb(where: str, data: bytes) -> Surface:
+    """All meshes of the scene, in their places; y points up in glTF."""
+    require("bodies", "trimesh", "trimesh", "space")
+    import trimesh
+
+    try:
+        # Without a resolver: a GLB file has all its data inside.
+        scene: Any = trimesh.load_scene(BytesIO(data), file_type="glb", process=False)
+        mesh = scene.to_mesh()
+        x, y, z = np.asarray(mesh.vertices, np.float64).reshape(-1, 3).T
+        return np.column_stack((x, -z, y)), np.asarray(mesh.faces).reshape(-1, 3).astype(np.uint32)
+    except Exception as error:  # The library raises whatever its parts raise.
+        why = " ".join(f"{type(error).__name__}: {error}".split())
+        raise BodiesError(f"{where}: no GLB file: {why:.200}") from None
+
+
+_READERS: Final = {".obj": _obj, ".stl": _stl, ".glb": _glb}
 
 
 def ground(heights: ArrayLike, cell: float) -> Surface:

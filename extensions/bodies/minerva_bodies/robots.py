@@ -279,7 +279,6 @@ class Rovers(Physics):
         draws: the visual event type of the views.
         pose: the event type of poses of other bodies; "" for none.
         contact: the event type of contacts; "" for none.
-        assets: folder of meshes.
         beams: number of beams of each robot's laser.
         fov: the laser's field of view in degrees, centred on the heading.
         range_max: the laser's range in metres.
@@ -315,7 +314,6 @@ class Rovers(Physics):
         draws: str = "eRepresent",
         pose: str = "",
         contact: str = "",
-        assets: str = ".",
         beams: int = 90,
         fov: float = 360.0,
         range_max: float = 8.0,
@@ -340,9 +338,7 @@ class Rovers(Physics):
         if not 0.0 < height < 1e3:
             raise BodiesError(f"rovers: height is {height}; expected metres above 0, as 0.25")
         options = (gravity, draws, pose, contact)
-        self._space = _Space(
-            *options, substeps=substeps, threads=threads, renew=renew, assets=assets
-        )
+        self._space = _Space(*options, substeps=substeps, threads=threads, renew=renew)
         self._height = height
         super().__init__(
             beams,

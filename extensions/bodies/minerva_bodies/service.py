@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,6 @@ class RigidBodies(Device, Generator, coupled=True):
         threads: of physics; results do not depend on them.
         renew: frames after which the space is made again from its saved state, which bounds what a
             successor has to repeat; contacts lose their memory then.
-        assets: folder of meshes.
         who: name of the parameter with the id of a body's agent.
 
     """
@@ -68,7 +66,6 @@ class RigidBodies(Device, Generator, coupled=True):
         substeps: int = 1,
         threads: int = 1,
         renew: int = 300,
-        assets: str = ".",
         who: str = "who",
     ) -> None:
         require("bodies", "rapier3d", "rapier3d", "space")
@@ -83,7 +80,7 @@ class RigidBodies(Device, Generator, coupled=True):
         self.draws = (draws,)
         self._gravity, self._substeps, self._threads = gravity, substeps, threads
         self._pose, self._contact, self._joint, self._lost = pose, contact, joint, lost
-        self._renew, self._assets, self._who = renew, Path(assets), who
+        self._renew, self._who = renew, who
         self._shown = -1
         self._next: dict[str, Any] = {}
         self._base: dict[str, Any] = {}
@@ -111,7 +108,7 @@ class RigidBodies(Device, Generator, coupled=True):
         from minerva_bodies.engine import Engine  # Needs the library, which `check` does not.
 
         dt, removes = self._dt / self._substeps, bool(self._lost)
-        return Engine(self._gravity, dt, self._threads, self._assets, removes)
+        return Engine(self._gravity, dt, self._threads, removes)
 
     def show(self, view: View) -> None:
         """φ of the view: what is new, gone and commanded, for the next frame."""

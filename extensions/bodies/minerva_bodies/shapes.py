@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,7 @@ def unit_solid(form: str, detail: float | str, fine: bool) -> Solid:
     """
     sides = _SIDES if fine else _FEW_SIDES
     if form == "mesh":
-        return solid_of(*load_mesh(Path(), str(detail)))
+        return solid_of(*load_mesh(str(detail)))
     if form == "box":
         return _box()
     if form == "cylinder":
