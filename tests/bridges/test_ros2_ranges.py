@@ -8,13 +8,26 @@ import pytest
 
 pytest.importorskip("rosbags")
 
+from minerva_bus import (
+    Disc,
+    EventType,
+    Metres,
+    Motion,
+    Primitive,
+    Reals,
+    Transformation,
+    Vocabulary,
+    WorldInfo,
+)
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.recordings import RecordingError
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros_messages.ranges import MAX_KEPT
 from minerva_services.bridges.rosbag import Rosbag, open_bag
 from minerva_services.bridging.testing import RunningBridge
+from minerva_services.geometry.picture import Discs, Lists
 from tests.bridges.recorded import write_bag
 from tests.bridges.ros2_peers import Node
 from tests.bridges.ros2_rig import network, scan, transforms
@@ -110,6 +123,54 @@ def test_clouds_that_are_none():
     for each in (cloud([(1, 2, 3)], UINT8), cloud([(1, 2, 3)], names="xyi"), short, far):
         assert read(made, types.POINTS, each) is None
     assert made.report()["garbage"] == 4
+
+
+eCloud = EventType("eCloud", points=Reals, at=float)
+TAt = Transformation("TAt", Motion(x="x", y="y"), x=Metres, y=Metres)
+PPoint = Primitive("PPoint", Disc(0.03, "viridis(z, 0, 2)"), z=float)
+
+
+def of_points(message, reach=10.0, **table):
+    """The points of the event of a cloud, and the bridge that makes it."""
+    table = {"type": types.POINTS, "event": "eCloud", "data": {"at": "header.stamp"}} | table
+    made = bridge(events={"depth": table}, points_range=reach)
+    made.check(WorldInfo("w", Vocabulary.of(eCloud), 0, 0.1))
+    event = made.reading("depth", encoded(types.POINTS, message))
+    return event and dict(zip(event.names, event.values, strict=True))["points"], made
+
+
+def test_points_are_a_matrix_on_the_robot():
+    points = [
+        (2.0, 0.0, 0.5), (2.01, 0.01, 0.5), (0.0, 1.0, -3.0), (math.nan, 0.0, 0.5), (0.0, 0.0, 11.0),
+    ]  # fmt: skip
+    event, _ = of_points(cloud(points))
+    assert event == pytest.approx(np.array([[-0.04, 2.0, 0.5], [-1.04, 0.0, -3.0]]))
+    assert of_points(cloud(points), cube=0.001)[0].shape == (3, 3)
+    assert of_points(cloud(points[3:4]))[0].shape == (0, 3)
+
+
+@pytest.mark.parametrize("reach", [10.0, 1e12])
+def test_points_are_bounded_and_spread(reach):
+    noise = np.random.default_rng(1).uniform(-4.0, 4.0, (40_000, 3))
+    event, _ = of_points(cloud(noise), reach, cube=1e-9)
+    assert event.shape == (len(event), 3)
+    assert 1 <= len(event) <= MAX_KEPT
+    assert reach > 10 or (len(event) > MAX_KEPT / 10 and np.ptp(event, axis=0).min() > 7.0)
+
+
+def test_points_that_are_none_are_counted():
+    assert of_points(cloud([(1, 2, 3)], frame="arm"))[1].report()["without a transform"] == 1
+    assert of_points(cloud([(1, 2, 3)], UINT8))[1].report()["garbage"] == 1
+    with pytest.raises(MisuseError, match="cube is 0"):
+        of_points(cloud([(1, 2, 3)]), cube=0)
+
+
+def test_a_view_shows_points_as_discs_coloured_by_height():
+    points = np.array([[1.0, 2.0, 0.5], [3.0, 4.0, -1.0]])
+    shown = TAt(points[:, 0], points[:, 1])(PPoint(points[:, 2]))
+    (discs,) = Lists(Vocabulary.of(TAt, PPoint)).picture(shown, {}).of(Discs)
+    assert [discs.x.tolist(), discs.y.tolist()] == points[:, :2].T.tolist()
+    assert discs.color[0].tolist() != discs.color[1].tolist()
 
 
 def test_a_band_without_height():

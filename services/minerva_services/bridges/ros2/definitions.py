@@ -9,7 +9,7 @@ itself are here; others come from the world file, or from a folder such as `/opt
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, cast
@@ -22,9 +22,11 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.driver import check_positive
-from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.messages import POINTS, messages
 from minerva_services.bridges.ros2.qos import HEARING, qos_of
 from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages.frames import Matrix
+from minerva_services.bridges.ros_messages.ranges import points_of
 from minerva_services.bridges.ros_messages.readings import heading_of
 from minerva_services.event_factory import event_type
 
@@ -198,7 +200,8 @@ def at(message: Any, path: str) -> Any:
                 value = value[step] if isinstance(value, Mapping) else getattr(value, step)
         except (AttributeError, IndexError, KeyError, TypeError):
             raise GarbageError(f"it has no {path}") from None
-    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+    is_list = isinstance(value, np.generic | np.ndarray) and value.ndim < 2
+    return value.tolist() if is_list else value
 
 
 class MessageEvents:
@@ -254,9 +257,10 @@ def _plain(value: Any) -> Any:
 
 _TOPIC_KEYS: Final[Mapping[str, Any]] = {
     "type": str, "definition": str, "event": str, "data": Mapping, "rate": int | float,
-    "qos": str,
+    "qos": str, "cube": int | float,
 }  # fmt: skip
 _RATE: Final = 10.0
+_CUBE: Final = 0.1
 
 
 class MessageTopic:
@@ -272,6 +276,7 @@ class MessageTopic:
         self._definition, self._data = table.get("definition", ""), table.get("data", {})
         rate = check_positive(f"{self._where}: rate", table.get("rate", _RATE))
         self._seconds, self._due = 1.0 / rate, 0.0
+        self._cube = check_positive(f"{self._where}: cube", table.get("cube", _CUBE))
         self._events: MessageEvents | None = None
         qos = table.get("qos")
         self.qos = HEARING if qos is None else qos_of(f"{self._where}: qos", qos, HEARING)
@@ -286,14 +291,26 @@ class MessageTopic:
             raise MisuseError(f"{service}: {self._where}: the type {self.kind} is not known{near}")
         declared = event_type(service, world, self.event)
         where = f"{service}: {self._where}"
-        self._events = MessageEvents(where, declared, self._data, built(self.kind, {}))
+        example = built(self.kind, {})
+        if self.kind == POINTS:
+            example = {**vars(example), "points": ()}
+        self._events = MessageEvents(where, declared, self._data, example)
 
-    def made(self, data: bytes, agent: str) -> Event | None:
-        """The event of a message; None for those above the rate. Raises GarbageError."""
+    def made(
+        self, data: bytes, agent: str, placed: Callable[[Any], Matrix], reach: float
+    ) -> Event | None:
+        """The event of a message; None for those above the rate. Raises GarbageError.
+
+        A point cloud has the data `points`: those within `reach` metres, as `placed` on the robot.
+        """
         now = time.monotonic()
         if self._events is None or now < self._due:
             return None
-        event = self._events(messages().decode(self.kind, data), [agent])
+        message = messages().decode(self.kind, data)
+        if self.kind == POINTS:
+            points = points_of(message, placed(message), reach, self._cube)
+            message = {**vars(message), "points": points}
+        event = self._events(message, [agent])
         self._due = now + self._seconds
         return event
 

@@ -100,7 +100,8 @@ class Ros2(Bridge):
           obstacle), the side of a `cell`, and `x`, `y` and `angle` of the corner.
         events: other topics, such as those of Imu and JointState messages: by topic a table with
           the `type` of its messages, the `event` that each becomes, the paths of its `data` in the
-          message, the most events per second as `rate`, and `qos`.
+          message, the most events per second as `rate`, and `qos`. Those of point clouds have
+          `points`, one in each `cube`.
         qos: the quality of service of the other topics, by option: {scan = "sensor_data"}.
 
     """
@@ -233,7 +234,7 @@ class Ros2(Bridge):
         """
         try:
             if other := self._others.get(message):
-                return other.made(data, self._robot)
+                return other.made(data, self._robot, self._placed, self._band.reach)
             value = messages().decode(message, data)
             if message == TRANSFORMS:
                 self._frames.update(value)

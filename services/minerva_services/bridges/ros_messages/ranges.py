@@ -1,4 +1,4 @@
-"""Scans from messages of other sensors than lidars: point clouds, and single ranges."""
+"""Point clouds as scans and as points, and scans from single ranges."""
 
 from __future__ import annotations
 
@@ -20,6 +20,12 @@ _FORMATS: Final = {7: "f4", 8: "f8"}
 
 _BEAMS: Final = 360
 _MAX_POINTS: Final = 10_000_000
+MAX_KEPT: Final = 10_000
+"""Points of a cloud after thinning, at most."""
+
+_MAX_CUBES: Final = 1 << 20
+"""Cubes along each axis, so that the number of a cube fits into 64 bits."""
+
 _CENTRE: Final = SensorMount()
 
 
@@ -63,6 +69,24 @@ def scan_of_points(
         robot, ranges.astype(np.float32), -180.0, 360.0 / _BEAMS, band.reach,
         stamp_of(message) if time is None else time, float(placed[0, 3]), float(placed[1, 3]), 0.0,
     )  # fmt: skip
+
+
+def points_of(message: Any, placed: Matrix, reach: float, cube: float) -> NDArray[np.float64]:
+    """The points of a PointCloud2, (n, 3): metres ahead of, to the left of and above the robot.
+
+    Those within `reach` metres from the sensor, in their order, and the first of each cube of
+    `cube` metres, which is doubled until at most MAX_KEPT remain. `placed` is as for
+    `scan_of_points`. Raises GarbageError.
+    """
+    there = _coordinates(message)
+    there = there[(there * there).sum(axis=1) <= reach * reach]
+    cube = max(cube, 4 * reach / _MAX_CUBES)
+    while True:
+        x, y, z = np.floor(there / cube).astype(np.int64).T
+        _, first = np.unique((x * _MAX_CUBES + y) * _MAX_CUBES + z, return_index=True)
+        if len(first) <= MAX_KEPT:
+            return there[np.sort(first)] @ placed[:3, :3].T + placed[:3, 3]
+        cube *= 2
 
 
 def _coordinates(message: Any) -> NDArray[np.float64]:
