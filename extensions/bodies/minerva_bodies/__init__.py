@@ -23,10 +23,12 @@ if TYPE_CHECKING:
         quaternion,
     )
     from minerva_bodies.rigid import Rigid
+    from minerva_bodies.sensors import Distance, Imu, Lidar
 
 _HOMES = {
     "forms": "Ball Box Capsule Command Cone Cylinder Joint Matter Mesh Terrain euler quaternion",
     "rigid": "Rigid",
+    "sensors": "Distance Imu Lidar",
 }
 __getattr__ = imported_at_first_use(__name__, _HOMES)
 
@@ -37,7 +39,10 @@ __all__ = [
     "Command",
     "Cone",
     "Cylinder",
+    "Distance",
+    "Imu",
     "Joint",
+    "Lidar",
     "Matter",
     "Mesh",
     "Rigid",

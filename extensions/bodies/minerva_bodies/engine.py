@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from itertools import repeat
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -352,11 +353,47 @@ class Engine:
             name: of a body, or "".
 
         """
-        own = self.bodies[name] if name else None
-        seen = rapier.QueryFilter(exclude_rigid_body=own).exclude_sensors()
-        cast, ray, x = self._world.query_pipeline.cast_ray, rapier.Ray, tuple(start)
-        hits = [cast(ray(x, tuple(way)), longest, True, seen) for way in along.tolist()]
+        cast, seen = self._world.query_pipeline.cast_ray, self._all_but(name)
+        rays = map(rapier.Ray, repeat(tuple(start)), zip(*along.T.tolist(), strict=True))
+        hits = [cast(ray, longest, True, seen) for ray in rays]
         return np.array([longest if hit is None else hit[1] for hit in hits])
+
+    def _all_but(self, name: str) -> Any:
+        """A filter of solids that are neither sensors nor part of a body."""
+        own = self.bodies[name] if name else None
+        return rapier.QueryFilter(exclude_rigid_body=own).exclude_sensors()
+
+    def echoes(
+        self,
+        start: Sequence[float],
+        along: NDArray[np.float64],
+        longest: float,
+        name: str,
+        lit: bool,
+    ) -> tuple[NDArray[np.float64], tuple[float, ...]]:
+        """As `cast`; if `lit`, also the cosines at which rays meet surfaces, 0 for nothing."""
+        if not lit:
+            return self.cast(start, along, longest, name), ()
+        cast, seen = self._world.query_pipeline.cast_ray_and_get_normal, self._all_but(name)
+        ranges, cosines = list[float](), list[float]()
+        for x, y, z in along.tolist():
+            hit = cast(rapier.Ray(tuple(start), (x, y, z)), longest, True, seen)
+            nx, ny, nz = (0.0, 0.0, 0.0) if hit is None else hit[1].normal.to_tuple()
+            ranges.append(longest if hit is None else hit[1].time_of_impact)
+            cosines.append(abs(x * nx + y * ny + z * nz))
+        return np.array(ranges), tuple(cosines)
+
+    def velocity(self, name: str, mount: Rigid) -> tuple[float, float, float]:
+        """Velocity of a point of a body, m/s in the frame of the world."""
+        at = self.pose(name).then(mount)
+        body = self._world.rigid_bodies[self.bodies[name]]
+        x, y, z = body.velocity_at_point((at.x, at.y, at.z)).to_tuple()
+        return x, y, z
+
+    def spin(self, name: str) -> tuple[float, float, float]:
+        """Angular velocity of a body, rad/s in the frame of the world."""
+        x, y, z = self._world.rigid_bodies[self.bodies[name]].angvel.to_tuple()
+        return x, y, z
 
     def kept(self) -> Mapping[str, Any]:
         """Bodies and joints as plain data, from which `continue_from` makes this space again."""

@@ -1,4 +1,4 @@
-"""The geometric system of space: what a string means to bodies, joints and commands.
+"""The geometric system of space: what a string means to bodies, joints, sensors and commands.
 
 β and δ move a rigid pose; α adds a solid to the body of its owner: the agent whose view it is, or
 the agent that the text parameter `who` of the figure or of a transformation around it names. The
@@ -21,6 +21,7 @@ import numpy as np
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import COMMANDS, DYNAMIC, JOINTS, KINEMATIC, MATERIAL, SIZES
 from minerva_bodies.rigid import Rigid
+from minerva_bodies.sensors import SENSORS, Sensor
 from minerva_bus.grammar.appearance import Measure, Motion, Spatial
 from minerva_bus.grammar.columns import Columns, walk_pieces
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode
@@ -70,6 +71,7 @@ class SpaceGeometry(Geometry):
         changed: those of known bodies whose solids are others now.
         bodies: those that are new, single or commanded; "" is the scenery.
         joints: plain data by name: kind, ids, pose, and the numbers of the joint.
+        sensors: in the order of the string.
 
     """
 
@@ -92,6 +94,7 @@ class SpaceGeometry(Geometry):
         self._partial: set[str] = set()
         self.bodies: dict[str, ShownBody] = {}
         self.joints: dict[str, list[Any]] = {}
+        self.sensors: list[Sensor] = []
 
     def read(self, view: View) -> None:
         """φ of a view. Raises BodiesError for anything that cannot stand as it shows it."""
@@ -142,6 +145,9 @@ class SpaceGeometry(Geometry):
         values = [value_of(measure, figure, owner) for measure in spatial[1:]]
         if spatial[0] in JOINTS:
             self._joint(str(spatial[0]), owner, figure, values)
+        elif spatial[0] in SENSORS:
+            mount = self._inner if self._base is not None else Rigid()
+            self.sensors.append(Sensor(str(spatial[0]), owner, figure.symbol, mount, values))
         else:
             self.solid(str(spatial[0]), owner, figure, values)
 
@@ -211,7 +217,7 @@ class SpaceGeometry(Geometry):
         levels = list(columns.levels())
         primitive = self._vocabulary.primitives.get(levels[-1].symbol)
         spatial = primitive.shape.spatial if primitive is not None and primitive.shape else ()
-        if not spatial or spatial[0] in JOINTS or spatial[4] == KINEMATIC:
+        if not spatial or spatial[0] in (*JOINTS, *SENSORS) or spatial[4] == KINEMATIC:
             return not spatial
         owners = next(
             (level.column(self._who) for level in levels if self._who in level.names), None

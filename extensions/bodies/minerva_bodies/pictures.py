@@ -18,6 +18,7 @@ from minerva_bodies.forms import JOINTS, MATERIAL, SIZES
 from minerva_bodies.geometry import moved, value_of
 from minerva_bodies.meshes import ground
 from minerva_bodies.rigid import Rigid, product
+from minerva_bodies.sensors import SENSORS
 from minerva_bodies.shapes import solid_of, unit_solid
 from minerva_bus.grammar.appearance import Measure, Motion, Raster, Shape, Spatial
 from minerva_bus.grammar.columns import Columns
@@ -105,7 +106,7 @@ class SpacePictures(PictureGeometry):
             for solid, color in self._ground(shape, cells, cell):
                 self.items.append(_Row(solid, self.rigid.numbers, (1.0,) * 3, color, *rest))
             return
-        if form in JOINTS:
+        if form in JOINTS or form in SENSORS:
             key, size = ("ball", 1.0), (0.05,) * 3
         else:
             values = [value_of(each, figure, self.owner) for each in measures[MATERIAL:]]

@@ -13,6 +13,7 @@ from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL
 from minerva_bodies.geometry import ShownBody, SpaceGeometry
 from minerva_bodies.rigid import Rigid
+from minerva_bodies.sensors import SENSORS, Motions, Sensor, check_sensor, measured
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.vocabulary import EventType
@@ -43,6 +44,9 @@ class RigidBodies(Device, Generator, coupled=True):
         pose: the event type of poses; "" for none.
         contact: the event type of contacts; "" for none.
         joint: the event type of joints; "" for none.
+        lidar: the event type of lidars; "" for none. See `minerva_bodies.sensors`.
+        imu: that of inertial units.
+        distance: that of distance sensors.
         lost: the event type that tells an agent that its body had no finite position any more and
             has been removed, until its string shows none; "": such a body ends the world.
         every: frames between views; frames without one have no commands.
@@ -61,6 +65,9 @@ class RigidBodies(Device, Generator, coupled=True):
         pose: str = "ePose",
         contact: str = "",
         joint: str = "",
+        lidar: str = "",
+        imu: str = "",
+        distance: str = "",
         lost: str = "",
         every: int = 1,
         substeps: int = 1,
@@ -80,6 +87,8 @@ class RigidBodies(Device, Generator, coupled=True):
         self.draws = (draws,)
         self._gravity, self._substeps, self._threads = gravity, substeps, threads
         self._pose, self._contact, self._joint, self._lost = pose, contact, joint, lost
+        self._senses = {"lidar": lidar, "imu": imu, "distance": distance}
+        self._sensors = list[Sensor]()
         self._renew, self._who = renew, who
         self._shown = -1
         self._next: dict[str, Any] = {}
@@ -90,13 +99,19 @@ class RigidBodies(Device, Generator, coupled=True):
         self._seconds = self._steps = self._begun = 0.0
 
     def generates(self) -> tuple[str, ...]:
-        return tuple(filter(None, (self._pose, self._contact, self._joint, self._lost)))
+        types = (self._pose, self._contact, self._joint, self._lost, *self._senses.values())
+        return tuple(dict.fromkeys(filter(None, types)))
 
     def check(self, world: WorldInfo) -> None:
         self._poses = _compared(world, self._pose, POSE) if self._pose else None
         self._contacts = _compared(world, self._contact, CONTACT) if self._contact else None
         self._ends = _compared(world, self._lost, ()) if self._lost else None
         self._turns = _compared(world, self._joint, JOINT) if self._joint else None
+        self._sensed = {
+            kind: _compared(world, name, SENSORS[kind])
+            for kind, name in self._senses.items()
+            if name
+        }
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)
@@ -117,6 +132,19 @@ class RigidBodies(Device, Generator, coupled=True):
         self._take(view, space)
 
     def _take(self, view: View, space: SpaceGeometry) -> None:
+        for sensor in space.sensors:
+            check_sensor(sensor)
+            if sensor.owner not in space.seen:
+                raise BodiesError(
+                    f"agent {sensor.owner}, {sensor.symbol}: a sensor moves with the solids of its"
+                    " agent, which shows none; add one"
+                )
+            if sensor.kind not in self._sensed:
+                raise BodiesError(
+                    f"agent {sensor.owner}, {sensor.symbol}: bodies has no event type for it; give"
+                    f' it the option {sensor.kind}, such as "e{sensor.kind.capitalize()}"'
+                )
+        self._sensors = space.sensors
         if view.frame <= self._shown:
             return  # A successor gets the last view again, which its predecessor has executed.
         engine = self._engine
@@ -171,6 +199,7 @@ class RigidBodies(Device, Generator, coupled=True):
             self._renewed()
         inputs, self._next = json.dumps(self._next), {}
         before, missed = self._engine.touching, {*self._engine.lost}
+        motions = Motions(self._engine, self._sensors)
         moved = self._advance(inputs)
         # After the step: what fails is not part of the saved state.
         self._log.append(inputs)
@@ -178,7 +207,16 @@ class RigidBodies(Device, Generator, coupled=True):
         lost = [name for name in self._engine.lost if name not in missed]
         if self._ends is not None and lost:
             events.append(self._ends(receivers=lost))
-        return events
+        return [*events, *self._measured(motions, tick)]
+
+    def _measured(self, motions: Motions, tick: Tick) -> Iterable[AnyEvent]:
+        for sensor in self._sensors:
+            kind = self._sensed[sensor.kind]
+            if sensor.owner in self._engine.bodies:
+                names = kind.fields.names
+                data = measured(sensor, self._engine, motions, tick, names, self._gravity)
+                if data is not None:
+                    yield kind(receivers=[sensor.owner], **data)
 
     def _advance(self, inputs: str) -> list[str]:
         """A frame with its inputs, as text; the agents whose bodies have moved."""
