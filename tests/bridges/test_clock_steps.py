@@ -17,7 +17,10 @@ from minerva_agents.robot.trajectories import Posed, ScanMotion, located_scans, 
 from minerva_bus.log.recordings import STEP_SECONDS, Compensator, Recorded, RecordingClock
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan, hits
+from minerva_services.bridges.ros2 import Ros2
+from minerva_services.bridges.rosbag import open_bag
 from minerva_services.sensors.carmen import CarmenLog
+from minerva_services.sensors.clocks import SHARED_TOPIC, ClockWatch
 
 BACK = [0.3, 2.0, 100.0, 1e6]
 
@@ -57,7 +60,7 @@ def test_default_windows_filter_nothing(tmp_path):
     path, passed = write(tmp_path / "a.log", *lines), Passed()
     made = draw_map(lambda: CarmenLog(path, passed), MapChoice(), lambda part: None)
     assert made.way[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
-    step = "steps back by 499.0 s, 2.0 s after the beginning"
+    step = "steps back by 499.0 s (2.0 s after the beginning)"
     assert f"{path}: the clock of scan {step}" in passed.of("clock steps back")
 
 
@@ -86,7 +89,7 @@ def test_a_bag_is_placed_by_its_own_odometry(tmp_path, capsys, back):
     lines = capsys.readouterr().err
     assert "from 60 scans" in lines
     assert "skipped" not in lines
-    assert ("the clock of odometry steps back by" in lines) == (back > STEP_SECONDS)
+    assert ("the clock of odometry (odom) steps back by" in lines) == (back > STEP_SECONDS)
 
 
 def wheels(seconds, back=0.0):
@@ -171,6 +174,35 @@ def test_matched_scans_on_both_sides_of_a_step_are_corrected_for_motion():
         for item, time in zip(again, times, strict=True)
     ]
     assert max(errors) < 1.0
+
+
+def test_two_sensors_of_one_topic_are_told_apart(tmp_path, capsys):
+    pytest.importorskip("rosbags")
+    types, store = messages()
+    frames = ["front", "back", "front", "back", "front"]
+    times = [100.0, 10.0, 101.0, 11.0, 50.0]  # the clock of the front is set back at last
+    scans = [
+        (2e6 + number, "/scan", types.scan([1.0, 1.0], time, frame))
+        for number, (time, frame) in enumerate(zip(times, frames, strict=True))
+    ]
+    path, passed = write_bag(tmp_path / "two.mcap", store, scans), Passed()
+    list(open_bag(path, passed).readings())
+    shared = "scan has readings of front, back; give each sensor its own topic"
+    assert passed.of("sensors on one topic") == [f"{path}: {shared} (1.0 s after the beginning)"]
+    step = "the clock of scan (front) steps back by 51.0 s"
+    assert passed.of("clock steps back") == [f"{path}: {step} (4.0 s after the beginning)"]
+    bridge, kind = Ros2("tcp/h:1", mount="0, 0, 0"), "sensor_msgs/msg/LaserScan"
+    for _, _, message in scans:
+        bridge.reading(kind, bytes(store.serialize_cdr(message, kind)))
+    lines = capsys.readouterr().out.splitlines()
+    assert [shared in lines[0], step in lines[1], len(lines)] == [True, True, 2]
+
+
+def test_the_sensors_that_are_remembered_are_bounded():
+    watch = ClockWatch()
+    found = [what for n in range(1000) for what, _ in watch.problems("scan", 1.0, f"f{n}")]
+    assert set(found) == {SHARED_TOPIC}
+    assert len(watch._latest["scan"]) <= 100
 
 
 def test_errors_over_time_continue_after_a_step():

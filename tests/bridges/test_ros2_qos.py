@@ -82,6 +82,17 @@ def test_a_robot_that_asks_for_more_than_it_is_sent_is_reported():
     assert problems(Ros2Robot(ROUTER, detections=""), *there) == {}
 
 
+@pytest.mark.parametrize("announce", [rmw, bridged])
+def test_two_sensors_on_one_topic_are_reported(announce):
+    layout = {"layout": "rmw_zenoh" if announce is rmw else "dds", "odometry": "", "battery": ""}
+    tf = announce(*TF[:3], TF[3] if announce is rmw else ":1:1:1,1")
+    both = [announce(*SCAN), announce(*SCAN).replace("robot", "lidar2").replace("abc", "abd")]
+    said = problems(Ros2(ROUTER, **layout), tf, tf.replace("abc", "abd"), *both)
+    names = "/lidar2, /robot" if announce is rmw else "abc, abd"
+    assert said["scan"].startswith(f"/scan is published by {names}; give each a topic or namespace")
+    assert len(said) == 1
+
+
 def test_a_driver_counts_and_serves_the_subscription_of_its_quality():
     with network() as (endpoint, _), Node(endpoint) as robot:
         tf = robot.publisher("/tf_static", types.TRANSFORMS, LASTING_QOS)

@@ -1,15 +1,20 @@
-"""What readers of recordings and sensors report: skipped data, and clocks that step back."""
+"""What readers of recordings and sensors report: skipped data, steps of clocks, shared topics."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
 from minerva_bus.log.recordings import STEP_SECONDS, PassOver, Recorded, RecordingClock
 
 STEPS_BACK: Final = "clock steps back"
-"""The counter of such steps."""
+SHARED_TOPIC: Final = "sensors on one topic"
+"""The counters of such steps, and of further sensors on a topic."""
+
+_MAX_NAMED: Final = 5
+_MAX_SENSORS: Final = 100
+"""Number of sensors of a topic whose times are remembered."""
 
 
 class FirstSkip:
@@ -30,23 +35,40 @@ class FirstSkip:
 
 
 class ClockWatch:
-    """Finds steps back of sensors' clocks, each named by the topic of its readings."""
+    """Finds steps back of sensors' clocks, and topics that several sensors share.
+
+    A sensor is known by the topic of its readings and by the frame of its messages, if they have
+    one.
+    """
 
     def __init__(self) -> None:
-        self._latest: dict[str, float] = {}
+        self._latest: dict[str, dict[str, float]] = {}
 
-    def step(self, topic: str, time: float) -> str:
-        """Description of a step back to the next time of a clock; empty if there is none."""
-        back = self._latest.get(topic, time) - time
-        self._latest[topic] = time
-        return f"the clock of {topic} steps back by {back:.1f} s" if back > STEP_SECONDS else ""
+    def problems(self, topic: str, time: float, frame: str = "") -> Iterator[tuple[str, str]]:
+        """What is wrong with the next reading of a sensor: counters and descriptions."""
+        sensors = self._latest.setdefault(topic, {})
+        if sensors and frame not in sensors:
+            several = ", ".join([*sensors, frame][:_MAX_NAMED])
+            yield SHARED_TOPIC, f"{topic} has readings of {several}; give each sensor its own topic"
+        back = sensors.get(frame, time) - time
+        if len(sensors) >= _MAX_SENSORS:
+            sensors.clear()
+        sensors[frame] = time
+        if back > STEP_SECONDS:
+            of = f"{topic} ({frame})" if frame else topic
+            yield STEPS_BACK, f"the clock of {of} steps back by {back:.1f} s"
 
 
-def watched(readings: Iterable[Recorded], path: Path, pass_over: PassOver) -> Iterator[Recorded]:
-    """All readings of a recording; reports where the clocks of its sensors step back."""
+def watched(
+    readings: Iterable[Recorded], path: Path, pass_over: PassOver, frame: Callable[[], str] = str
+) -> Iterator[Recorded]:
+    """All readings of a recording; reports what `ClockWatch` finds.
+
+    `frame` returns that of the latest reading.
+    """
     sensors, recorder = ClockWatch(), RecordingClock()
     for recorded in readings:
         recorder.advance(recorded.stamp)
-        if step := sensors.step(recorded.topic, recorded.reading.time):
-            pass_over(STEPS_BACK, f"{path}: {step}, {recorder.seconds:.1f} s after the beginning")
+        for what, line in sensors.problems(recorded.topic, recorded.reading.time, frame()):
+            pass_over(what, f"{path}: {line} ({recorder.seconds:.1f} s after the beginning)")
         yield recorded

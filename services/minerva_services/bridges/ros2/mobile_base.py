@@ -245,12 +245,16 @@ class MobileBase:
         self._sent = velocity or STILL, now
 
     def _moved(self, stamp: float, pose: Pose) -> None:
-        if step := self._clock.step("odometry", stamp):
-            log(f"{self._router}: {step}")
+        frame = self._sensors.odometry_frame
+        for what, line in self._clock.problems("odometry", stamp, frame):
+            self._sensors.pass_over(what, f"{self._router}: {line}")
         jumps = self.driver.jumps
         self.driver.update(stamp, pose, time.monotonic() if self._stepper is None else stamp)
         if self.driver.jumps > jumps:
-            log(f"odometry from {self._router} jumped; assuming that the robot has not moved")
+            self._sensors.pass_over(
+                "odometry jumps",
+                f"odometry from {self._router} jumped; assuming that the robot has not moved",
+            )
 
     def _now(self) -> float:
         """Seconds of the clock by which the robot drives."""
@@ -469,6 +473,12 @@ class SensorBuffers:
         with self._lock:
             self._counts[what] = self._counts.get(what, 0) + 1
 
+    def pass_over(self, what: str, line: str) -> None:
+        """Count something, and log the first of its kind."""
+        if what not in self.counts:
+            log(f"{line}; further ones are counted as {what!r}")
+        self.count(what)
+
     def _decoder(self, message: str, take: Callable[[Any], None]) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:
             try:
@@ -476,9 +486,7 @@ class SensorBuffers:
             except UnplacedError:
                 self.count("without a transform")
             except GarbageError as error:
-                if "garbage" not in self.counts:
-                    log(f"a {message} skipped: {error}; further ones are counted as 'garbage'")
-                self.count("garbage")
+                self.pass_over("garbage", f"a {message} skipped: {error}")
             self._notify()
 
         return receive

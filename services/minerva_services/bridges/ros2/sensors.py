@@ -57,7 +57,7 @@ from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 from minerva_services.event_factory import EventFactory
 from minerva_services.options import takes_options
-from minerva_services.sensors.clocks import STEPS_BACK, ClockWatch
+from minerva_services.sensors.clocks import SHARED_TOPIC, ClockWatch
 from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset
 
 _MAX_QUEUED: Final = 100
@@ -141,7 +141,7 @@ class Ros2(Bridge):
         self._base = base
         self._mount = mount_of(mount)
         self._time_offset = checked_offset(time_offset)
-        self._frames = Frames()
+        self._frames, self._clocks = Frames(), ClockWatch()
         topics = {
             "scan": scan, "odometry": odometry, "image": image, "compressed": compressed,
             "battery": battery, "detections": detections, "points": points, "ranges": ranges,
@@ -204,6 +204,7 @@ class Ros2(Bridge):
 
     def open(self) -> Source:
         """Raises SourceError if the network does not answer."""
+        self._clocks = ClockWatch()
         session = Ros2Session(self.network, "minerva_sensors", self.uses())
         source = _Listening(session, self)
         for use in self.uses():
@@ -241,8 +242,13 @@ class Ros2(Bridge):
                 return None
             if message == GRID:
                 return self._map_event_of(value)
-            _, topic, make = self._read[message]
-            return topic, make(value)
+            option, topic, make = self._read[message]
+            made = make(value)
+            for what, line in self._clocks.problems(option, made.time, value.header.frame_id):
+                # Detections of several cameras each have the place of theirs.
+                if what != SHARED_TOPIC or message != DETECTIONS:
+                    self.pass_over(what, f"{self.source}: {line}")
+            return topic, made
         except UnplacedError:
             self.count("without a transform")
         except GarbageError as error:
@@ -354,7 +360,7 @@ class _Listening:
 
     def read(self, stop: threading.Event) -> Iterator[SourceItem | None]:
         """Readings and maps. Raises SourceError if the link is lost."""
-        compensator, clocks = self._bridge.compensator(), ClockWatch()
+        compensator = self._bridge.compensator()
         while not stop.is_set():
             # Decoding happens outside the lock, which Zenoh's threads need for new messages.
             waiting = self.taken(_CHECK_SECONDS)
@@ -373,8 +379,6 @@ class _Listening:
                     yield reading
                     continue
                 topic, measured = reading
-                if step := clocks.step(topic, measured.time):
-                    self._bridge.pass_over(STEPS_BACK, f"{self._bridge.source}: {step}")
                 yield from _items(compensator.add(Recorded(time.monotonic(), topic, measured)))
 
     def close(self) -> None:

@@ -16,7 +16,7 @@ from minerva_services.bridges.ros2.graph import (
     Announced,
 )
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import TRANSFORMS, TWIST, TWIST_STAMPED
+from minerva_services.bridges.ros2.messages import DETECTIONS, TRANSFORMS, TWIST, TWIST_STAMPED
 from minerva_services.bridges.ros2.qos import HEARING, LASTING, Qos, qos_of
 
 _MAX_NAMED: Final = 5
@@ -203,7 +203,7 @@ def _problem(here: list[Announced], network: Ros2Network, use: TopicUse, namespa
     there = [each for each in ends if each.topic == wanted]
     fitting = [each for each in there if each.message == use.message]
     if fitting:
-        return _other_qos(wanted, [each.qos for each in fitting], use)
+        return _several(wanted, fitting, use) or _other_qos(wanted, fitting, use)
     if there:
         return _other_type(wanted, there, ends, use)
     if not use.needed:
@@ -221,11 +221,22 @@ _POLICIES: Final = (
 )
 
 
-def _other_qos(wanted: str, others: Sequence[Qos], use: TopicUse) -> str:
+def _several(wanted: str, there: list[Announced], use: TopicUse) -> str:
+    """What to do about sensors that share a topic."""
+    sensors = {(each.session, each.node): each.node or each.session for each in there}
+    if use.sends or len(sensors) < 2 or use.message in (TRANSFORMS, DETECTIONS):
+        return ""
+    return (
+        f"{wanted} is published by {_listed(sorted(sensors.values()))}; give each a topic or"
+        " namespace of its own, and use one process for each"
+    )
+
+
+def _other_qos(wanted: str, there: list[Announced], use: TopicUse) -> str:
     """What the subscriptions ask for, but the publishers do not offer."""
     qos = f"{use.option}.qos" if use.option.startswith(EVENTS) else f"qos.{use.option}"
     for name, weak, strong, why in _POLICIES:
-        ours, theirs = getattr(use.qos, name), [getattr(other, name) for other in others]
+        ours, theirs = getattr(use.qos, name), [getattr(each.qos, name) for each in there]
         if use.sends and not ours and any(theirs):
             return (
                 f"{wanted} is sent as {weak}, but subscribed to as {strong}, so {why};"

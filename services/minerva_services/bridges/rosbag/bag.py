@@ -84,6 +84,7 @@ class Bag:
     _is_open: bool = field(init=False, default=True)
     _played: Mapping[int, PlayedTopic] = field(init=False)
     _frames: Frames = field(init=False, default_factory=Frames)
+    _frame: str = field(init=False, default="")
 
     _skipped: FirstSkip = field(init=False)
 
@@ -101,7 +102,7 @@ class Bag:
 
     def readings(self) -> Iterator[Recorded]:
         """The readings in recorded order. Raises RecordingError."""
-        return watched(self._readings(), self.path, self.pass_over)
+        return watched(self._readings(), self.path, self.pass_over, lambda: self._frame)
 
     def close(self) -> None:
         if self._is_open:
@@ -163,6 +164,7 @@ class Bag:
 
     def _recorded(self, message: Any, played: PlayedTopic, stamp: float) -> Recorded:
         header = message.header
+        self._frame = str(header.frame_id)
         # Some drivers leave the stamp at 0.
         time = header.stamp.sec + header.stamp.nanosec * _NANOSECOND or stamp
         kind = _kind(played.connection)
