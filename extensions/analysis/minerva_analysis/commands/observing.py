@@ -7,6 +7,7 @@ from typing import Annotated, Final
 
 import typer
 
+from minerva_analysis.commands import completing as contents
 from minerva_bus.cli import completing
 from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
 from minerva_bus.cli.startup import uncollected
@@ -37,8 +38,12 @@ def explain(
             autocompletion=completing.worlds,
         ),
     ] = "",
-    agent: Annotated[str, typer.Option(help="Id of the agent.")] = "",
-    attribute: Annotated[str, typer.Option(help="Its attribute.")] = "",
+    agent: Annotated[
+        str, typer.Option(help="Id of the agent.", autocompletion=contents.agents)
+    ] = "",
+    attribute: Annotated[
+        str, typer.Option(help="Its attribute.", autocompletion=contents.attributes)
+    ] = "",
     frame: Annotated[
         int | None,
         typer.Option(help="Explain the value at the beginning of this frame; default: the end."),

@@ -8,6 +8,7 @@ from typing import Annotated, Final
 
 import typer
 
+from minerva_analysis.commands import completing as contents
 from minerva_bus.cli import completing, startup
 from minerva_bus.cli.options import (
     Collect,
@@ -258,7 +259,12 @@ def swap(
     context: typer.Context,
     file: Record,
     member: Annotated[
-        str, typer.Argument(metavar="MEMBER=SPEC", help="A process, and what takes its place.")
+        str,
+        typer.Argument(
+            metavar="MEMBER=SPEC",
+            help="A process, and what takes its place.",
+            autocompletion=contents.members,
+        ),
     ],
     world: MovedWorld = "",
     record: Annotated[str, typer.Option(help="Record this run, .mcap.")] = "",
