@@ -235,6 +235,22 @@ def test_the_scene_has_room_beside_the_controls_of_a_narrow_page(page, building)
     page.get_by_text("Send eErrand").wait_for()
 
 
+def test_on_a_phone_the_controls_are_below_the_world(page, building):
+    page.set_viewport_size({"width": 390, "height": 800})
+    world, sheet = page.locator("canvas").first, page.locator(".mantine-Paper-root").first
+
+    def apart():
+        above, below = world.bounding_box(), sheet.bounding_box()
+        if above is None or below is None:  # The page is being laid out.
+            return False
+        return below["width"] == 390 and above["y"] + above["height"] <= below["y"]
+
+    try:
+        eventually(apart, "the controls cover the world")
+    finally:
+        page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+
+
 def test_orders_go_to_the_robot_that_is_chosen(page, building):
     page.get_by_label("selected", exact=True).first.click()
     page.get_by_role("option", name="r2", exact=True).click()

@@ -27,6 +27,13 @@ from minerva_services.views.page_access import guarding, listen, page_url
 from minerva_services.web_access import WebAccess, token_for
 
 _TITLE: Final = re.compile(b"<title>.*?</title>")
+_NARROW: Final = b"""<style>@media (max-width: 36em) {
+  div[style*="flex-grow: 1"][style*="background-color"] { height: 55% !important; flex-grow: 0; }
+  .mantine-Paper-root[style*="max-height: 60%"] { width: 100% !important; max-height: 45% !important; }
+  .mantine-Paper-root[style*="max-height: 60%"] div[style*="width: 20em"] { width: 100% !important; }
+  .mantine-Notification-description { display: none; }
+}</style></head>"""
+"""On a phone, viser's sheet of controls would cover the world: here it lies below."""
 
 
 class PageServer(ViserServer):
@@ -57,7 +64,7 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
         token = token_for(chosen, str(os.getppid()))
         access = WebAccess(host, chosen, token, frozenset(names))
         # viser prints its address, which lacks the token.
-        with printed(_drop), guarding(access, partial(_entitle, title), tolerant):
+        with printed(_drop), guarding(access, partial(_adapt, title), tolerant):
             server = PageServer(host=host, port=chosen, verbose=False)
         server.access = access
         # viser takes the next port if another process was faster, but the access is for this one.
@@ -69,13 +76,15 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
     return listen("web", host, port, start)
 
 
-def _entitle(title: str, response: Any) -> None:
-    """Replace the title of a page, which is viser's."""
-    if not title or not response.headers.get("Content-Type", "").startswith("text/html"):
+def _adapt(title: str, response: Any) -> None:
+    """Replace the title of a page, which is viser's, and make the page fit narrow screens."""
+    if not response.headers.get("Content-Type", "").startswith("text/html"):
         return
     packed = response.headers.get("Content-Encoding") == "gzip"
     page = gzip.decompress(response.body) if packed else response.body
-    page = _TITLE.sub(f"<title>{escape(title)}</title>".encode(), page, count=1)
+    if title:
+        page = _TITLE.sub(f"<title>{escape(title)}</title>".encode(), page, count=1)
+    page = page.replace(b"</head>", _NARROW, 1)
     response.body = gzip.compress(page, compresslevel=1) if packed else page
     del response.headers["Content-Length"]
     response.headers["Content-Length"] = str(len(response.body))
