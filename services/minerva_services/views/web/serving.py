@@ -29,8 +29,10 @@ from minerva_services.web_access import WebAccess, token_for
 _TITLE: Final = re.compile(b"<title>.*?</title>")
 _NARROW: Final = b"""<style>@media (max-width: 36em) {
   div[style*="flex-grow: 1"][style*="background-color"] { height: 55% !important; flex-grow: 0; }
-  .mantine-Paper-root[style*="max-height: 60%"] { width: 100% !important; max-height: 45% !important; }
-  .mantine-Paper-root[style*="max-height: 60%"] div[style*="width: 20em"] { width: 100% !important; }
+  .mantine-Paper-root[style*="max-height: 60%"] {
+    width: 100% !important; max-height: 45% !important;
+    div[style*="width: 20em"] { width: 100% !important; }
+  }
   .mantine-Notification-description { display: none; }
 }</style></head>"""
 """On a phone, viser's sheet of controls would cover the world: here it lies below."""
