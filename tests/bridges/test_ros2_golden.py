@@ -15,10 +15,12 @@ pytest.importorskip("rosbags")
 
 import zenoh
 
+from minerva_services.bridges.ros2 import Ros2Navigation
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.graph import NO_HASH, RosGraph, announced
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
 from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.navigation import NavigationGoal, navigation_messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import DEFAULT, HEARING, LASTING
 from tests.bridges.ros2_rig import network
@@ -128,6 +130,56 @@ def test_a_session_declares_its_tokens_in_order():
         for token, golden in zip(tokens, expected, strict=True):
             known["ENTITY"] = token[4]
             assert token == [known.get(part, part) for part in golden]
+
+
+# --- actions ---
+
+
+class Server:
+    """A session on which an action has a server; remembers the key of each request."""
+
+    def __init__(self, network, graph):
+        self.network, self.graph, self.keys = network, graph, {}
+
+    server = Ros2Session.server
+
+    def call(self, service, kind, data, seconds, answer):
+        about = self.server(service, kind)
+        type_hash = about.type_hash if about else ""
+        self.keys[service.rpartition("/")[2]] = self.network.key_of(service, kind, type_hash)
+
+    def subscribe(self, topic, message, receive):
+        self.keys[topic.rpartition("/")[2]] = self.network.pattern(topic, message)
+
+
+@of_each
+def test_actions(name):
+    cases = {case["part"]: case for case in GOLDEN[name]["actions"]}
+    graph = RosGraph()
+    for case in cases.values():
+        if "token" in case:
+            graph.update(case["token"], is_there=True)
+            about = announced(case["token"])
+            expected = f"/bot1/navigate_to_pose/_action/{case['part']}", case["message"]
+            assert (about.topic, about.message, about.qos.lasting) == (
+                *expected, case.get("lasting", False),
+            )  # fmt: skip
+    layout = GOLDEN[name]["layout"]
+    robot = Ros2Navigation(
+        "tcp/h:1", layout=layout, namespace="/bot1", domain=0 if layout == "dds" else 7
+    )
+    navigation_messages()
+    session = Server(robot.network, graph)
+    goal = NavigationGoal("r1", {"x": 1.0, "y": 2.0, "angle": 0.0})
+    robot.opened(session)
+    robot._begin(goal, session, session.server(*robot._goals), 0.0)
+    goal.state = "running"
+    robot._watch(goal, session, session.server(*robot._goals), 1.0)
+    robot._send_cancel(session, goal, print)
+    assert session.keys.keys() == cases.keys() - {"status"}
+    for part, key in session.keys.items():
+        assert zenoh.KeyExpr(key).includes(zenoh.KeyExpr(cases[part]["key"]))
+        assert part == "feedback" or key == cases[part]["key"]
 
 
 # --- messages ---
