@@ -32,6 +32,9 @@ from minerva_bus.portable.distributions import (
 PLACE, TURNS, TURNS_IN_CALL = 0, 1, 2
 """Items of the `progress` of a kernel: the place of the current row in the order of activation, the
 turns of its loops, and those of all rows in this call."""
+MOST_TURNS: Final = 100_000_000
+"""Turns of loops in a row, some tenths of a second, after which it runs in Python, which Ctrl-C can
+interrupt."""
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _interpreting: ContextVar[bool] = ContextVar("interpreting", default=False)

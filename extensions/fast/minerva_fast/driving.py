@@ -39,7 +39,7 @@ class Loop:
         given = ", ".join([f"a{number}" for number in range(len(types))])
         self._text = (
             "from minerva_fast.library import *\n\n"
-            f"function = of_space({self.name!r})\n\n"
+            f"function = loop({self.name!r})\n\n"
             f"@kernel({'types.' * (result == 'void')}{result}({', '.join(types)}))\n"
             f"def run({given}):\n    return function({given})\n"
         )

@@ -416,6 +416,11 @@ class Expressions:
             return constant(ValueKind.MIXED, float(value.constant))
         return Value(ValueKind.MIXED, f"exact({value.text})")
 
+    def as_bound(self, value: Value) -> str:
+        """An int that a real holds."""
+        small = value.constant is not None and abs(value.constant) <= EXACT
+        return value.text if small else f"bound({value.text})"
+
     def alike(self, node: ast.AST, values: Sequence[Value]) -> tuple[ValueKind, list[Value]]:
         """Values converted to one kind."""
         kind: ValueKind | None = values[0].kind

@@ -63,8 +63,7 @@ def draw(check: Expressions, node: ast.Call, name: str, given: Sequence[ast.expr
         # As in Python: the negative of an int 0 is 0, which a conversion before would change.
         values = [check.negative(node, values[0])]
     texts = [
-        f"bound({each.text})" if name == "integers" else check.as_mixed(each).text
-        for each in values
+        check.as_bound(each) if name == "integers" else check.as_mixed(each).text for each in values
     ]
     return Value(known.kind, f"draw_{name}({', '.join(['words', 'i', *texts])})")
 

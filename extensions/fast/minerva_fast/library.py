@@ -21,7 +21,7 @@ from numba import (  # (names of generated modules)
     boolean,  # noqa: F401
     float64,  # noqa: F401
     int16,  # noqa: F401
-    int64,  # noqa: F401
+    int64,
     njit,
     types,
     uint8,  # noqa: F401
@@ -42,6 +42,8 @@ from minerva_fast.places import CellGrid, Edges, FieldGrid, FieldRows, LatticeRo
 _INNER: Final = {**NUMBA_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 compiled: Any = njit(**_INNER)
 inlined: Any = njit(**_INNER, forceinline=True)
+once: Any = njit(**_INNER, inline="always")
+"""For a function that is called in one place: it has no types and machine code of its own."""
 
 NAN: Final = math.nan
 INFINITY: Final = math.inf
@@ -139,6 +141,27 @@ def exact(number: int) -> float:
     return float(number)
 
 
+def _extreme(sign: str) -> Any:
+    @intrinsic
+    def choose(_: Any, a: Any, b: Any) -> Any:
+        ints = isinstance(a, types.Integer) and isinstance(b, types.Integer)
+        kind = types.int64 if ints else types.float64
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            a, b = arguments
+            compare = builder.icmp_signed if ints else builder.fcmp_ordered
+            return builder.select(compare(sign, b, a), b, a)
+
+        return kind(kind, kind), generate
+
+    return choose
+
+
+minimum: Final = _extreme("<")
+"""`min(a, b)`: also with nan the argument that Python chooses."""
+maximum: Final = _extreme(">")
+
+
 @inlined
 def bound(number: int) -> int:
     """An int below 2^53, as bounds of draws are."""
@@ -148,12 +171,11 @@ def bound(number: int) -> int:
 
 
 @inlined
-def turns(progress: Any, start: int, stop: int, step: int, most: int) -> None:
+def turns(progress: Any, count: float) -> None:
     """Count the turns of a loop."""
-    count = (float(stop) - float(start)) / step
     if count > 0:
-        progress[draws.TURNS] += int(min(count, 1e18))
-        if progress[draws.TURNS] > most:
+        progress[draws.TURNS] += int64(minimum(count, 1e18))
+        if progress[draws.TURNS] > draws.MOST_TURNS:
             raise RuntimeError
 
 
@@ -281,18 +303,6 @@ def round_real(number: float) -> int:
 
 
 @inlined
-def minimum(a: Any, b: Any) -> Any:
-    """`min(a, b)`: also with nan the argument that Python chooses."""
-    return b if b < a else a
-
-
-@inlined
-def maximum(a: Any, b: Any) -> Any:
-    """`max(a, b)`."""
-    return b if b > a else a
-
-
-@inlined
 def within(number: float, least: float, most: float) -> bool:
     """Whether a number may be stored: finite and in the range of its type."""
     return math.isfinite(number) and least <= number <= most
@@ -407,6 +417,8 @@ def _too_far(x: float) -> tuple[int, float, float]:
 
 
 _OURS: Final = (portable.__name__, places.__name__, draws.__name__)
+_BUILTINS: Final = {"int": int64, "min": minimum, "max": maximum}
+"""In functions of spaces, with numbers of 64 bits: numba's own are functions, compiled for each."""
 _forms: dict[Any, Any] = {trigonometry.far: _too_far, places.sure: sure}
 
 
@@ -414,22 +426,32 @@ def form(function: Any) -> Any:
     """A function of this project, and those of it that it calls, compiled for one number."""
     scalar: FunctionType = getattr(function, "one", function)
     if scalar not in _forms:
-        scope = dict(scalar.__globals__)
-        for name in scalar.__code__.co_names:
-            value = scope.get(name)
-            if isinstance(value, FunctionType) and value.__module__.startswith(_OURS):
-                scope[name] = form(value)
         # Calls of functions of spaces would pass each array of a table as seven numbers.
         compile_ = compiled if scalar.__module__.startswith(portable.__name__) else inlined
-        _forms[scalar] = compile_(
-            FunctionType(scalar.__code__, scope, scalar.__name__, scalar.__defaults__)
-        )
+        _forms[scalar] = compile_(_calling_forms(scalar))
     return _forms[scalar]
+
+
+def _calling_forms(function: FunctionType) -> FunctionType:
+    """A function that calls the forms of functions."""
+    scope = dict(function.__globals__)
+    if not function.__module__.startswith(portable.__name__):
+        scope |= _BUILTINS
+    for name in function.__code__.co_names:
+        value = scope.get(name)
+        if isinstance(value, FunctionType) and value.__module__.startswith(_OURS):
+            scope[name] = form(value)
+    return FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
 
 
 def of_space(name: str) -> Any:
     """The form of a function for rules."""
     return form(getattr(places, name, None) or getattr(draws, name))
+
+
+def loop(name: str) -> Any:
+    """A loop over the rows of a table, as part of a kernel."""
+    return once(_calling_forms(getattr(places, name)))
 
 
 def _within(function: Any, least: float, most: float) -> Any:

@@ -106,6 +106,8 @@ def next_cell(lattice: CellGrid, cell: int, draws: Draws) -> int:
             return other
 
 
+# Rows of `table.values` in a field.
+X, Y = 1, 2
 # Rows of `table.links`: the next and the previous row in the same cell, and whether a row exists.
 NEXT, PREVIOUS, ALIVE = 0, 1, 2
 # Rows of `table.places`: the first row in each cell, the free cells, and where a cell is in these.
@@ -558,15 +560,6 @@ EXACT: Final = 2.0**52
 """From here on, reals have no fraction."""
 
 
-class CellLists(NamedTuple):
-    """The arrays of a table in which its rows have cells."""
-
-    cell: Ints
-    links: Ints
-    places: Ints
-    counts: Ints
-
-
 def enter(
     values: Numbers, cell: Ints, links: Ints, places: Ints, counts: Ints, births: Ints
 ) -> int:
@@ -620,17 +613,20 @@ def enlist(cell: Ints, links: Ints, places: Ints, counts: Ints) -> None:
 
 
 def settle(
-    cell: Ints, links: Ints, places: Ints, counts: Ints, x: Numbers, y: Numbers,
-    width: float, height: float, periodic: bool, across: int, down: int,
+    values: Numbers, links: Ints, places: Ints, counts: Ints, births: Ints, cell: Ints,
+    nearby: Ints, dx: Numbers, dy: Numbers, starts: Ints, rows: Ints, sorted_x: Numbers,
+    sorted_y: Numbers, width: float, height: float, periodic: bool, across: int, down: int,
 ) -> None:  # fmt: skip
     """Enter all rows into the lists of the cells of their positions."""
-    field, lists = (
-        FieldGrid(width, height, periodic, across, down),
-        CellLists(cell, links, places, counts),
-    )
-    for i in range(len(x)):
+    x, y, field = values[X], values[Y], FieldGrid(width, height, periodic, across, down)
+    # The table of a rule, for which move_to is compiled anyway.
+    table = FieldRows(
+        values, links, places, counts, births, cell, nearby, dx, dy,
+        starts, rows, sorted_x, sorted_y, x, y, field,
+    )  # fmt: skip
+    for i in range(counts[ROWS]):
         if links[ALIVE, i]:
-            move_to(lists, i, cell_of(field, x[i], y[i]))
+            move_to(table, i, cell_of(field, x[i], y[i]))
 
 
 def sort_by_cell(

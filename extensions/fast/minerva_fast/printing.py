@@ -37,6 +37,8 @@ GONE: Final = 1
 FAULT: Final = 2
 FULL: Final = 3
 """Outcomes of a row. FULL: an output has no free row; it is enlarged and the row repeated."""
+MOST_ARGUMENTS: Final = 30
+"""Python packs more into a tuple, so numba cannot put such a function in the place of its call."""
 MOST_IN_CALL: Final = 50_000_000
 """Turns of loops, a fraction of a second, after which a kernel returns, so that Ctrl-C works."""
 
@@ -91,9 +93,9 @@ def printed_functions(title: str, method: Method, row: Iterable[str]) -> str:
 def printed(program: Program, method: Method, body: Sequence[Line]) -> str:
     """The text of the module of a method or view."""
     types, names = zip(*_arguments(program), strict=True)
-    counted = any("turns(" in str(line) for line in (*body, *_lines_of_helpers(method)))
+    counted = any("turns(" in str(line) for line in (*body, *lines_of_helpers(method)))
     row = [
-        "@inlined",
+        "@once" if len(names) <= MOST_ARGUMENTS else "@inlined",
         f"def row({', '.join(['i', 'k', *names[2:]])}):",
         *[STEP + line for line in _row(program, body)],
     ]
@@ -105,7 +107,8 @@ def printed(program: Program, method: Method, body: Sequence[Line]) -> str:
     return "\n".join([printed_functions(program.title, method, row), "", "", *kernel, ""])
 
 
-def _lines_of_helpers(method: Method) -> Iterator[Line]:
+def lines_of_helpers(method: Method) -> Iterator[Line]:
+    """The lines of all functions that a method or rule calls."""
     for helper in method.helpers.values():
         yield from helper.lines
 

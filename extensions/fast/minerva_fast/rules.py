@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -44,7 +45,12 @@ from minerva_fast.places import (
     go_to,
     random_free,
 )
-from minerva_fast.printing import MOST_IN_CALL, printed_functions
+from minerva_fast.printing import (
+    MOST_ARGUMENTS,
+    MOST_IN_CALL,
+    lines_of_helpers,
+    printed_functions,
+)
 from minerva_fast.results import RuleResults
 from minerva_fast.statements import Statements, stored
 from minerva_fast.tables import BEFORE, InField, Inhabitants, columns_of, loops_of_table
@@ -393,18 +399,19 @@ class RuleParameter:
         self, table: type[Inhabitants], given: Sequence[str]
     ) -> Iterator[tuple[str, str]]:
         name, rows = self.name, table.names.index
+        for column in columns_of(table):
+            yield f"c_{name}_{column}", f"{given[0]}[{rows(column)}]"
         if issubclass(table, InField):
-            x, y = (f"{given[0]}[{rows(each)}]" for each in table.position)
+            x, y = (f"c_{name}_{each}" for each in table.position)
             yield f"g_{name}", f"FieldGrid({', '.join(given[-5:])})"
             yield f"t_{name}", f"FieldRows({', '.join(given[:-5])}, {x}, {y}, g_{name})"
         else:
             yield f"g_{name}", f"CellGrid({', '.join(given[-3:])}, -1)"
             yield f"t_{name}", f"LatticeRows({', '.join(given[:-3])}, g_{name})"
-        yield f"n_{name}", f"{given[3]}"
-        for column in columns_of(table):
-            yield f"c_{name}_{column}", f"{given[0]}[{rows(column)}]"
-        for column in ("cell", *table.searched):
-            yield f"c_{name}_{column}", f"t_{name}.{column}"
+        yield f"links_{name}", given[1]
+        yield f"n_{name}", given[3]
+        for column, text in zip(("cell", *table.searched), given[5:], strict=False):
+            yield f"c_{name}_{column}", text
 
 
 def parameters_of(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:
@@ -460,8 +467,11 @@ def checked_rule(made: SpaceRule) -> CheckedRule:
     given = ["v_own", *[name for name in given if name != "v_own"]]
     body = [STEP + str(line) for line in lines or ["pass"]]
     head = f"def rule({', '.join(['progress', 'words', 'i', *given])}):"
-    text = printed_functions(f"{origin.name}, a rule", method, ["@inlined", head, *body])
-    loop = "\n".join(_loop(made, method, only_read, given, "turns(" in text))
+    counted = any("turns(" in str(line) for line in (*body, *lines_of_helpers(method)))
+    loop = "\n".join(_loop(made, method, only_read, given, counted))
+    once = loop.count("rule(") == 1 and len(given) + 3 <= MOST_ARGUMENTS
+    mark = "@once" if once else "@inlined"
+    text = printed_functions(f"{origin.name}, a rule", method, [mark, head, *body])
     dependent = made.order is SHUFFLED or method.draws or not _independent(subject, scope, method)
     return CheckedRule(f"{text}\n\n{loop}\n", method, frozenset(only_read), not dependent)
 
@@ -520,14 +530,24 @@ def _loop(
     first = ["int64", "int64", *["cells(int64, 1, False)"] * 2, "cells(uint64, 1, False)"]
     yield f"@kernel(int64({', '.join([*first, *types])}))"
     yield f"def run({', '.join(['begin', 'end', 'rows', 'progress', 'words', *heads])}):"
-    for name, text in variables.items():
-        yield f"{STEP}{name} = {text}"
+    activation = [*_activation(made, method, given, counted)]
+    yield from _used(variables, activation)
     if made.order is SHUFFLED:
         yield from [f"{STEP}if begin == 0:", f"{STEP * 2}shuffle(words, rows)"]
     yield f"{STEP}for k in range(begin, end):"
-    for line in indented([*_activation(made, method, given, counted)]):
+    for line in indented(activation):
         yield STEP + str(line)
     yield f"{STEP}return end"
+
+
+def _used(variables: Mapping[str, str], lines: Sequence[str]) -> list[str]:
+    """The assignments of the variables that lines use; numba takes long for each column."""
+    used, made = set(re.findall(r"\w+", " ".join(lines))), list[str]()
+    for name, text in reversed(variables.items()):
+        if name in used:
+            used |= set(re.findall(r"\w+", text))
+            made.insert(0, f"{STEP}{name} = {text}")
+    return made
 
 
 def _activation(
@@ -541,11 +561,11 @@ def _activation(
     if counted:
         yield f"progress[{TURNS}] = 0"
     if made.subject.table is not None:
-        yield f"if not t_{made.subject.name}.links[{ALIVE}, v_own]:"
+        yield f"if not links_{made.subject.name}[{ALIVE}, v_own]:"
         yield f"{STEP}continue"
     if copies:
         limit = made.births
-        room = [f"t_{name}.links.shape[1] - n_{name}[{ROWS}] < {limit}" for name in tables]
+        room = [f"links_{name}.shape[1] - n_{name}[{ROWS}] < {limit}" for name in tables]
         yield from [f"if {' or '.join(room)}:", f"{STEP}return k"] if limit else []
         yield from [f"u_{name} = n_{name}[{ROWS}]" for name in tables]
     yield from _calls(made, method, given)

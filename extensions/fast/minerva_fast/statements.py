@@ -43,9 +43,6 @@ from minerva_fast.values import (
 
 MAX_ITEMS: Final = 1_000
 """Maximum length of a local list."""
-MOST_TURNS: Final = 100_000_000
-"""Turns of loops in a row, some tenths of a second, after which it runs in Python, which Ctrl-C can
-interrupt."""
 FAULT: Final = "raise ArithmeticError"
 _UNCOUNTED: Final = 1000
 """Turns of a loop that take no time."""
@@ -507,7 +504,7 @@ class Statements:
         endless = isinstance(node.test, ast.Constant) and bool(node.test.value)
         test, before = self.expressions.truth(node.test), set(self.scope.assigned or ())
         body, left = self._body(node.body)
-        lines = [f"turns(progress, 0, 1, 1, {MOST_TURNS})", *body]
+        lines = ["turns(progress, 1.0)", *body]
         otherwise = self._else(node, None if endless else before, left)
         return [f"while {test.text}:", *indented(lines), *otherwise]
 
@@ -586,8 +583,8 @@ class Statements:
         made = [*first, *second]
         numbers = [each.constant for each in ends]
         if None in numbers or (numbers[1] - numbers[0]) / step.constant > _UNCOUNTED:
-            texts = ", ".join([start.text, stop.text, step.text])
-            made.append(f"turns(progress, {texts}, {MOST_TURNS})")
+            distance = f"float64({stop.text}) - float64({start.text})"
+            made.append(f"turns(progress, ({distance}) / {step.text})")
         counter = self.scope.temporary()
         head = f"for {counter} in range({start.text}, {stop.text}, {step.text}):"
         return [

@@ -39,8 +39,9 @@ from minerva_fast.places import (
     UNLISTED,
     VACANT,
     CellGrid,
-    CellLists,
     FieldGrid,
+    X,
+    Y,
     enlist,
     enter,
     locate,
@@ -293,7 +294,16 @@ LOCATE: Final = Loop(
 )
 ENLIST: Final = Loop(enlist, _INTS, _TABLE, _TABLE, _INTS)
 SETTLE: Final = Loop(
-    settle, _INTS, _TABLE, _TABLE, _INTS, _REALS, _REALS, *_SIDES, "boolean", *_CELLS
+    settle,
+    _MATRIX,
+    _TABLE,
+    _TABLE,
+    *[_INTS] * 4,
+    *[_REALS] * 2,
+    *_SORTED,
+    *_SIDES,
+    "boolean",
+    *_CELLS,
 )
 SORT: Final = Loop(sort_by_cell, _TABLE, _TABLE, _REALS, _REALS, *_SORTED)
 SORT_BY_NUMBER: Final = Loop(sort_by_number, _INTS, _REALS, _REALS, *_SORTED)
@@ -320,7 +330,7 @@ def _choosing(names: tuple[str, ...]) -> _Chosen:
 _INDEX: Final = _choosing(INDEX)
 _ENTERING: Final = _choosing(ENTERING)
 _LOCATING: Final = _choosing(LOCATING)
-_LISTS: Final = _choosing(CellLists._fields)
+_LISTS: Final = _choosing(("cell", "links", "places", "counts"))
 _SORTED_ROWS: Final = _choosing(InField.sorted_rows)
 
 _UNSORTED: Final = dict(
@@ -379,9 +389,7 @@ class Opened:
         values[:, :count] = matrix
         shape = lattice
         if issubclass(kind, InField):
-            row = kind.names.index("x")
-            x, y = values[row : row + 2, :count]
-            shape = _field(extent, lattice.periodic, x, y)
+            shape = _field(extent, lattice.periodic, *values[X : Y + 1, :count])
         opened = Opened(kind, matrix, {"births": births, "values": values}, shape)
         opened._allocate(count, vacant)
         opened._enter()
@@ -461,8 +469,7 @@ class Opened:
 
     def _places(self) -> tuple[Column, Column]:
         """The positions of all rows in a field."""
-        row, count = self.kind.names.index("x"), int(self.arrays["counts"][ROWS])
-        x, y = self.arrays["values"][row : row + 2, :count]
+        x, y = self.arrays["values"][X : Y + 1, : int(self.arrays["counts"][ROWS])]
         return x, y
 
     def enlist(self) -> None:
@@ -470,12 +477,11 @@ class Opened:
         unlisted = self.arrays["counts"][VACANT] == UNLISTED
         if unlisted or (self.listed and not self.moved):
             return
-        lists = _LISTS(self.arrays)
         if not self.listed:
-            ENLIST(*lists)
+            ENLIST(*_LISTS(self.arrays))
             self.listed = True
         if self.moved:
-            SETTLE(*lists, *self._places(), *self.shape)
+            SETTLE(*self.arguments())
             self.moved = False
 
     def arguments(self, *, shared: bool = False) -> list[Any]:
