@@ -7,98 +7,45 @@ The names that users of spaces need; see `Space` and `rule`. The kernel loads th
 class by its entry point.
 """
 
-from minerva_bus.public_names import imported_at_first_use
-
-TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
-if TYPE_CHECKING:
-    from minerva_fast.draws import (
-        Draws,
-        chance,
-        exponential,
-        integers,
-        interpreted,
-        kernel,
-        normal,
-        random,
-        shuffle,
-        uniform,
-    )
-    from minerva_fast.places import (
-        CellGrid,
-        Edges,
-        FieldGrid,
-        beside,
-        copy,
-        degree,
-        edge,
-        go_to,
-        move_to,
-        near,
-        neighbour,
-        next_cell,
-        random_at,
-        random_free,
-        random_neighbour,
-        remove,
-        within,
-    )
-    from minerva_fast.rules import ORDERED, SHUFFLED, SIMULTANEOUS, Activation, rule
-    from minerva_fast.space import Space
-    from minerva_fast.tables import Column, InField, OnLattice
-
-_HOMES = {
-    "draws": ("Draws chance exponential integers interpreted kernel normal random shuffle uniform"),
-    "places": (
-        "CellGrid Edges FieldGrid beside copy degree edge go_to move_to near neighbour next_cell"
-        " random_at random_free random_neighbour remove within"
-    ),
-    "rules": "ORDERED SHUFFLED SIMULTANEOUS Activation rule",
-    "space": "Space",
-    "tables": "Column InField OnLattice",
-}
-
-__getattr__ = imported_at_first_use(__name__, _HOMES)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
-
+from minerva_fast.draws import (
+    Draws,
+    chance,
+    exponential,
+    integers,
+    interpreted,
+    kernel,
+    normal,
+    random,
+    shuffle,
+    uniform,
+)
+from minerva_fast.places import (
+    CellGrid,
+    Edges,
+    FieldGrid,
+    beside,
+    copy,
+    degree,
+    edge,
+    go_to,
+    move_to,
+    near,
+    neighbour,
+    next_cell,
+    random_at,
+    random_free,
+    random_neighbour,
+    remove,
+    within,
+)
+from minerva_fast.rules import ORDERED, SHUFFLED, SIMULTANEOUS, Activation, rule
+from minerva_fast.space import Space
+from minerva_fast.tables import Column, InField, OnLattice
 
 __all__ = [
-    "ORDERED",
-    "SHUFFLED",
-    "SIMULTANEOUS",
-    "Activation",
-    "CellGrid",
-    "Column",
-    "Draws",
-    "Edges",
-    "FieldGrid",
-    "InField",
-    "OnLattice",
-    "Space",
-    "beside",
-    "chance",
-    "copy",
-    "degree",
-    "edge",
-    "exponential",
-    "go_to",
-    "integers",
-    "interpreted",
-    "kernel",
-    "move_to",
-    "near",
-    "neighbour",
-    "next_cell",
-    "normal",
-    "random",
-    "random_at",
-    "random_free",
-    "random_neighbour",
-    "remove",
-    "rule",
-    "shuffle",
-    "uniform",
-    "within",
-]
+    "ORDERED", "SHUFFLED", "SIMULTANEOUS", "Activation", "CellGrid", "Column", "Draws", "Edges",
+    "FieldGrid", "InField", "OnLattice", "Space", "beside", "chance", "copy", "degree", "edge",
+    "exponential", "go_to", "integers", "interpreted", "kernel", "move_to", "near", "neighbour",
+    "next_cell", "normal", "random", "random_at", "random_free", "random_neighbour", "remove",
+    "rule", "shuffle", "uniform", "within",
+]  # fmt: skip
