@@ -644,25 +644,6 @@ def sort_by_cell(
     starts[places.shape[1]] = count
 
 
-def sort_by_number(
-    cell: Ints, x: Numbers, y: Numbers,
-    starts: Ints, rows: Ints, sorted_x: Numbers, sorted_y: Numbers,
-) -> None:  # fmt: skip
-    """The same for rows in no lists yet, whose order in these would be that of the table."""
-    starts[:] = 0
-    for i in range(len(x)):
-        starts[cell[i] + 1] += 1
-    for place in range(1, len(starts)):
-        starts[place] += starts[place - 1]
-    for i in range(len(x)):
-        k = starts[cell[i]]
-        rows[k], sorted_x[k], sorted_y[k] = i, x[i], y[i]
-        starts[cell[i]] = k + 1
-    for place in range(len(starts) - 1, 0, -1):  # each was the end of its cell
-        starts[place] = starts[place - 1]
-    starts[0] = 0
-
-
 def sharing(
     x: Numbers, y: Numbers, width: float, height: float, across: int, down: int, step: int,
     known: Numbers, times: Ints,

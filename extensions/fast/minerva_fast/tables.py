@@ -13,13 +13,12 @@ and the lists of the rows of each cell, which kernels make or sort.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from inspect import get_annotations
-from operator import itemgetter
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +47,6 @@ from minerva_fast.places import (
     settle,
     sharing,
     sort_by_cell,
-    sort_by_number,
 )
 from minerva_fast.values import Items, Reference, RuleGrid, ValueKind
 
@@ -284,10 +282,6 @@ _MATRIX: Final = "cells(float64, 2, False)"
 _SIDES: Final = ("float64", "float64")
 _CELLS: Final = ("int64", "int64")
 _SORTED: Final = (_INTS, _INTS, _REALS, _REALS)
-ENTERING: Final = ("values", "cell", "links", "places", "counts", "births")
-"""The arrays of a table that ENTER takes."""
-LOCATING: Final = ("values", "cell", "links", "births")
-"""The first ones that LOCATE takes."""
 ENTER: Final = Loop(enter, _MATRIX, _INTS, _TABLE, _TABLE, _INTS, _INTS, result="int64")
 LOCATE: Final = Loop(
     locate, _MATRIX, _INTS, _TABLE, _INTS, _REALS, _REALS, *_SIDES, *_CELLS, result="int64"
@@ -306,7 +300,6 @@ SETTLE: Final = Loop(
     *_CELLS,
 )
 SORT: Final = Loop(sort_by_cell, _TABLE, _TABLE, _REALS, _REALS, *_SORTED)
-SORT_BY_NUMBER: Final = Loop(sort_by_number, _INTS, _REALS, _REALS, *_SORTED)
 SHARING: Final = Loop(
     sharing, _REALS, _REALS, *_SIDES, *_CELLS, "int64", _REALS, _INTS, result="int64"
 )
@@ -319,21 +312,7 @@ _MOST_CELLS: Final = 16
 """Cells per inhabitant, if they are smaller."""
 _SAMPLE: Final = 4096
 
-_Chosen: TypeAlias = Callable[[Mapping[str, NDArray[Any]]], tuple[NDArray[Any], ...]]
-
-
-def _choosing(names: tuple[str, ...]) -> _Chosen:
-    """A function that takes the arrays with these names."""
-    return cast("_Chosen", itemgetter(*names))
-
-
-_INDEX: Final = _choosing(INDEX)
-_ENTERING: Final = _choosing(ENTERING)
-_LOCATING: Final = _choosing(LOCATING)
-_LISTS: Final = _choosing(("cell", "links", "places", "counts"))
-_SORTED_ROWS: Final = _choosing(InField.sorted_rows)
-
-_UNSORTED: Final = dict(
+_UNSORTED: Final[dict[str, NDArray[Any]]] = dict(
     zip(InField.sorted_rows, (*np.empty((2, 0), np.int64), *np.empty((2, 0))), strict=True)
 )
 """Of a table whose rows move."""
@@ -408,10 +387,17 @@ class Opened:
         arrays, cells = self.arrays, self.arrays["cell"]
         if isinstance(self.shape, FieldGrid):
             width, height, _, across, down = self.shape
-            entered = LOCATE(*_LOCATING(arrays), *self._places(), width, height, across, down)
+            entered = LOCATE(
+                *self._named("values cell links births"),
+                *self._places(),
+                width,
+                height,
+                across,
+                down,
+            )
         else:
             cells[: self.old.shape[1]] = self.old[1]
-            entered = ENTER(*_ENTERING(arrays))
+            entered = ENTER(*self._named("values cell links places counts births"))
             self.listed = True
         if entered == UNBORN:
             largest, births, count = self.old[0].max(), arrays["births"][0], self.old.shape[1]
@@ -424,6 +410,9 @@ class Opened:
                 f"{self.kind.__name__}: cells are numbers from 0 to {_cells(self.shape) - 1}"
                 f" in a lattice of {self.shape.width} x {self.shape.height}"
             )
+
+    def _named(self, names: str) -> list[NDArray[Any]]:
+        return [self.arrays[name] for name in names.split()]
 
     def reserve(self, births: int) -> None:
         """Make room for newborns."""
@@ -456,15 +445,14 @@ class Opened:
         return replace(self, arrays=arrays, passed=[])
 
     def _sorted(self) -> dict[str, NDArray[Any]]:
-        """The rows of each cell in the order of its list."""
+        """The rows of each cell in the order of its list; none if no rule searches for rows."""
         places, count = self.arrays["places"], int(self.arrays["counts"][ROWS])
+        if self.arrays["counts"][VACANT] == UNLISTED:
+            return _UNSORTED
+        self.enlist()
         starts, rows = np.empty(places.shape[1] + 1, np.int64), np.empty(count, np.int64)
         at = np.empty((2, count))
-        if self.arrays["counts"][VACANT] != UNLISTED and (self.listed or self.moved):
-            self.enlist()
-            SORT(places, self.arrays["links"], *self._places(), starts, rows, *at)
-        else:
-            SORT_BY_NUMBER(self.arrays["cell"][:count], *self._places(), starts, rows, *at)
+        SORT(places, self.arrays["links"], *self._places(), starts, rows, *at)
         return dict(zip(self.kind.sorted_rows, (starts, rows, *at), strict=True))
 
     def _places(self) -> tuple[Column, Column]:
@@ -478,7 +466,7 @@ class Opened:
         if unlisted or (self.listed and not self.moved):
             return
         if not self.listed:
-            ENLIST(*_LISTS(self.arrays))
+            ENLIST(*self._named("cell links places counts"))
             self.listed = True
         if self.moved:
             SETTLE(*self.arguments())
@@ -500,9 +488,9 @@ class Opened:
             nearby, shape = np.empty(capacity, np.int64), self.shape
             extra = [nearby, *shape[:3]]
             if isinstance(shape, FieldGrid):
-                sorted_rows = _SORTED_ROWS(_UNSORTED | self.arrays)
+                sorted_rows = [self.arrays.get(name, _UNSORTED[name]) for name in _UNSORTED]
                 extra = [nearby, *np.empty((2, capacity)), *sorted_rows, *shape]
-            self.passed = [*_INDEX(self.arrays), *extra]
+            self.passed = [*[self.arrays[name] for name in INDEX], *extra]
         return self.passed
 
     def table(self, name: str) -> SimpleNamespace:
@@ -575,5 +563,5 @@ def _sharing(field: FieldGrid, x: Column, y: Column) -> float:
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[Loop, ...]:
     """The loops that open a table."""
-    in_field = SHARING, LOCATE, ENLIST, SETTLE, SORT, SORT_BY_NUMBER
+    in_field = SHARING, LOCATE, ENLIST, SETTLE, SORT
     return in_field if issubclass(kind, InField) else (ENTER,)
