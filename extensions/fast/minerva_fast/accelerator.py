@@ -16,17 +16,17 @@ from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wording import install
-from minerva_bus.world.class_declaration import IF_POSSIBLE, Mode, NotCompilable, takes_batch
+from minerva_bus.world.class_declaration import IF_POSSIBLE, Mode, NotCompilable
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import PopulationState, Turn
 from minerva_fast.calls import KernelCall
 from minerva_fast.machine_code import Kernel, has_numba, load_kernel
-from minerva_fast.methods import CheckedMethod, checked_methods, checked_views
+from minerva_fast.methods import checked_methods, checked_views
 from minerva_fast.printing import FAULT, GONE, Program
 from minerva_fast.values import Emission, Newborn
 
 Functions = Mapping[str, Callable[..., Any]]
-Check = Callable[[Any, Functions], dict[str, CheckedMethod]]
+Check = Callable[[Any, Functions], dict[str, Program]]
 
 
 def accelerate(
@@ -40,7 +40,7 @@ def accelerate(
             {event: mode for event, mode in modes.items() if mode != IF_POSSIBLE}
             for modes in (methods, views)
         )
-    chosen = _possible(cls, cls.activities, methods, _check_methods, reasons)
+    chosen = _possible(cls, cls.activities, methods, checked_methods, reasons)
     shown = _possible(cls, cls.views, views, checked_views, reasons)
     return (FastAccelerator(cls, chosen, shown) if chosen or shown else None), reasons
 
@@ -62,17 +62,12 @@ def _possible(
     return chosen
 
 
-def _check_methods(cls: Any, methods: Functions) -> dict[str, CheckedMethod]:
-    together = frozenset(event for event, method in methods.items() if takes_batch(method))
-    return checked_methods(cls, methods, together)
-
-
 class FastAccelerator:
     """Runs the compiled methods and views of an agent class on the rows of a population."""
 
     def __init__(self, cls: Any, methods: Functions, views: Functions) -> None:
         self._cls = cls
-        self._methods = _CheckedCode(cls, methods, _check_methods)
+        self._methods = _CheckedCode(cls, methods, checked_methods)
         self._views = _CheckedCode(cls, views, checked_views)
         self.methods = frozenset(methods)
         self.views = frozenset(views)
@@ -128,10 +123,10 @@ class _CheckedCode:
 
     def program(self, event_type: str) -> Program:
         """The checked form of the function for an event type. Raises NotCompilable."""
-        if not all(checked.method.current() for checked in self._checked.values()):
+        if not all(program.current() for program in self._checked.values()):
             self._checked = self._check()
             self._kernels = {}
-        return self._checked[event_type].program
+        return self._checked[event_type]
 
     def kernel(self, event_type: str) -> tuple[Program, Kernel]:
         """The program and the machine code of the function for an event type.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import count
 from typing import Any, Final
 
@@ -14,7 +13,6 @@ from minerva_bus.grammar.columns import Coded, Column, Columns, Rows
 from minerva_bus.grammar.events import Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, Node, Scene
-from minerva_bus.grammar.vocabulary import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import Birth, PopulationState, Turn, child_ids
 from minerva_bus.world.visualization import one_each
@@ -58,14 +56,12 @@ class TextCodes:
 _DTYPES: Final[dict[ValueKind, Any]] = {
     ValueKind.INT: np.int64,
     ValueKind.REAL: np.float64,
-    ValueKind.MIXED: np.float64,
     ValueKind.BOOL: np.bool_,
     ValueKind.TEXT: np.int64,
 }
 _LEAST_ROWS: Final = 64
 _PART: Final = 8
 """If one in so many agents has a turn, texts are coded for all agents."""
-_NOTHING: Final = np.zeros(1, np.int64)
 
 
 class KernelCall:
@@ -120,17 +116,12 @@ class KernelCall:
         if self.program.draws and streams is not None:
             words = streams.draws.batch().words
         columns = [self._column(attribute.name) for attribute in self.program.reads]
-        begins = _NOTHING if self.turn.begins is None else self.turn.begins
-        ends = _NOTHING if self.turn.ends is None else self.turn.ends
-        spread = (np.broadcast_to(_NOTHING, len(rows)),) * 2
-        ranges = spread if self.turn.begins is None else (begins, ends)
         progress, saved = new_progress(), np.zeros(len(self.program.outputs) + 1, np.int64)
         fixed = [
             *(rows, outcomes, self._counts, progress, saved, words),
             *columns,
             *self._given_data,
             *(self._given(slot.name, frame) for slot in self.program.given),
-            *ranges,
             *(np.empty(items.size, _DTYPES[items.kind]) for items in self.program.lists),
         ]
         start = 0
@@ -227,9 +218,9 @@ class KernelCall:
         given = self._decoded(output, values)
         names = tuple([slot.name for slot in output.slots])
         columns = tuple(Column(given[name]) for name in names)
-        codes = values[len(output.slots) :]
-        ids = [Ids.of(self.codes.texts(column).tolist()) for column in codes]
-        receivers = ids[0] if len(ids) == 1 else None
+        receivers = None
+        if output.receiver:
+            receivers = Ids.of(self.codes.texts(values[-1]).tolist())
         senders = self._state.ids.take(rows)
         events = Events(
             output.event_type,
@@ -240,15 +231,7 @@ class KernelCall:
             senders,
             receivers,
         )
-        if len(ids) <= 1:
-            self._state.sent.append((rows, events))
-            return
-        # A column of receivers has one id for each event.
-        to = zip(*[column.texts() for column in ids], strict=True)
-        self._state.sent += [
-            (row, replace(event, receivers=receiver_ids(each)))
-            for row, event, each in zip(rows.tolist(), events, to, strict=True)
-        ]
+        self._state.sent.append((rows, events))
 
     def shown(self) -> Scene:
         """The figures of all rows as a string, those of one agent together."""

@@ -21,8 +21,9 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.draws import EXACT
-from minerva_fast.functions import ARRAYS, FUNCTIONS, FUNCTIONS_OF_RULES, draw, instead_of
+from minerva_fast.functions import FUNCTIONS, FUNCTIONS_OF_RULES, Called, draw, instead_of
 from minerva_fast.origin import EXPRESSIONS, MISSING, REAL_EVERYWHERE, TEXT_AS_NUMBER, Undefined
+from minerva_fast.places import copy
 from minerva_fast.values import (
     DECLARED,
     AgentItself,
@@ -42,7 +43,6 @@ from minerva_fast.values import (
     Value,
     ValueKind,
     constant,
-    joined,
     variable,
 )
 
@@ -80,15 +80,6 @@ _OF_REALS: Final[dict[type[ast.operator], str]] = {
     ast.Mod: "modulo_reals",
     ast.Pow: "power",
 }
-_OF_MIXED: Final[dict[type[ast.operator], str]] = {
-    ast.Add: "add_mixed",
-    ast.Sub: "subtract_mixed",
-    ast.Mult: "multiply_mixed",
-    ast.FloorDiv: "floor_divide_mixed",
-    ast.Mod: "modulo_mixed",
-    ast.Pow: "power_mixed",
-}
-"""Operators of two numbers of which both may be ints and one may be a real."""
 _TABLE: Final = 10_000
 _ITEMS: Final = (np.bool_, np.float64, np.int64)
 """Types of the items of constant arrays, which are those of Python's numbers."""
@@ -101,10 +92,8 @@ Nested: TypeAlias = "Value | tuple[Nested, ...]"
 """A constant, or a tuple of constants, or of such tuples."""
 Column: TypeAlias = tuple[ast.expr, Items]
 """A name that takes the items of a sequence in turn."""
-MakeHelper: TypeAlias = Callable[
-    [ast.Call, FunctionType, tuple[Reference, ...]], tuple[ValueKind | None, str, bool]
-]
-"""Prints a call of user code: the kind of its result, its text, whether it is a newborn's row."""
+MakeHelper: TypeAlias = Callable[[ast.Call, FunctionType, tuple[Reference, ...]], Called]
+"""Prints a call of user code."""
 
 
 class Expressions:
@@ -236,12 +225,9 @@ class Expressions:
     def variable(self, node: ast.Name) -> Value:
         """The value of a local variable, which must have one on every path."""
         name, scope = node.id, self.scope
-        if name in scope.litters:
-            raise self.problem(node, f"{name} holds newborns here", f"return self.string + {name}")
         self.certain(node)
-        # Not known yet in the first pass over a loop.
-        made = variable(scope.kinds.get(name, ValueKind.INT), f"v_{name}")
-        return replace(made, newborn=scope.rows.get(name, False))
+        made = variable(scope.kinds[name], f"v_{name}")
+        return replace(made, newborn=name in scope.newborns)
 
     def certain(self, node: ast.Name) -> None:
         """Raise NotCompilable if a variable may have no value."""
@@ -262,6 +248,8 @@ class Expressions:
             raise self.problem(node, "a text", "use numbers: a table has no texts")
         what = f"{ast.unparse(node)} is {name}, not a number, bool or text"
         instead = "use constants, attributes of self, data of the event, or local variables"
+        if isinstance(value, Scene):
+            instead = "return it: return self.string + self.child(...)"
         raise self.problem(node, what, instead)
 
     def constant_of(self, value: Any) -> Value | None:
@@ -288,7 +276,7 @@ class Expressions:
             case AgentItself():
                 return self._of_agent(node)
             case EventItself():
-                return self._of_event(node, base)
+                return self._of_event(node)
             case Moment():
                 return self._of_moment(node)
             case Chance():
@@ -333,7 +321,7 @@ class Expressions:
     def attribute(self, name: str) -> Value:
         """The value of an attribute of the agent."""
         self.method.reads[name] = None
-        return self.use(f"a_{name}", self.method.kinds[name])
+        return self.use(f"a_{name}", DECLARED[self.method.types[name].kind])
 
     def given(self, name: str, kind: ValueKind) -> Value:
         """A value that the kernel is passed."""
@@ -353,14 +341,11 @@ class Expressions:
             raise self.problem(node, "moment.chance as a value", instead)
         raise self.problem(node, f"moment.{name} as a value", "use dt, time, number and chance")
 
-    def _of_event(self, node: ast.Attribute, event: EventItself) -> Value:
+    def _of_event(self, node: ast.Attribute) -> Value:
         name, declared = node.attr, self.method.event_type
-        if event.batch:
-            instead = "loop over them: for each in events"
-            raise self.problem(node, "an array with the data of all events", instead)
         if name == "sender":
             self.method.given["sender"] = ValueKind.TEXT
-            return Value(ValueKind.TEXT, f"g_sender[{event.place}]", simple=True)
+            return Value(ValueKind.TEXT, "g_sender[k]", simple=True)
         if declared is None:
             instead = "define or import the event type in the module of this class"
             raise self.problem(node, "the types of this event's data are not known", instead)
@@ -373,7 +358,7 @@ class Expressions:
             what = f"{declared.name}.{name} is a {types[name]}"
             raise self.problem(node, what, "send numbers, bools and texts")
         self.method.data[name] = kind
-        return Value(kind, f"d_{name}[{event.place}]", simple=True)
+        return Value(kind, f"d_{name}[k]", simple=True)
 
     # --- arithmetic ---
 
@@ -401,20 +386,20 @@ class Expressions:
         return value
 
     def as_real(self, value: Value) -> Value:
-        """A number as Python converts it to a real; a MIXED one is held as that already."""
+        """A number as Python converts it to a real."""
         if value.kind is not ValueKind.INT:
             return replace(value, kind=ValueKind.REAL)
         if value.constant is not None:
             return constant(ValueKind.REAL, float(value.constant))
         return Value(ValueKind.REAL, f"float64({value.text})", simple=value.simple)
 
-    def as_mixed(self, value: Value) -> Value:
-        """A number held as a real, of which an int has no other digits."""
+    def as_exact(self, value: Value) -> Value:
+        """A number as a real with the same digits; an int that would lose some is a fault."""
         if value.kind is not ValueKind.INT:
-            return value
+            return replace(value, kind=ValueKind.REAL)
         if value.constant is not None and abs(value.constant) <= EXACT:
-            return constant(ValueKind.MIXED, float(value.constant))
-        return Value(ValueKind.MIXED, f"exact({value.text})")
+            return constant(ValueKind.REAL, float(value.constant))
+        return Value(ValueKind.REAL, f"exact({value.text})")
 
     def as_bound(self, value: Value) -> str:
         """An int that a real holds."""
@@ -422,14 +407,24 @@ class Expressions:
         return value.text if small else f"bound({value.text})"
 
     def alike(self, node: ast.AST, values: Sequence[Value]) -> tuple[ValueKind, list[Value]]:
-        """Values converted to one kind."""
-        kind: ValueKind | None = values[0].kind
-        for value in values[1:]:
-            kind = joined(kind, value.kind) if kind is not None else None
-        if kind is None:
-            kinds = " and ".join(sorted({value.kind.value for value in values}))
-            raise self.problem(node, f"{kinds} in one place", "use one type")
-        return kind, [self.as_mixed(each) if kind is ValueKind.MIXED else each for each in values]
+        """Values that are used in one place, and their kind."""
+        kinds = {value.kind for value in values}
+        if len(kinds) == 1:
+            return values[0].kind, [*values]
+        if kinds <= {ValueKind.INT, ValueKind.REAL, ValueKind.NUMBER}:
+            return ValueKind.NUMBER, [self.as_exact(value) for value in values]
+        what = f"{' and '.join(sorted([kind.value for kind in kinds]))} in one place"
+        raise self.problem(node, what, "use one type")
+
+    def definite(self, node: ast.AST, value: Value) -> Value:
+        """A value that is not an int in one case and a real in another."""
+        if value.kind is ValueKind.NUMBER:
+            raise self.problem(node, value.kind.value, REAL_EVERYWHERE)
+        return value
+
+    def one_kind(self, *kinds: ValueKind) -> str:
+        """What to write in place of values of different kinds."""
+        return REAL_EVERYWHERE if {*kinds} == {ValueKind.INT, ValueKind.REAL} else "use one type"
 
     def _operation(self, node: ast.BinOp) -> Value:
         return self.of_values(node, node.op, self.value(node.left), self.value(node.right))
@@ -448,50 +443,19 @@ class Expressions:
         if kinds == {ValueKind.INT}:
             return self._of_ints(node, operator, left, right)
         if ValueKind.REAL not in kinds:
-            return self._of_mixed(node, operator, left, right)
+            raise self.problem(node, ValueKind.NUMBER.value, REAL_EVERYWHERE)
         left, right = self.as_real(left), self.as_real(right)
-        return Value(ValueKind.REAL, self._applied(node, operator, _OF_REALS, left, right))
-
-    def _applied(
-        self,
-        node: ast.AST,
-        operator: ast.operator,
-        functions: dict[type[ast.operator], str],
-        left: Value,
-        right: Value,
-    ) -> str:
-        function = functions.get(type(operator))
+        function = _OF_REALS.get(type(operator))
         if function is not None:
-            return f"{function}({left.text}, {right.text})"
+            return Value(ValueKind.REAL, f"{function}({left.text}, {right.text})")
         if not isinstance(operator, ast.Add | ast.Sub | ast.Mult):
             raise self.problem(node, "an operator on bits of a real", "convert with int(...)")
-        return f"({left.text} {_SIGNS[type(operator)]} {right.text})"
+        return Value(ValueKind.REAL, f"({left.text} {_SIGNS[type(operator)]} {right.text})")
 
     def _quotient(self, left: Value, right: Value) -> Value:
         # Python rounds an int to a real first, but the quotient of two ints is rounded once.
-        convert = self.as_real if ValueKind.REAL in (left.kind, right.kind) else self.as_mixed
+        convert = self.as_real if ValueKind.REAL in (left.kind, right.kind) else self.as_exact
         return Value(ValueKind.REAL, f"({convert(left).text} / {convert(right).text})")
-
-    def _of_mixed(self, node: ast.AST, operator: ast.operator, left: Value, right: Value) -> Value:
-        """The result of an operator that is an int if both numbers are ints, and else a real."""
-        # An int to the power of a negative int is a real.
-        if isinstance(operator, ast.Pow) and not (
-            right.constant is not None and right.constant >= 0
-        ):
-            raise self.mixed(node, left, right)
-        left, right = self.as_mixed(left), self.as_mixed(right)
-        return Value(ValueKind.MIXED, self._applied(node, operator, _OF_MIXED, left, right))
-
-    def mixed(self, node: ast.AST, *values: Value) -> NotCompilable:
-        """The error of arithmetic whose result depends on whether a number is an int."""
-        lines = {**self.method.int_lines, **self.scope.int_lines}
-        known = [
-            f"{value.text[2:]} is set to an int in line {lines[value.text]}; "
-            for value in values
-            if value.text in lines
-        ]
-        what = "a number here is an int in one case and a real in another"
-        return self.problem(node, what, "".join(known[:1]) + REAL_EVERYWHERE)
 
     def _of_ints(self, node: ast.AST, operator: ast.operator, left: Value, right: Value) -> Value:
         known = right.constant is not None and right.constant > 0
@@ -515,14 +479,12 @@ class Expressions:
             if operand.kind is not ValueKind.INT:
                 raise self.problem(node, "~ of a real", "convert with int(...)")
             return Value(ValueKind.INT, f"({operand.text} ^ -1)")
-        return self.negative(node, operand)
+        return self.negative(self.definite(node, operand))
 
-    def negative(self, node: ast.AST, operand: Value) -> Value:
+    def negative(self, operand: Value) -> Value:
         """The negative of a number."""
         if operand.constant is not None and operand.constant > -INT_BITS:
             return constant(operand.kind, -operand.constant)
-        if operand.kind is ValueKind.MIXED:
-            return self._of_mixed(node, ast.Mult(), operand, constant(ValueKind.INT, -1))
         if operand.kind is ValueKind.INT:
             return Value(ValueKind.INT, f"subtract(0, {operand.text})")
         return Value(ValueKind.REAL, f"(-{operand.text})")
@@ -571,9 +533,8 @@ class Expressions:
         if known is not None and -size <= known < size:
             return constant(ValueKind.INT, known % size)
         function = "place" if size else "existing"
-        return Value(
-            ValueKind.INT, f"{function}({index.text}, {items.length})", newborn=index.newborn
-        )
+        text = f"{function}({index.text}, {items.length})"
+        return Value(ValueKind.INT, text, newborn=index.newborn)
 
     def _use(self, items: Items) -> None:
         """Pass an array to the helper that uses it."""
@@ -672,8 +633,9 @@ class Expressions:
             raise self.problem(node, what, "name its values: for dx, dy in ((0, 1), (1, 0))")
         if not 1 <= len(items) <= _TABLE:
             raise self._no_table(node)
-        kind, converted = self.alike(node, values)
-        key = (kind, *[value.text for value in converted])
+        kind, values = self.alike(node, values)
+        self.definite(node, Value(kind, ""))
+        key = (kind, *[value.text for value in values])
         name, size = f"TABLE_{len(self.method.tables)}", len(values)
         return self.method.tables.setdefault(key, Items(name, kind, str(size), size))
 
@@ -733,7 +695,7 @@ class Expressions:
             left, right = self.as_number(node, left), self.as_number(node, right)
             # Python compares an int with a real exactly, without rounding it.
             if left.kind is not right.kind:
-                left, right = self.as_mixed(left), self.as_mixed(right)
+                left, right = self.as_exact(left), self.as_exact(right)
         return Value(ValueKind.BOOL, f"({left.text} {sign} {right.text})")
 
     def _membership(self, node: ast.Compare) -> Value:
@@ -748,19 +710,19 @@ class Expressions:
     # --- calls ---
 
     def _call(self, node: ast.Call) -> Value:
-        kind, text, newborn = self.call(node)
+        kind, text = self.call(node)
         if kind is None:
             what = f"{ast.unparse(node.func)} as a value, which it does not return"
             raise self.problem(node, what, "end the function with return")
-        return Value(kind, text, newborn=newborn)
+        known = self.reference(node.func)
+        return Value(kind, text, newborn=isinstance(known, Known) and known.value is copy)
 
-    def call(self, node: ast.Call) -> tuple[ValueKind | None, str, bool]:
-        """A call: the kind of its result, its text, and whether it is a newborn's row."""
+    def call(self, node: ast.Call) -> Called:
+        """A call: the kind of its result, and its text."""
         if isinstance(node.func, ast.Attribute):
             base = self.reference(node.func.value)
             if isinstance(base, Chance) and not self.method.rule:
-                made = draw(self, node, node.func.attr, node.args)
-                return made.kind, made.text, False
+                return draw(self, node, node.func.attr, node.args)
             if isinstance(base, Moment):
                 what = f"moment.{node.func.attr}(...) here"
                 raise self.problem(node, what, "write it as a statement of its own")
@@ -777,7 +739,7 @@ class Expressions:
             raise self.problem(node, what, instead_of(node.func.attr, self.method.rule))
         raise self.problem(node, "a call of this value", "call a function of the module")
 
-    def _call_known(self, node: ast.Call, function: Any) -> tuple[ValueKind | None, str, bool]:
+    def _call_known(self, node: ast.Call, function: Any) -> Called:
         key = function if isinstance(function, FunctionType) or callable(function) else None
         try:
             known = FUNCTIONS.get(key)
@@ -787,7 +749,7 @@ class Expressions:
         if of_rules is not None:
             return of_rules(self, node)
         if function is len:
-            return ValueKind.INT, self._length(node).text, False
+            return ValueKind.INT, self._length(node)
         if known is not None:
             if node.keywords:
                 raise self.problem(node, "named arguments of this function", "write them in order")
@@ -795,41 +757,28 @@ class Expressions:
             if function is float and any(isinstance(each.value, str) for each in texts):
                 raise self.problem(node, *TEXT_AS_NUMBER)
             made = known(self, node, [self.value(argument) for argument in node.args])
-            return made.kind, made.text, False
+            return made.kind, made.text
         if isinstance(function, FunctionType) and function.__module__.split(".")[0] != "numpy":
             return self._helper(node, function, ())
         if isinstance(function, EventType):
             raise self.problem(node, "an event as a value", "write moment.emit(...) around it")
         name = ast.unparse(node.func)
-        if function in ARRAYS:
-            raise self.problem(
-                node, f"{name} here", "assign it to a variable: values = np.zeros(3)"
-            )
         what = f"the function {name}"
         raise self.problem(node, what, instead_of(name, self.method.rule, function))
 
-    def _length(self, node: ast.Call) -> Value:
+    def _length(self, node: ast.Call) -> str:
         if len(node.args) == 1 and not node.keywords:
             reference = self.reference(node.args[0])
-            if isinstance(reference, EventItself):
-                return self.count_of_events(node)
             if isinstance(reference, RuleTable):
                 raise self.whole_table(node.args[0], reference.type, "NAME")
             known = self._constant_tuple(node.args[0])
             if known is not None:
-                return constant(ValueKind.INT, len(known))
+                return constant(ValueKind.INT, len(known)).text
             items = self.items(node.args[0])
             if items is not None:
                 self._use(items)
-                return Value(ValueKind.INT, items.length, items.size or None, simple=True)
+                return items.length
         raise self.problem(node, "the length of this value", "use a constant tuple or a list")
-
-    def count_of_events(self, node: ast.AST) -> Value:
-        """The number of events in a batch."""
-        event = next(r for r in self.scope.references.values() if isinstance(r, EventItself))
-        if not event.batch:
-            raise self.problem(node, "the length of an event", "an event has data only")
-        return Value(ValueKind.INT, "(e_end - e_begin)", simple=True)
 
 
 def is_empty(value: Any) -> bool:

@@ -11,7 +11,6 @@ import builtins
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -27,78 +26,63 @@ if TYPE_CHECKING:
     from minerva_fast.expressions import Expressions
 
 Checked: TypeAlias = Callable[["Expressions", ast.Call, Sequence[Value]], Value]
+Called: TypeAlias = tuple[ValueKind | None, str]
+"""A call: the kind of its result, None if it has none, and its text."""
 
 
 # --- draws ---
 
 
-@dataclass(frozen=True, slots=True)
-class Distribution:
-    """A method of `moment.chance`: its arguments, their defaults, and the kind of its results."""
-
-    kind: ValueKind
-    names: tuple[str, ...] = ()
-    defaults: Mapping[str, float] = field(default_factory=dict[str, float])
-
-
-DISTRIBUTIONS: Final = {
-    "random": Distribution(ValueKind.REAL),
-    "uniform": Distribution(ValueKind.REAL, ("low", "high"), {"low": 0.0, "high": 1.0}),
-    "integers": Distribution(ValueKind.INT, ("low", "high")),
-    "chance": Distribution(ValueKind.BOOL, ("probability",)),
-    "exponential": Distribution(ValueKind.REAL, ("mean",), {"mean": 1.0}),
-    "normal": Distribution(ValueKind.REAL, ("mean", "deviation"), {"mean": 0.0, "deviation": 1.0}),
+DISTRIBUTIONS: Final[Mapping[str, FunctionType]] = {
+    name: getattr(draws, name)
+    for name in ("random", "uniform", "integers", "chance", "exponential", "normal")
 }
+"""The methods of `moment.chance`, as functions of a stream for rules."""
+_KINDS: Final[Mapping[str, ValueKind | None]] = {
+    "int": ValueKind.INT, "float": ValueKind.REAL, "bool": ValueKind.BOOL, "None": None
+}  # fmt: skip
 
 
-def draw(check: Expressions, node: ast.Call, name: str, given: Sequence[ast.expr]) -> Value:
+def draw(check: Expressions, node: ast.Call, name: str, given: Sequence[ast.expr]) -> Called:
     """A call of `moment.chance`, or of the same as a function for rules."""
-    known = DISTRIBUTIONS.get(name)
-    if known is None:
+    function = DISTRIBUTIONS.get(name)
+    if function is None:
         hint = nearest(name, list(DISTRIBUTIONS))
         raise check.problem(node, f"moment.chance has no {name}{hint}", CHOICES.get(name, ""))
-    values = _arguments(check, node, name, known, given)
-    check.method.draws = True
-    if name == "exponential":
-        # As in Python: the negative of an int 0 is 0, which a conversion before would change.
-        values = [check.negative(node, values[0])]
-    texts = [
-        check.as_bound(each) if name == "integers" else check.as_mixed(each).text for each in values
-    ]
-    return Value(known.kind, f"draw_{name}({', '.join(['words', 'i', *texts])})")
-
-
-def _arguments(
-    check: Expressions,
-    node: ast.Call,
-    name: str,
-    known: Distribution,
-    arguments: Sequence[ast.expr],
-) -> list[Value]:
-    left = known.names[len(arguments) :]
-    named = [str(keyword.arg) for keyword in node.keywords]
-    if len(arguments) > len(known.names) or not {*named} <= {*left}:
-        listed = ", ".join(known.names)
-        what = f"these arguments; expected {listed}"
-        raise check.problem(node, what, f"write {name}(draws, {listed})" * check.method.rule)
+    signature = inspect.signature(function)
+    kind, names = _KINDS[str(signature.return_annotation)], list(signature.parameters)[1:]
+    named = {str(keyword.arg): keyword.value for keyword in node.keywords}
+    try:
+        written = signature.bind(None, *given, **named).arguments
+    except TypeError:
+        listed = ", ".join(names)
+        instead = f"write {name}(draws, {listed})" if check.method.rule else ""
+        raise check.problem(node, f"these arguments; expected {listed}", instead) from None
     # Arguments may draw, and Python evaluates them in the order in which they are written.
-    if named != sorted(named, key=left.index):
-        instead = f"write them as {', '.join(left)}"
+    if [*names[: len(given)], *named] != [each for each in names if each in written]:
+        instead = f"write them as {', '.join(names[len(given) :])}"
         raise check.problem(node, "named arguments in another order", instead)
-    given: dict[str, ast.expr] = dict(zip(known.names, arguments, strict=False))
-    given |= {str(keyword.arg): keyword.value for keyword in node.keywords}
-    values = {each: check.as_number(nodes, check.value(nodes)) for each, nodes in given.items()}
-    if known.kind is ValueKind.INT:
+    check.method.draws = True
+    values = {
+        each: check.as_number(nodes, check.value(nodes))
+        for each, nodes in written.items()
+        if each in names
+    }
+    if kind is ValueKind.INT:
         if any(value.kind is not ValueKind.INT for value in values.values()):
             raise check.problem(node, "bounds that are not ints", "convert with int(...)")
-        if "high" not in values and "low" in values:
-            values = {"low": constant(ValueKind.INT, 0), "high": values["low"]}
-    for each, default in known.defaults.items():
-        values.setdefault(each, constant(ValueKind.REAL, default))
-    missing = [each for each in known.names if each not in values]
-    if missing:
-        raise check.problem(node, f"the argument {missing[0]} is missing")
-    return [values[each] for each in known.names]
+        bounds = [*values.values()]
+        ends = bounds if len(bounds) == 2 else [constant(ValueKind.INT, 0), *bounds]
+        texts = [check.as_bound(each) for each in ends]
+    else:
+        for each in names:
+            if each not in values:
+                values[each] = constant(ValueKind.REAL, signature.parameters[each].default)
+        if name == "exponential":
+            # As in Python: the negative of an int 0 is 0, which a conversion before would change.
+            values["mean"] = check.negative(check.definite(node, values["mean"]))
+        texts = [check.as_exact(values[each]).text for each in names]
+    return kind, f"draw_{name}({', '.join(['words', 'i', *texts])})"
 
 
 # --- functions of numbers ---
@@ -228,41 +212,37 @@ FUNCTIONS: Final[dict[Any, Checked]] = {
 
 # --- functions of spaces ---
 
-OfRules: TypeAlias = Callable[["Expressions", ast.Call], tuple[ValueKind | None, str, bool]]
-_KINDS: Final[Mapping[str, ValueKind | None]] = {
-    "int": ValueKind.INT, "float": ValueKind.REAL, "bool": ValueKind.BOOL, "None": None
-}  # fmt: skip
+OfRules: TypeAlias = Callable[["Expressions", ast.Call], Called]
 _SHAPES: Final = {"CellGrid": "the shape of a lattice", "Edges": "a graph"}
 
 
 def _draws(name: str) -> OfRules:
     """A draw as a function, whose first argument is the stream."""
 
-    def checked(check: Expressions, node: ast.Call) -> tuple[ValueKind | None, str, bool]:
+    def checked(check: Expressions, node: ast.Call) -> Called:
         if not node.args or not isinstance(check.reference(node.args[0]), Chance):
             instead = f"write {name}(draws, ...)"
             raise check.problem(node, f"{name} without the parameter of type Draws", instead)
-        made = draw(check, node, name, node.args[1:])
-        return made.kind, made.text, False
+        return draw(check, node, name, node.args[1:])
 
     return checked
 
 
-def _shuffle(check: Expressions, node: ast.Call) -> tuple[ValueKind | None, str, bool]:
+def _shuffle(check: Expressions, node: ast.Call) -> Called:
     items = check.items(node.args[1]) if len(node.args) == 2 else None
     if items is None or items.owner or items.kind is not ValueKind.INT:
         raise check.problem(node, "these arguments of shuffle", "write shuffle(draws, rows)")
     check.use(items.text)
     check.method.draws = True
     check.method.called[draws.shuffle] = None
-    return None, f"shuffle(words, {items.text})", False
+    return None, f"shuffle(words, {items.text})"
 
 
 def _of_space(function: FunctionType) -> OfRules:
     """A function of `places`, with arguments as its annotations say."""
     signature = inspect.signature(function)
 
-    def checked(check: Expressions, node: ast.Call) -> tuple[ValueKind | None, str, bool]:
+    def checked(check: Expressions, node: ast.Call) -> Called:
         try:
             given = signature.bind(*node.args, **{str(w.arg): w.value for w in node.keywords})
         except TypeError as error:
@@ -284,7 +264,7 @@ def _of_space(function: FunctionType) -> OfRules:
             _note(check, node, function, table, own=own)
         check.method.called[function] = None
         result = _KINDS[str(signature.return_annotation)]
-        return result, f"{function.__name__}({', '.join(texts)})", function is places.copy
+        return result, f"{function.__name__}({', '.join(texts)})"
 
     return checked
 
@@ -346,11 +326,9 @@ def _note(
 
 ANY: Final = "*"
 """In place of a column: all of them."""
-ARRAYS: Final = (np.zeros, np.ones, np.full)
-"""Functions that make a list of numbers."""
 FUNCTIONS_OF_RULES: Final[dict[Any, OfRules]] = {
     draws.shuffle: _shuffle,
-    **{getattr(draws, name): _draws(name) for name in DISTRIBUTIONS},
+    **{function: _draws(name) for name, function in DISTRIBUTIONS.items()},
     **{function: _of_space(function) for function in places.FUNCTIONS},
 }
 
@@ -368,8 +346,8 @@ def instead_of(name: str, rule: bool, function: Any = None) -> str:
         return FUNCTIONS_INSTEAD["time"]
     if isinstance(function, type) and issubclass(function, np.generic):
         return "write int(...) or float(...)"
-    if last.startswith("empty"):
-        return "write np.zeros(n): an empty array has any values"
+    if function in (np.zeros, np.ones, np.full, np.empty, np.array):
+        return "make a list and assign it to a variable: values = [0.0] * 4"
     renamed = f"a{last[3:]}" if last.startswith("arc") else last
     for module in (portable, math, builtins):
         if getattr(module, renamed, None) in FUNCTIONS:

@@ -1,8 +1,7 @@
 """Arithmetic, functions and draws that generated modules use, compiled by numba.
 
 They raise an error, a fault, where Python raises one or has a result that machine code cannot hold.
-A number that is an int in one case and a real in another is held as a real: results are equal in
-both cases, or a fault. `portable`, the draws and the functions of spaces are compiled from their
+`portable`, the draws and the functions of spaces are compiled from their
 own source. Imports numba, so only generated modules import this one.
 """
 
@@ -42,7 +41,8 @@ from minerva_fast.places import CellGrid, Edges, FieldGrid, FieldRows, LatticeRo
 _INNER: Final = {**NUMBA_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 compiled: Any = njit(**_INNER)
 inlined: Any = njit(**_INNER, forceinline=True)
-once: Any = njit(**_INNER, inline="always")
+_ONCE: Final[dict[str, Any]] = {**_INNER, "inline": "always"}
+once: Any = njit(**_ONCE)
 """For a function that is called in one place: it has no types and machine code of its own."""
 
 NAN: Final = math.nan
@@ -306,64 +306,6 @@ def round_real(number: float) -> int:
 def within(number: float, least: float, most: float) -> bool:
     """Whether a number may be stored: finite and in the range of its type."""
     return math.isfinite(number) and least <= number <= most
-
-
-# --- numbers that are an int in one case and a real in another ---
-
-
-@compiled
-def is_real(number: float) -> bool:
-    """Whether a number that may be an int held as a real is certainly a real."""
-    negative_zero = number == 0.0 and math.copysign(1.0, number) < 0.0
-    return negative_zero or not abs(number) <= EXACT or number != np.floor(number)
-
-
-@compiled
-def either(result: float, a: float, b: float) -> float:
-    """The result of an operator on `a` and `b`, which must be that of ints, too, if both may be.
-
-    Ints have no -0.0, and further digits where reals are rounded.
-    """
-    negative_zero = result == 0.0 and math.copysign(1.0, result) < 0.0
-    if (negative_zero or abs(result) >= EXACT) and not (is_real(a) or is_real(b)):
-        raise OverflowError
-    return result
-
-
-@compiled
-def add_mixed(a: float, b: float) -> float:
-    """`a + b`."""
-    return either(a + b, a, b)
-
-
-@compiled
-def subtract_mixed(a: float, b: float) -> float:
-    """`a - b`."""
-    return either(a - b, a, b)
-
-
-@compiled
-def multiply_mixed(a: float, b: float) -> float:
-    """`a * b`."""
-    return either(a * b, a, b)
-
-
-@compiled
-def floor_divide_mixed(a: float, b: float) -> float:
-    """`a // b`."""
-    return either(floor_divide_reals(a, b), a, b)
-
-
-@compiled
-def modulo_mixed(a: float, b: float) -> float:
-    """`a % b`."""
-    return either(modulo_reals(a, b), a, b)
-
-
-@compiled
-def power_mixed(base: float, exponent: float) -> float:
-    """`base ** exponent` with an exponent from 0 up; the C library has exact powers of ints."""
-    return either(power(base, exponent), base, exponent)
 
 
 # --- functions of `math` and `portable` ---

@@ -10,13 +10,13 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import EventType
-from minerva_bus.user_code import variables_of
-from minerva_bus.world.class_declaration import NotCompilable
+from minerva_bus.user_code import handler_name, variables_of
+from minerva_bus.world.class_declaration import NotCompilable, takes_batch
 from minerva_fast.origin import Origin
 from minerva_fast.printing import Program, printed
 from minerva_fast.results import MethodResults, ViewResults
@@ -35,65 +35,43 @@ from minerva_fast.values import (
     Reference,
     Shown,
     Slot,
-    ValueKind,
 )
 
 
-@dataclass(frozen=True, slots=True)
-class CheckedMethod:
-    """A program, and what was collected of its method."""
-
-    program: Program
-    method: Method
-
-
-def checked_methods(
-    cls: Any, methods: Mapping[str, Callable[..., Any]], together: frozenset[str]
-) -> dict[str, CheckedMethod]:
-    """The programs of a class's compiled methods by event type. Raises NotCompilable.
-
-    Args:
-        cls: the agent class; its `kind` has the attributes.
-        methods: by event type.
-        together: event types whose method takes all events of an agent in a frame at once.
-
-    """
-    types = {field.name: field.type for field in cls.kind.fields.all}
-    kinds, int_lines = _kinds_of_attributes(cls, types), dict[str, int]()
-    while True:
-        before, checked = dict(kinds), dict[str, CheckedMethod]()
-        for event_type, function in sorted(methods.items()):
-            declared = _event_type_of(function, event_type)
-            method = Method(cls, types, kinds, declared, int_lines)
-            meanings = AgentItself(), EventItself(event_type in together), Moment()
-            made = _checked(method, event_type, function, meanings, MethodResults())
-            checked[event_type] = made
-        # A method has set a real attribute to an int: those before it must know.
-        if kinds == before:
-            return checked
+def checked_methods(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> dict[str, Program]:
+    """The programs of a class's compiled methods by event type. Raises NotCompilable."""
+    for function in methods.values():
+        if takes_batch(function):
+            raise NotCompilable(
+                f"{handler_name(function)} cannot be compiled: it takes all events of an agent"
+                " together; leave out together=True, or write it for a population"
+            )
+    meanings = AgentItself(), EventItself(), Moment()
+    return {
+        event_type: _checked(cls, event_type, function, meanings, MethodResults())
+        for event_type, function in sorted(methods.items())
+    }
 
 
-def checked_views(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> dict[str, CheckedMethod]:
+def checked_views(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> dict[str, Program]:
     """The programs of a class's compiled views by event type. Raises NotCompilable."""
-    types = {field.name: field.type for field in cls.kind.fields.all}
-    checked = dict[str, CheckedMethod]()
-    for event_type, function in sorted(methods.items()):
-        kinds = _kinds_of_attributes(cls, types)
-        method = Method(cls, types, kinds, _event_type_of(function, event_type))
-        meanings = AgentItself(), EventItself()
-        checked[event_type] = _checked(method, event_type, function, meanings, ViewResults())
-    return checked
+    meanings = AgentItself(), EventItself()
+    return {
+        event_type: _checked(cls, event_type, function, meanings, ViewResults())
+        for event_type, function in sorted(methods.items())
+    }
 
 
-def _kinds_of_attributes(cls: Any, types: Mapping[str, Type]) -> dict[str, ValueKind]:
-    """The kinds of a class's attributes. Raises NotCompilable."""
+def _method_of(cls: Any, event_type: EventType | None) -> Method:
+    """Nothing collected yet of a method of a class. Raises NotCompilable."""
+    types: Mapping[str, Type] = {field.name: field.type for field in cls.kind.fields.all}
     for name, declared in types.items():
         if declared.kind not in DECLARED:
             raise NotCompilable(
                 f"{cls.__name__} has compiled methods, so its attributes must be numbers, bools or"
                 f" texts; {name} is a {declared}"
             )
-    return {name: DECLARED[declared.kind] for name, declared in types.items()}
+    return Method(cls, types, event_type)
 
 
 def _event_type_of(function: Callable[..., Any], name: str) -> EventType | None:
@@ -109,12 +87,13 @@ _PARAMETERS: Final = ("self", "event", "moment")
 
 
 def _checked(
-    method: Method,
+    cls: Any,
     event_type: str,
     function: Callable[..., Any],
     meanings: Sequence[Reference],
     results: Results,
-) -> CheckedMethod:
+) -> Program:
+    method = _method_of(cls, _event_type_of(function, event_type))
     origin = Origin.of(function)
     names = [
         parameter.name
@@ -128,7 +107,7 @@ def _checked(
     body = Statements(method, scope, results).function()
     body, outputs = _with_shared(body, method.outputs)
     program = _program(f"{origin.name} at {event_type}", method, body, outputs)
-    return CheckedMethod(replace(program, text=printed(program, method, body)), method)
+    return replace(program, text=printed(program, method, body))
 
 
 def _program(
@@ -139,7 +118,7 @@ def _program(
     attributes = {
         name: Attribute(
             name,
-            method.kinds[name],
+            DECLARED[method.types[name].kind],
             method.types[name],
             tuple([method.code(w) for w in method.types[name].words or ()]),
         )
@@ -159,6 +138,7 @@ def _program(
         outputs=tuple(outputs),
         lists=tuple(method.lists.values()),
         texts=tuple(method.texts),
+        current=method.current,
     )
 
 

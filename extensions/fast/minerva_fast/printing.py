@@ -10,7 +10,7 @@ its draws and outputs are undone.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -61,6 +61,8 @@ class Program:
     outputs: tuple[Output, ...]
     lists: tuple[Items, ...]
     texts: tuple[str, ...]
+    current: Callable[[], bool]
+    """Whether all names still refer to the objects that they had when it was checked."""
 
 
 def cells(output: Output) -> list[tuple[str, ValueKind]]:
@@ -69,8 +71,9 @@ def cells(output: Output) -> list[tuple[str, ValueKind]]:
     if isinstance(output, Newborn):
         made.append(("births", ValueKind.INT))
     made += [(f"v_{slot.name}", slot.kind) for slot in output.slots]
-    receivers = output.receivers if isinstance(output, Emission) else 0
-    return [*made, *[(f"receiver{number}", ValueKind.TEXT) for number in range(receivers)]]
+    if isinstance(output, Emission) and output.receiver:
+        made.append(("receiver", ValueKind.TEXT))
+    return made
 
 
 def printed_functions(title: str, method: Method, row: Iterable[str]) -> str:
@@ -130,8 +133,6 @@ def _arguments(program: Program) -> Iterator[tuple[str, str]]:
     for slot in program.given:
         kind, name = slot.kind.machine, "ids" if slot.name == "id" else f"g_{slot.name}"
         yield f"read_only({kind})" if slot.name in ("id", "sender") else kind, name
-    yield "read_only(int64)", "begins"
-    yield "read_only(int64)", "ends"
     for each in program.lists:
         yield f"cells({each.kind.machine}, 1, False)", each.text
     for index, output in enumerate(program.outputs):
@@ -144,10 +145,6 @@ def _row(program: Program, body: Sequence[Line]) -> Iterator[str]:
         yield f"a_{attribute.name} = c_{attribute.name}[i]"
     if any(slot.name == "id" for slot in program.given):
         yield "g_id = ids[i]"
-    yield "e_begin = begins[k]"
-    yield "e_end = ends[k]"
-    for index in range(len(program.outputs)):
-        yield f"s{index} = counts[{index}]"
     for line in body:
         match line:
             case str():
@@ -208,7 +205,4 @@ def _finish(program: Program, line: Finish) -> Iterator[Line]:
             yield from indented([f"return {FAULT}"])
     for attribute in program.writes if line.stays else ():
         yield f"c_{attribute.name}[i] = a_{attribute.name}"
-    for index, output in enumerate(program.outputs):
-        if isinstance(output, Newborn) and index not in line.placed:
-            yield f"counts[{index}] = s{index}"
     yield f"return {STAYS if line.stays else GONE}"

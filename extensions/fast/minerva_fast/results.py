@@ -1,4 +1,4 @@
-"""What methods of agents, views and rules return, and the statements that only they have.
+"""What methods and views of agents return, and the statements that only they have.
 
 A value of a field of a newborn or an emitted event is checked against its declared type. The result
 of a view is a string of primitives and transformations: each `return` has a *template*, a string
@@ -15,7 +15,8 @@ from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import AgentKind, EventType, Primitive, Transformation
 from minerva_fast.expressions import is_empty
-from minerva_fast.statements import FAULT, Statements
+from minerva_fast.origin import REAL_EVERYWHERE
+from minerva_fast.statements import FAULT, Results, Statements
 from minerva_fast.values import (
     DECLARED,
     AgentItself,
@@ -46,10 +47,10 @@ _BIRTHS: Final = variable(ValueKind.INT, "a_births")
 def declared(check: Statements, node: ast.AST, name: str, type_: Type, value: Value) -> Value:
     """A value converted to a declared type, as where a string is made."""
     kind = DECLARED.get(type_.kind)
-    if kind is ValueKind.REAL and value.kind.number:
+    if kind is ValueKind.REAL and value.kind in (ValueKind.INT, ValueKind.NUMBER):
         return check.expressions.as_real(value)
     if kind is not value.kind:
-        whole = kind is ValueKind.INT and value.kind.number
+        whole = kind is ValueKind.INT and value.kind in (ValueKind.REAL, ValueKind.NUMBER)
         instead = "write int(...)" if whole else "convert it"
         instead = "compare: x != 0" if kind is ValueKind.BOOL else instead
         what = f"{name} is declared as {type_}, and this is {value.kind.value}"
@@ -158,10 +159,6 @@ def _is_of_agent(check: Statements, node: ast.expr, name: str) -> bool:
     )
 
 
-def _is_child(check: Statements, node: ast.expr) -> bool:
-    return isinstance(node, ast.Call) and _is_of_agent(check, node.func, "child")
-
-
 def _add(outputs: list[Output], output: Output) -> int:
     """The number of an output, which is added unless it exists."""
     if output not in outputs:
@@ -177,26 +174,18 @@ def _choice(results: Any, check: Statements, node: ast.Return, value: ast.IfExp)
     )
 
 
-class MethodResults:
+class MethodResults(Results):
     """A method of an agent: changes of its attributes, its string with newborns, and events."""
-
-    def __init__(self) -> None:
-        self._repeated: set[int] = set()
-        """Outputs of newborns in loops."""
-
-    def begin(self) -> None:
-        """Forget the outputs of a former pass."""
-        self._repeated = set()
 
     def end(self, check: Statements) -> list[Line]:
         """The agent stays."""
-        return [Finish(True, ())]
+        return [Finish(True)]
 
     def returned(self, check: Statements, node: ast.Return) -> list[Line]:
-        """Whether the agent stays, and the outputs with the newborns that it returns."""
+        """Whether the agent stays, and its newborns."""
         if isinstance(node.value, ast.IfExp):
             return _choice(self, check, node, node.value)
-        made, stays, placed = list[Line](), False, list[int]()
+        made, stays = list[Line](), False
         for index, part in enumerate(_summands(node, node.value)):
             none = isinstance(part, ast.Constant) and part.value is None
             if _is_of_agent(check, part, "string") or (none and not index):
@@ -204,23 +193,15 @@ class MethodResults:
                     instead = "return self.string + self.child(...)"
                     raise check.problem(part, "self.string after newborns", instead)
                 stays = True
-            elif isinstance(part, ast.Name) and part.id in check.scope.litters:
-                placed += check.scope.litters[part.id]
-            elif _is_child(check, part):
-                lines, output = self._child(check, cast("ast.Call", part))
-                made += lines
-                placed.append(output)
+            elif isinstance(part, ast.Call) and _is_of_agent(check, part.func, "child"):
+                made += self._child(check, part)
             elif not _is_epsilon(check, part):
                 instead = "return None, EMPTY, self.string, or self.string + self.child(...)"
                 raise check.problem(part, "this result", instead)
-        if len(set(placed)) != len(placed) or placed != sorted(placed):
-            what = "newborns in another order"
-            raise check.problem(node, what, "return them in their order")
-        check.scope.assigned = None
-        return [*made, Finish(stays, tuple(placed))]
+        return [*made, Finish(stays)]
 
     def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
-        """An attribute of the agent; it is MIXED once it is set to an int."""
+        """An attribute of the agent."""
         name, method = target.attr, check.method
         if not isinstance(check.expressions.reference(target.value), AgentItself):
             instead = "change attributes of self only"
@@ -230,40 +211,23 @@ class MethodResults:
                 raise check.problem(target, "a temporary attribute", "use a local variable")
             check.value(target)
             raise check.problem(target, f"an assignment to self.{name}", "declare the attribute")
-        method.writes[name] = method.reads[name] = None
-        check.expressions.use(f"a_{name}", method.kinds[name])
-        type_ = method.types[name]
-        if type_.kind == "real" and value.kind.number:
-            if value.kind is not ValueKind.REAL:
-                # Python keeps the int until the end of the frame.
-                method.kinds[name] = ValueKind.MIXED
-                method.int_lines.setdefault(f"a_{name}", target.lineno)
-            value = check.expressions.as_mixed(value)
-        else:
-            value = declared(check, target, name, type_, value)
+        method.writes[name] = None
+        check.expressions.attribute(name)
+        if method.types[name].kind == "real" and value.kind in (ValueKind.INT, ValueKind.NUMBER):
+            # Python keeps the int until the end of the frame.
+            what = f"{value.kind.value} in self.{name}, a real"
+            raise check.problem(target, what, REAL_EVERYWHERE)
+        value = declared(check, target, name, method.types[name], value)
         return [f"a_{name} = {value.text}"]
 
-    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
-        """Emitted events, and newborns that are collected in a variable."""
-        match node:
-            case ast.Expr(value=ast.Call(func=ast.Attribute(attr="emit") as function) as call):
-                if isinstance(check.expressions.reference(function.value), Moment):
-                    return self._emit(check, call)
-            case ast.Assign(targets=[ast.Name() as target], value=value):
-                first = _summands(node, value)[0]
-                collects = isinstance(first, ast.Name) and first.id in check.scope.litters
-                if collects or _is_child(check, first) or _is_epsilon(check, first):
-                    return self._collect(check, target, value)
-            case ast.AugAssign(target=ast.Name() as target) if target.id in check.scope.litters:
-                whole = ast.BinOp(ast.Name(target.id, ast.Load()), node.op, node.value)
-                return self._collect(check, target, ast.copy_location(whole, node))
+    def emit(self, check: Statements, node: ast.Call) -> list[Line] | None:
+        """An emitted event."""
+        match node.func:
+            case ast.Attribute(attr="emit", value=owner):
+                if not isinstance(check.expressions.reference(owner), Moment):
+                    return None
             case _:
-                pass
-        return None
-
-    # --- events ---
-
-    def _emit(self, check: Statements, node: ast.Call) -> list[Line]:
+                return None
         event = node.args[0] if len(node.args) == 1 and not node.keywords else None
         known = check.expressions.reference(event.func) if isinstance(event, ast.Call) else None
         if not (
@@ -285,66 +249,32 @@ class MethodResults:
         name, fields, method = event_type.name, event_type.fields, check.method
         made, values = _all_values(check, node, name, fields, named)
         slots = [Slot(n, v.kind) for n, v in zip(fields.names, values, strict=True)]
-        for receiver in self._receivers(check, receivers):
-            held, lines = check.held(receiver)
-            empty = f"{held.text} == {check.expressions.text('').text}"
+        if receivers is not None:
+            receiver, lines = check.held(self._receiver(check, receivers))
+            empty = f"{receiver.text} == {check.expressions.text('').text}"
             made += [*lines, f"if {empty}:", *indented([FAULT])]
-            values.append(held)
+            values.append(receiver)
         shown = "" if condition is None else str(cast("ast.Constant", condition).value)
-        output = Emission(name, tuple(slots), len(values) - len(slots), shown)
+        output = Emission(name, tuple(slots), receivers is not None, shown)
         for other in method.outputs:
             if isinstance(other, Emission) and other.event_type == name and other != output:
-                what = f"{name} emitted with other numbers of receivers, or two conditions"
+                what = f"{name} emitted with and without a receiver, or with two conditions"
                 raise check.problem(node, what, "emit events of one type in one form")
         return [*made, Append(_add(method.outputs, output), tuple(values))]
 
-    def _receivers(self, check: Statements, node: ast.expr | None) -> list[Value]:
-        if node is None:
-            return []
-        if not isinstance(node, ast.List | ast.Tuple):
-            instead = "list them: receivers=[self.mother, self.father]"
-            raise check.problem(node, "computed receivers", instead)
-        values = [check.value(each) for each in node.elts]
-        for each, value in zip(node.elts, values, strict=True):
-            if value.kind is not ValueKind.TEXT:
-                raise check.problem(each, f"{value.kind.value} as a receiver", "use an id")
-        return values
+    def _receiver(self, check: Statements, node: ast.expr) -> Value:
+        if not isinstance(node, ast.List | ast.Tuple) or len(node.elts) != 1:
+            instead = "name one agent, and emit an event for each: receivers=[self.mother]"
+            raise check.problem(node, "computed receivers, or several", instead)
+        value = check.value(node.elts[0])
+        if value.kind is not ValueKind.TEXT:
+            raise check.problem(node, f"{value.kind.value} as a receiver", "use an id")
+        return value
 
     # --- newborns ---
 
-    def _collect(self, check: Statements, target: ast.Name, node: ast.expr) -> list[Line]:
-        """`litter = EMPTY`, `litter = litter + self.child(...)`, `litter += self.child(...)`."""
-        name, made, scope = target.id, list[Line](), check.scope
-        if name in scope.kinds or name in scope.references:
-            raise check.problem(target, f"another value for {name}", "use another variable")
-        if len(scope.litters | {name: []}) > 1:
-            raise check.problem(target, "two variables with newborns", "use one for all")
-        parts = _summands(node, node)
-        adds = isinstance(parts[0], ast.Name) and parts[0].id == name
-        if name in scope.litters and not adds:
-            raise check.problem(target, f"{name} set again", f"write {name} += self.child(...)")
-        outputs = scope.litters.setdefault(name, [])
-        if scope.loops and not adds:
-            what = "a first assignment of newborns in a loop"
-            raise check.problem(target, what, f"write {name} = EMPTY before")
-        for part in parts[adds:]:
-            if _is_epsilon(check, part):
-                continue
-            if not _is_child(check, part):
-                what = "this added to newborns"
-                raise check.problem(part, what, "add self.child(...) only")
-            lines, output = self._child(check, cast("ast.Call", part))
-            # An output per call: in a loop, the order of two calls would be lost.
-            if scope.loops and self._repeated:
-                raise check.problem(part, "two calls of child in loops", "use one call")
-            if scope.loops:
-                self._repeated.add(output)
-            outputs.append(output)
-            made += lines
-        return made
-
-    def _child(self, check: Statements, node: ast.Call) -> tuple[list[Line], int]:
-        """A newborn: its values, the parent's number of births, and the output it goes to."""
+    def _child(self, check: Statements, node: ast.Call) -> list[Line]:
+        """A newborn: its values, and the parent's number of births."""
         method = check.method
         cls = self._child_class(check, node)
         kind = method.cls.kind if cls is None else cls.kind
@@ -357,9 +287,8 @@ class MethodResults:
         method.reads["births"] = method.writes["births"] = None
         slots = [Slot(n, v.kind) for n, v in zip(kind.fields.names, values, strict=True)]
         method.outputs.append(Newborn(cls, tuple(slots)))
-        output = len(method.outputs) - 1
-        made += ["a_births = add(a_births, 1)", Append(output, (_BIRTHS, *values))]
-        return made, output
+        made += ["a_births = add(a_births, 1)"]
+        return [*made, Append(len(method.outputs) - 1, (_BIRTHS, *values))]
 
     def _child_class(self, check: Statements, node: ast.Call) -> Any:
         """The class of a newborn; None: that of its parent."""
@@ -380,14 +309,8 @@ class MethodResults:
 _FIGURES: Final = "return EMPTY, or primitives in transformations: TAt(self.x, self.y)(PSpot())"
 
 
-class ViewResults:
+class ViewResults(Results):
     """A view of an agent: a string of figures."""
-
-    def begin(self) -> None: ...
-
-    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
-        """No other statements."""
-        return None
 
     def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
         """A view changes nothing."""
@@ -413,8 +336,7 @@ class ViewResults:
             slots = [Slot(str(at), value.kind) for at, value in enumerate(values)]
             output = _add(check.method.outputs, Shown(tuple(figures), tuple(slots)))
             made.append(Append(output, tuple(values)))
-        check.scope.assigned = None
-        return [*made, Finish(True, ())]
+        return [*made, Finish(True)]
 
     def _figure(
         self, check: Statements, node: ast.expr, made: list[Line], values: list[Value]
@@ -443,34 +365,3 @@ class ViewResults:
             raise check.problem(head, what, "give it one, such as its default")
         inside = [self._figure(check, each, made, values) for each in node.args] if inner else []
         return Figure(symbol, tuple(known), tuple(inside))
-
-
-class RuleResults:
-    """A rule of a space: it changes tables and matrices, and returns nothing."""
-
-    def begin(self) -> None: ...
-
-    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
-        """No other statements."""
-        return None
-
-    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
-        """Only items of arrays change."""
-        if not isinstance(target.value, ast.Name):
-            check.value(target.value)  # which may have a more precise error
-        instead = f"change an item: {ast.unparse(target)}[i] = ..."
-        raise check.problem(target, "an assignment to an attribute", instead)
-
-    def end(self, check: Statements) -> list[Line]:
-        """Nothing is left to do."""
-        return []
-
-    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
-        """The end of the activation."""
-        none = node.value is None or (
-            isinstance(node.value, ast.Constant) and node.value.value is None
-        )
-        if not none:
-            raise check.problem(node, "a rule that returns a value", "change a column or cell")
-        check.scope.assigned = None
-        return ["return"]

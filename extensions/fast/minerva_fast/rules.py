@@ -35,7 +35,6 @@ from minerva_fast.places import (
     ALIVE,
     READING,
     ROWS,
-    SEARCHES,
     TOO_MANY,
     CellGrid,
     Edges,
@@ -43,7 +42,6 @@ from minerva_fast.places import (
     beside,
     copy,
     go_to,
-    random_free,
 )
 from minerva_fast.printing import (
     MOST_ARGUMENTS,
@@ -51,8 +49,7 @@ from minerva_fast.printing import (
     lines_of_helpers,
     printed_functions,
 )
-from minerva_fast.results import RuleResults
-from minerva_fast.statements import Statements, stored
+from minerva_fast.statements import Results, Statements, stored
 from minerva_fast.tables import BEFORE, InField, Inhabitants, columns_of, loops_of_table
 from minerva_fast.values import (
     STEP,
@@ -92,6 +89,7 @@ class CheckedRule:
 
     Attributes:
         text: of the generated module.
+        readable: whether its source is kept; else it runs as Python.
         method: what was collected of the rule.
         only_read: the matrices that it does not change, and `before`.
         independent: whether its activations may run in several threads, with the same result.
@@ -102,10 +100,15 @@ class CheckedRule:
     method: Method
     only_read: frozenset[str]
     independent: bool
+    readable: bool = True
 
-    def calls(self, functions: Iterable[Any]) -> bool:
-        """Whether the rule, or a function that it calls, calls one of these functions."""
-        return not self.method.called.keys().isdisjoint(functions)
+    def calls(self, *functions: Any) -> bool:
+        """Whether the rule, or a function that it calls, may call one of these functions."""
+        return not self.readable or not self.method.called.keys().isdisjoint(functions)
+
+
+_UNREADABLE: Final = CheckedRule("", Method(), frozenset([BEFORE]), False, readable=False)
+"""A rule whose source is not kept."""
 
 
 class SpaceRule:
@@ -124,13 +127,12 @@ class SpaceRule:
         """The most copies that one activation may make in a table."""
         self._compiled: Kernel | None = None
         self._checked: CheckedRule | None = None
-        self._readable = True
         try:
             self._check()
         except Undefined:  # such as a function below the rule
             pass
         except Unreadable as error:
-            self._readable = False
+            self._checked = _UNREADABLE
             warnings.warn(f"{error}; it runs as Python", stacklevel=4)
 
     def _check(self) -> CheckedRule:
@@ -145,38 +147,12 @@ class SpaceRule:
     @property
     def as_python(self) -> bool:
         """Whether it runs as Python."""
-        return interpreting() or not self._readable
+        return interpreting() or not self.checked.readable
 
     @property
     def room(self) -> int:
         """The room that a table needs for the newborns of one activation."""
-        makes_none = self._readable and not self.checked.calls([copy])
-        return 0 if makes_none else self.births
-
-    @property
-    def takes_free_cells(self) -> bool:
-        """Whether it calls `random_free`."""
-        return not self._readable or self.checked.calls([random_free])
-
-    @property
-    def searches(self) -> bool:
-        """Whether it searches for the rows of cells."""
-        return not self._readable or self.checked.calls(SEARCHES)
-
-    @property
-    def independent(self) -> bool:
-        """Whether its activations may run in several threads, with the same result."""
-        return self._readable and self.checked.independent
-
-    @property
-    def moves(self) -> bool:
-        """Whether an activation moves its row in a field."""
-        return self._readable and self.checked.calls([go_to])
-
-    @property
-    def only_read(self) -> frozenset[str]:
-        """The matrices that it does not change, and `before`."""
-        return self.checked.only_read if self._readable else frozenset([BEFORE])
+        return self.births if self.checked.calls(copy) else 0
 
     @cached_property
     def tables(self) -> tuple[RuleParameter, ...]:
@@ -216,8 +192,6 @@ class SpaceRule:
         arguments: Sequence[Any],
     ) -> int:
         """The same as Python; stops early if a table has too little room for newborns."""
-        if self._readable:
-            self.checked  # noqa: B018  (raises NotCompilable)
         tables = [a for p, a in zip(self.parameters, arguments, strict=True) if p in self.tables]
         subject = arguments[0]
         if begin == 0 and self.order is SHUFFLED:
@@ -455,7 +429,7 @@ def checked_rule(made: SpaceRule) -> CheckedRule:
     else:
         references[row] = OwnRow()
     scope = FunctionScope(origin, references, kinds, assigned=set(kinds))
-    lines = Statements(method, scope, RuleResults()).function()
+    lines = Statements(method, scope, Results()).function()
     if again:
         lines = [f"v_{row} = v_own", *lines]
         del kinds[row]
@@ -543,7 +517,7 @@ def _loop(
 def _used(variables: Mapping[str, str], lines: Sequence[str]) -> list[str]:
     """The assignments of the variables that lines use; numba takes long for each column."""
     used, made = set(re.findall(r"\w+", " ".join(lines))), list[str]()
-    for name, text in reversed(variables.items()):
+    for name, text in reversed([*variables.items()]):
         if name in used:
             used |= set(re.findall(r"\w+", text))
             made.insert(0, f"{STEP}{name} = {text}")

@@ -18,9 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,17 @@ from minerva_bus.world.context import Context
 from minerva_fast.draws import ALL, PLACE, Draws, Guarded, interpreted, interpreting, new_progress
 from minerva_fast.driving import parts_of, run_parts
 from minerva_fast.origin import MISSING, lookup
-from minerva_fast.places import ROWS, UNCOUNTED, UNLISTED, CellGrid, Edges, opened_edges
+from minerva_fast.places import (
+    ROWS,
+    SEARCHES,
+    UNCOUNTED,
+    UNLISTED,
+    CellGrid,
+    Edges,
+    go_to,
+    opened_edges,
+    random_free,
+)
 from minerva_fast.rules import BEFORE, SHUFFLED, RuleParameter, SpaceRule, loops_of
 from minerva_fast.tables import Matrices, Opened
 
@@ -146,11 +155,6 @@ def _names(code: CodeType) -> Iterator[str]:
             yield from _names(constant)
 
 
-_TAKES_FREE_CELLS: Final = attrgetter("takes_free_cells")
-_SEARCHES: Final = attrgetter("searches")
-_ROOM: Final = attrgetter("room")
-
-
 @dataclass(frozen=True, slots=True)
 class Failure:
     """An activation in which machine code failed: its place in the order, and its rule's number."""
@@ -250,7 +254,7 @@ class OpenedSpace:
     def _apply(self, rule: SpaceRule, end: int | None) -> _Started:
         """Run a rule for the rows that exist at its start, or for those before a place."""
         started = self._start(rule)
-        in_turn = end is not None or self._python or not rule.independent
+        in_turn = end is not None or self._python or not rule.checked.independent
         # Few cells of a matrix need no threads.
         if in_turn or (rule.subject.item and parts_of(started.count) == 1):
             self._activate(started, 0, started.count if end is None else end)
@@ -275,7 +279,7 @@ class OpenedSpace:
         if failed is not None:
             self._progress[PLACE], error = failed
             raise error
-        if started.rule.moves:
+        if started.rule.checked.calls(go_to):
             self._table(subject).moved = True
 
     def _start(self, rule: SpaceRule) -> _Started:
@@ -344,7 +348,7 @@ class OpenedSpace:
         if parameter.type is Edges:
             return [*self._opened_edges(parameter)]
         self._attribute(parameter)
-        only_read = parameter.name in rule.only_read
+        only_read = parameter.name in rule.checked.only_read
         matrices = self._matrices
         return [(matrices.to_read if only_read else matrices.to_change)(parameter.name)]
 
@@ -373,7 +377,7 @@ class OpenedSpace:
                 arguments.append(_guarded(name, started.before[0]))
             else:
                 (array,) = self._arguments(parameter, started.rule)
-                if name in started.rule.only_read:
+                if name in started.rule.checked.only_read:
                     array = array.view()
                     array.flags.writeable = False
                 arguments.append(_guarded(name, array))
@@ -415,9 +419,10 @@ class OpenedSpace:
             matrix = self._attribute(parameter)
             extent = self._space.width, self._space.height
             vacant = None
-            if not any(map(_TAKES_FREE_CELLS, self._rules)):
-                vacant = UNCOUNTED if any(map(_SEARCHES, self._rules)) else UNLISTED
-            room = max(map(_ROOM, self._rules))
+            if not any(rule.checked.calls(random_free) for rule in self._rules):
+                searched = any(rule.checked.calls(*SEARCHES) for rule in self._rules)
+                vacant = UNCOUNTED if searched else UNLISTED
+            room = max(rule.room for rule in self._rules)
             opened = Opened.of(
                 kind, matrix, self._lattice, extent, self._births, vacant=vacant, room=room
             )

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import FunctionType
-from typing import Any, Final, Protocol, TypeAlias, cast
-
-import numpy as np
+from typing import Any, Final, cast
 
 from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.expressions import Expressions
-from minerva_fast.functions import ARRAYS
+from minerva_fast.functions import Called
 from minerva_fast.origin import EXPRESSIONS, STATEMENTS, Origin
 from minerva_fast.values import (
     EventItself,
@@ -37,7 +35,6 @@ from minerva_fast.values import (
     both,
     constant,
     indented,
-    joined,
     variable,
 )
 
@@ -48,36 +45,34 @@ _UNCOUNTED: Final = 1000
 """Turns of a loop that take no time."""
 _VARIABLE: Final = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
 _ZERO: Final = constant(ValueKind.INT, 0)
-_LIST_TYPES: Final = {
-    float: ValueKind.REAL, int: ValueKind.INT, bool: ValueKind.BOOL,
-    np.float64: ValueKind.REAL, np.int64: ValueKind.INT, np.bool_: ValueKind.BOOL,
-}  # fmt: skip
-Taken: TypeAlias = tuple[ast.expr, Value]
-"""A name of a loop, and the value that it takes in each turn."""
 
 
-class Results(Protocol):
-    """What a kind of function returns and may do."""
+class Results:
+    """What a function returns and may do: a rule, unless a subclass says otherwise."""
 
     def returned(self, check: Statements, node: ast.Return) -> list[Line]:
         """The lines of a `return`."""
-        ...
+        none = node.value is None or (
+            isinstance(node.value, ast.Constant) and node.value.value is None
+        )
+        if not none:
+            raise check.problem(node, "a rule that returns a value", "change a column or cell")
+        return ["return"]
 
     def end(self, check: Statements) -> list[Line]:
         """The lines of the end of the source, which can be reached."""
-        ...
+        return []
 
     def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
         """The lines of an assignment to an attribute."""
-        ...
+        if not isinstance(target.value, ast.Name):
+            check.value(target.value)  # which may have a more precise error
+        instead = f"change an item: {ast.unparse(target)}[i] = ..."
+        raise check.problem(target, "an assignment to an attribute", instead)
 
-    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
-        """The lines of a statement that only this kind has; None for others."""
-        ...
-
-    def begin(self) -> None:
-        """Forget what a former pass over the function has noted."""
-        ...
+    def emit(self, check: Statements, node: ast.Call) -> list[Line] | None:
+        """The lines of `moment.emit(...)`; None for other calls."""
+        return None
 
 
 class Statements:
@@ -100,7 +95,7 @@ class Statements:
             ast.If: self._if,
             ast.While: self._while,
             ast.For: self._for,
-            ast.Return: lambda node: self.results.returned(self, node),
+            ast.Return: self._return,
             ast.Pass: lambda node: ["pass"],
             ast.Break: lambda node: self._jump("break"),
             ast.Continue: lambda node: self._jump("continue"),
@@ -112,23 +107,10 @@ class Statements:
     # --- blocks and branches ---
 
     def function(self) -> list[Line]:
-        """The lines of the function, once the kinds of its variables are known."""
-        scope, method = self.scope, self.method
-        parameters = set(scope.assigned or ())
-        while True:  # It ends, because a kind only changes to MIXED, and then stays.
-            known = dict(scope.kinds), scope.result, dict(method.kinds), dict(scope.rows)
-            scope.assigned, scope.names = set(parameters), iter(range(1_000_000))
-            scope.litters, scope.accesses = {}, []
-            outputs = len(method.outputs)
-            self.results.begin()
-            checked = self.block(scope.origin.tree.body)
-            if known == (scope.kinds, scope.result, method.kinds, scope.rows):
-                return [*checked, *self.results.end(self)] if self._reached() else checked
-            if not scope.helper:
-                del method.outputs[outputs:]
-
-    def _reached(self) -> bool:
-        return self.scope.assigned is not None
+        """The lines of the function."""
+        checked = self.block(self.scope.origin.tree.body)
+        reached = self.scope.assigned is not None
+        return [*checked, *self.results.end(self)] if reached else checked
 
     def block(self, nodes: Sequence[ast.stmt]) -> list[Line]:
         """The lines of statements; those that are never reached are left out."""
@@ -136,12 +118,15 @@ class Statements:
         for node in nodes:
             if self.scope.assigned is None:
                 break
-            own, check = self.results.statement(self, node), self._checks.get(type(node))
-            if own is None and check is None:
+            check = self._checks.get(type(node))
+            if check is None:
                 raise self.problem(node, *STATEMENTS.get(type(node), ("this statement", "")))
-            if own is None and check is not None:
-                own = check(node)
-            made += own or []
+            made += check(node)
+        return made
+
+    def _return(self, node: ast.Return) -> list[Line]:
+        made = self.results.returned(self, node)
+        self.scope.assigned = None
         return made
 
     def _jump(self, line: str) -> list[Line]:
@@ -178,7 +163,10 @@ class Statements:
         if not isinstance(node.value, ast.Call):
             what = EXPRESSIONS.get(type(node.value), ("a value that is not used", "remove it"))
             raise self.problem(node, *what)
-        kind, text, _ = self.expressions.call(node.value)
+        emitted = self.results.emit(self, node.value)
+        if emitted is not None:
+            return emitted
+        kind, text = self.expressions.call(node.value)
         return [text if kind is None else f"{self.scope.temporary()} = {text}"]
 
     # --- assignments ---
@@ -188,9 +176,8 @@ class Statements:
         if value.simple and (value.constant is not None or value.variable):
             return value, []
         name = self.scope.temporary()
-        return replace(variable(value.kind, name), newborn=value.newborn), [
-            f"{name} = {value.text}"
-        ]
+        made = replace(variable(value.kind, name), newborn=value.newborn)
+        return made, [f"{name} = {value.text}"]
 
     def _assign(self, node: ast.Assign) -> list[Line]:
         single = node.targets[0] if len(node.targets) == 1 else None
@@ -210,10 +197,6 @@ class Statements:
         """An assignment of a list or of another name of an array or table; None for others."""
         if isinstance(node, ast.List | ast.BinOp) and _is_list(node):
             return self._new_list(target, node)
-        if isinstance(node, ast.Call):
-            known = self.expressions.reference(node.func)
-            if isinstance(known, Known) and known.value in ARRAYS:
-                return self._new_array(target, node, known.value)
         reference = None
         if isinstance(node, ast.Name | ast.Attribute):
             reference = self.expressions.reference(node)
@@ -226,7 +209,7 @@ class Statements:
         """Let a variable be a name of something."""
         name, scope = target.id, self.scope
         known = scope.references.setdefault(name, reference)
-        if known != reference or name in scope.kinds or name in scope.litters:
+        if known != reference or name in scope.kinds:
             raise self.problem(target, f"another value for {name}", "use another variable")
         scope.aliases.add(name)
         if scope.assigned is not None:
@@ -297,21 +280,20 @@ class Statements:
     def assign(self, target: ast.Name, value: Value) -> str:
         """Assign to a local variable; its kind is that of all its values."""
         name, scope = target.id, self.scope
-        if name in scope.references or name in scope.litters:
+        if name in scope.references:
             raise self.problem(target, f"another value for {name}", "use another variable")
-        scope.lines.setdefault((name, value.kind), target.lineno)
-        kind = joined(scope.kinds.get(name, value.kind), value.kind)
-        if kind is None:
-            old = scope.kinds[name]
-            line = scope.lines.get((name, old), target.lineno)
+        old = scope.kinds.setdefault(name, self.expressions.definite(target, value).kind)
+        line = scope.lines.setdefault(name, target.lineno)
+        if value.newborn and line == target.lineno:
+            scope.newborns.add(name)
+        elif name in scope.newborns and not value.newborn:
+            raise self.problem(target, f"another value for {name}, a copy", "use another variable")
+        if old is not value.kind:
             what = f"{name} is {value.kind.value} here and {old.value} in line {line}"
-            raise self.problem(target, what, "use two variables")
-        scope.kinds[name] = kind
-        scope.rows[name] = scope.rows.get(name, True) and value.newborn
+            raise self.problem(target, what, self.expressions.one_kind(old, value.kind))
         if scope.assigned is not None:
             scope.assigned.add(name)
-        given = self.expressions.as_mixed(value) if kind is ValueKind.MIXED else value
-        return f"v_{name} = {given.text}"
+        return f"v_{name} = {value.text}"
 
     def _set_item(
         self, target: ast.Subscript, items: Items, place: Value, value: Value
@@ -328,7 +310,7 @@ class Statements:
                 raise self.problem(target, what, "write int(...), or use Reals")
             value = replace(value, text=f"short({value.text})")
         elif items.item == "real":
-            value = self.expressions.as_mixed(value)
+            value = self.expressions.as_exact(value)
         elif value.kind is not items.kind:
             what = f"{ast.unparse(target.value)} holds items of one type, {items.kind.value}"
             instead = "use one type, such as 0.0 and float(...)"
@@ -346,8 +328,6 @@ class Statements:
             what = f"a list of {len(nodes) * times} items"
             raise self.problem(node, what, f"use 1 to {MAX_ITEMS} items")
         kind, values = self.expressions.alike(node, [self.value(each) for each in nodes])
-        if kind is ValueKind.MIXED:
-            raise self.expressions.mixed(node)
         items = self._list(target, kind, len(nodes) * times)
         held = [self.held(value) for value in values]
         made = [line for _, lines in held for line in lines]
@@ -356,30 +336,6 @@ class Statements:
         for index in range(items.size):
             made.append(f"{items.text}[{index}] = {held[index % len(held)][0].text}")
         return made
-
-    def _new_array(self, target: ast.Name, node: ast.Call, function: Any) -> list[Line]:
-        """`np.zeros(n)`, `np.ones(n, int)` or `np.full(n, value)`."""
-        named = {str(word.arg): word.value for word in node.keywords}
-        full = function is np.full
-        types = [*node.args[1 + full :], *([named.pop("dtype")] if "dtype" in named else [])]
-        if named or len(types) > 1 or len(node.args) < 1 + full:
-            name = ast.unparse(node.func)
-            what = f"these arguments of {name}"
-            raise self.problem(node, what, "write its length and dtype only")
-        value = self.value(node.args[1]) if full else constant(ValueKind.REAL, function is np.ones)
-        kind = value.kind
-        if types:
-            known = self.expressions.reference(types[0])
-            kind = _LIST_TYPES.get(known.value) if isinstance(known, Known) else None
-            if kind is None:
-                what = f"an array of {ast.unparse(types[0])}"
-                raise self.problem(types[0], what, "write dtype=float, dtype=int or dtype=bool")
-            if full and kind is not value.kind:
-                raise self.problem(node, "a value of another type", "write one of this type")
-            value = value if full else constant(kind, function is np.ones)
-        items = self._list(target, kind, self._size(node.args[0]))
-        held, made = self.held(value)
-        return [*made, *_filled(items, held, self.scope.temporary())]
 
     def _size(self, node: ast.expr) -> int:
         count = self.value(node)
@@ -390,12 +346,9 @@ class Statements:
 
     def _list(self, target: ast.Name, kind: ValueKind, size: int) -> Items:
         """The list of a variable."""
-        if size > MAX_ITEMS:
-            raise self.problem(target, f"a list of {size} items", f"use 1 to {MAX_ITEMS} items")
         lists = self.method.lists
-        items = Items(
-            f"l_{len(lists)}", kind, str(size), size, item="real" * (kind is ValueKind.REAL)
-        )
+        self.expressions.definite(target, Value(kind, ""))
+        items = Items(f"l_{len(lists)}", kind, str(size), size)
         items = lists.setdefault((id(self.scope), target.id, kind, size), items)
         self._refer(target, items)
         self.expressions.use(items.text)
@@ -405,7 +358,7 @@ class Statements:
 
     def _helper(
         self, node: ast.Call, function: FunctionType, bound: tuple[Reference, ...]
-    ) -> tuple[ValueKind | None, str, bool]:
+    ) -> Called:
         if function.__code__.co_flags & _VARIABLE:
             what = f"{function.__name__}, a function with * or **, as decorators make"
             raise self.problem(node, what, "call a function with a parameter for each argument")
@@ -427,14 +380,14 @@ class Statements:
         self.scope.accesses += [replace(a, looped=looped or a.looped) for a in made.accesses]
         passed = [self._passed_on(slot, given).text for slot in made.parameters]
         text = f"{made.name}({', '.join(['progress', 'words', 'i', *passed])})"
-        return made.kind, text, made.newborn
+        return made.kind, text
 
     def _passed_on(self, slot: Slot, given: Mapping[str, Any]) -> Value:
         """An argument of a helper: a value of the call, or a variable that the helper reads."""
         name = slot.name.removeprefix("v_")
         if slot.name.startswith("v_") and isinstance(given.get(name), Value):
             value: Value = given[name]
-            return self.expressions.as_mixed(value) if slot.kind is ValueKind.MIXED else value
+            return value
         return self.expressions.use(slot.name, slot.kind)
 
     def _argument(self, node: ast.expr) -> Any:
@@ -442,7 +395,7 @@ class Statements:
         reference = self.expressions.reference(node) if named else None
         if reference is not None and not isinstance(reference, Known):
             return reference
-        return self.value(node)
+        return self.expressions.definite(node, self.value(node))
 
     def _plain(self, node: ast.Call, value: Any) -> Any:
         """An argument; default values are constants."""
@@ -470,103 +423,58 @@ class Statements:
         if key in method.helpers:
             return method.helpers[key]
         method.calling.append(function)
-        scope = FunctionScope(origin, references, dict(values), assigned=set(values), helper=True)
+        scope = FunctionScope(origin, references, dict(values), assigned=set(values))
         lines = Statements(method, scope, HelperResults()).function()
         method.calling.remove(function)
         slots = [Slot(f"v_{name}", scope.kinds[name]) for name in values]
         slots += [Slot(name, each.kind) for name, each in sorted(scope.reads.items())]
         name = f"h{len(method.helpers)}_{function.__name__}"
-        newborn = scope.newborn and scope.result is ValueKind.INT
-        made = Helper(name, tuple(slots), scope.result, lines, scope.accesses, newborn)
+        made = Helper(name, tuple(slots), scope.result, lines, scope.accesses)
         method.helpers[key] = made
         return made
 
     # --- loops ---
 
-    def _body(self, body: Sequence[ast.stmt]) -> tuple[list[Line], set[str] | None]:
+    def _body(
+        self, node: ast.While | ast.For, first: Sequence[Line]
+    ) -> tuple[list[Line], set[str] | None]:
         """The body of a loop, and the variables that have a value at its breaks."""
+        if node.orelse:
+            instead = "set a bool variable before `break`, and test it after the loop"
+            raise self.problem(node, "the `else` of a loop", instead)
         self._breaks.append(None)
         self.scope.loops += 1
-        checked = self.block(body)
+        checked = self.block(node.body)
         self.scope.loops -= 1
-        return checked, self._breaks.pop()
-
-    def _else(
-        self, node: ast.While | ast.For, ended: set[str] | None, left: set[str] | None
-    ) -> list[Line]:
-        """The `else` of a loop, with the variables that have a value at its end and its breaks."""
-        self.scope.assigned = ended
-        checked = self.block(node.orelse)
-        self.scope.assigned = both(self.scope.assigned, left)
-        return ["else:", *indented(checked)] if checked else []
+        return indented([*first, *checked]), self._breaks.pop()
 
     def _while(self, node: ast.While) -> list[Line]:
         endless = isinstance(node.test, ast.Constant) and bool(node.test.value)
         test, before = self.expressions.truth(node.test), set(self.scope.assigned or ())
-        body, left = self._body(node.body)
-        lines = ["turns(progress, 1.0)", *body]
-        otherwise = self._else(node, None if endless else before, left)
-        return [f"while {test.text}:", *indented(lines), *otherwise]
+        body, left = self._body(node, ["turns(progress, 1.0)"])
+        self.scope.assigned = left if endless else before
+        return [f"while {test.text}:", *body]
 
     def _for(self, node: ast.For) -> list[Line]:
-        if self._called(node.iter) is range:
-            return self._for_range(node, cast("ast.Call", node.iter))
+        function = None
+        if isinstance(node.iter, ast.Call):
+            function = self.expressions.reference(node.iter.func)
+            if isinstance(function, Known) and function.value is range:
+                return self._for_range(node, node.iter)
         reference = self.expressions.reference(node.iter)
-        if isinstance(reference, EventItself):
-            return self._for_events(node, reference)
         if isinstance(reference, RuleTable):
             raise self.expressions.whole_table(node.iter, reference.type, "NAME[k]")
-        counter = self.scope.temporary()
-        taken, length = self._taken(node.target, node.iter, variable(ValueKind.INT, counter))
-        return self._counted(node, f"for {counter} in range({length}):", taken)
-
-    def _called(self, node: ast.expr) -> object:
-        """The known function that an expression calls."""
-        function = self.expressions.reference(node.func) if isinstance(node, ast.Call) else None
-        return function.value if isinstance(function, Known) else None
-
-    def _taken(self, target: ast.expr, node: ast.expr, place: Value) -> tuple[list[Taken], int]:
-        """The names of a loop with their values, and the number of turns."""
-        if isinstance(node, ast.Call) and self._called(node) is enumerate:
-            return self._numbered(target, node, place)
-        if isinstance(node, ast.Call) and self._called(node) is zip:
-            return self._zipped(target, node, place)
-        columns = self.expressions.columns(node, target)
+        columns = self.expressions.columns(node.iter, node.target)
         if columns is None:
-            raise self._no_loop(node)
-        taken = [(name, self.expressions.item_at(items, place.text)) for name, items in columns]
-        return taken, columns[0][1].size
-
-    def _numbered(self, target: ast.expr, call: ast.Call, place: Value) -> tuple[list[Taken], int]:
-        named = [word.value for word in call.keywords if word.arg == "start"]
-        given = [*call.args, *named]
-        first = self.value(given[1]) if len(given) == 2 else _ZERO
-        known = first.constant is not None and first.kind is ValueKind.INT
-        if not known or len(given) not in (1, 2) or len(named) != len(call.keywords):
-            instead = "write enumerate(TABLE, 1), with a constant"
-            raise self.problem(call, "these arguments of enumerate", instead)
-        number, item = self._names(target, 2)
-        taken, length = self._taken(item, call.args[0], place)
-        counted = self.expressions.of_values(call, ast.Add(), place, first)
-        return [(number, counted), *taken], length
-
-    def _zipped(self, target: ast.expr, call: ast.Call, place: Value) -> tuple[list[Taken], int]:
-        if call.keywords or not call.args:
-            raise self.problem(call, "these arguments of zip", "write zip(FIRST, SECOND)")
-        names = self._names(target, len(call.args))
-        parts = [self._taken(*each, place) for each in zip(names, call.args, strict=True)]
-        return [each for taken, _ in parts for each in taken], min(length for _, length in parts)
-
-    def _names(self, target: ast.expr, count: int) -> list[ast.expr]:
-        if not isinstance(target, ast.Tuple | ast.List) or len(target.elts) != count:
-            what = f"a loop over {count} values in a turn"
-            raise self.problem(target, what, f"use {count} names: for a, b in")
-        return target.elts
+            raise self._no_loop(node.iter)
+        counter = self.scope.temporary()
+        taken = [(name, self.expressions.item_at(items, counter)) for name, items in columns]
+        return self._counted(node, f"for {counter} in range({columns[0][1].size}):", taken)
 
     def _no_loop(self, node: ast.expr) -> NotCompilable:
         if isinstance(node, ast.Call):
             self.value(node)
-        instead = "loop over range(...), a constant tuple, a local list or a batch of events"
+        instead = "loop over range(...), a constant tuple or a local list"
         return self.problem(node, "a loop over this", instead)
 
     def _for_range(self, node: ast.For, call: ast.Call) -> list[Line]:
@@ -592,37 +500,23 @@ class Statements:
             *self._counted(node, head, [(node.target, variable(ValueKind.INT, counter))]),
         ]
 
-    def _counted(self, node: ast.For, head: str, taken: Iterable[Taken]) -> list[Line]:
+    def _counted(
+        self, node: ast.For, head: str, taken: Sequence[tuple[ast.expr, Value]]
+    ) -> list[Line]:
+        """A loop, with the values that its names take in each turn."""
         # The loop may run zero times; then its names have no value.
-        before = set(self.scope.assigned or ())
-        first = [self.assign(self._name_of(target), value) for target, value in taken]
-        body, left = self._body(node.body)
-        return [head, *indented([*first, *body]), *self._else(node, before, left)]
-
-    def _name_of(self, target: ast.expr) -> ast.Name:
-        if not isinstance(target, ast.Name):
-            raise self.problem(target, "a loop over this", "use a name for each value")
-        return target
-
-    def _for_events(self, node: ast.For, event: EventItself) -> list[Line]:
-        """A loop over the events of a batch: the variable stands for one event."""
-        target, scope = self._name_of(node.target), self.scope
-        if not event.batch:
-            raise self.problem(node.iter, "a loop over one event", "use together=True")
-        if target.id in scope.kinds or target.id in scope.references:
-            raise self.problem(target, f"another value for {target.id}", "use another variable")
-        before, counter = set(scope.assigned or ()), scope.temporary()
-        scope.references[target.id] = EventItself(False, counter)
-        body, left = self._body(node.body)
-        del scope.references[target.id]
-        head = f"for {counter} in range(e_begin, e_end):"
-        return [head, *indented(body), *self._else(node, before, left)]
+        before, first = set(self.scope.assigned or ()), list[Line]()
+        for target, value in taken:
+            if not isinstance(target, ast.Name):
+                raise self.problem(target, "a loop over this", "use a name for each value")
+            first.append(self.assign(target, value))
+        body, _ = self._body(node, first)
+        self.scope.assigned = before
+        return [head, *body]
 
 
-class HelperResults:
+class HelperResults(Results):
     """A function that is called: it returns a value, or nothing, and changes no attributes."""
-
-    def begin(self) -> None: ...
 
     def returned(self, check: Statements, node: ast.Return) -> list[Line]:
         """A value of one kind; nothing if there is no value at any `return`."""
@@ -630,16 +524,13 @@ class HelperResults:
         if node.value is None:
             if scope.result is not None:
                 raise check.problem(node, "a function that returns nothing", "return a value")
-            scope.assigned = None
             return ["return"]
-        value = check.value(node.value)
-        result = joined(scope.result or value.kind, value.kind)
-        if result is None:
-            raise check.problem(node, "results of different types", "return one type")
-        scope.result, scope.assigned = result, None
-        scope.newborn = scope.newborn and value.newborn
-        made = check.expressions.as_mixed(value) if result is ValueKind.MIXED else value
-        return [f"return {made.text}"]
+        value = check.expressions.definite(node, check.value(node.value))
+        old, scope.result = scope.result or value.kind, value.kind
+        if old is not value.kind:
+            instead = check.expressions.one_kind(old, value.kind)
+            raise check.problem(node, "results of different types", instead)
+        return [f"return {value.text}"]
 
     def end(self, check: Statements) -> list[Line]:
         """The end of a function without a result."""
@@ -652,10 +543,6 @@ class HelperResults:
         """Only a method itself changes attributes."""
         what = "a function that changes attributes"
         raise check.problem(target, what, "return the value and assign it in the method")
-
-    def statement(self, check: Statements, node: ast.stmt) -> list[Line] | None:
-        """No other statements."""
-        return None
 
 
 def _is_list(node: ast.expr) -> bool:

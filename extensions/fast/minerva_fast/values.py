@@ -19,25 +19,21 @@ from minerva_fast.origin import MISSING, Origin, lookup
 
 
 class ValueKind(Enum):
-    """Kinds of values. MIXED: an int in one case and a real in another, held as a real."""
+    """Kinds of values. NUMBER: an int in one case and a real in another, held as a real.
+
+    Such a number is no variable: it is converted to a real where it is used.
+    """
 
     INT = "an int"
     REAL = "a real number"
-    MIXED = "an int in one case and a real in another"
+    NUMBER = "an int in one case and a real in another"
     BOOL = "a bool"
     TEXT = "a text"
 
     @property
-    def number(self) -> bool:
-        """Whether it is an int or a real."""
-        return self in (ValueKind.INT, ValueKind.REAL, ValueKind.MIXED)
-
-    @property
     def machine(self) -> str:
         """The type of numba that holds it."""
-        return {ValueKind.BOOL: "boolean", ValueKind.INT: "int64", ValueKind.TEXT: "int64"}.get(
-            self, "float64"
-        )
+        return {ValueKind.BOOL: "boolean", ValueKind.REAL: "float64"}.get(self, "int64")
 
 
 DECLARED: Final[Mapping[str, ValueKind]] = {
@@ -54,7 +50,7 @@ class Value:
     """An expression of the generated function.
 
     `constant` is its value if that is known; a text has its code. `simple`: it may be computed
-    twice, as a variable or an item may. `newborn`: it is the row of a newborn.
+    twice, as a variable or an item may. `newborn`: it is the row of a copy.
     """
 
     kind: ValueKind
@@ -122,11 +118,11 @@ class Newborn:
 
 @dataclass(frozen=True, slots=True)
 class Emission:
-    """An output with the events of one type: data, and the codes of their receivers."""
+    """An output with the events of one type: data, and the code of a receiver, if they have one."""
 
     event_type: str
     slots: tuple[Slot, ...]
-    receivers: int
+    receiver: bool
     condition: str
 
 
@@ -170,10 +166,9 @@ class Append:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """The end of a method: the agent stays or is gone; newborns not in `placed` are dropped."""
+    """The end of a method: the agent stays or is gone."""
 
     stays: bool
-    placed: tuple[int, ...]
     depth: int = 0
 
 
@@ -213,10 +208,7 @@ class BoundMethod:
 
 @dataclass(frozen=True, slots=True)
 class EventItself:
-    """The parameter with the event, in this row of its data; `batch`: with all of an agent."""
-
-    batch: bool = False
-    place: str = "k"
+    """The parameter with the event."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,23 +312,15 @@ class Helper:
     kind: ValueKind | None
     lines: Sequence[Line]
     accesses: Sequence[ColumnAccess]
-    newborn: bool
 
 
 @dataclass(slots=True)
 class Method:
-    """What is collected of a method, view or rule, and of the helpers that it calls.
-
-    `kinds` are those of the agent's attributes: a real attribute that a method of the class sets to
-    an int is MIXED, and the check is repeated with that.
-    """
+    """What is collected of a method, view or rule, and of the helpers that it calls."""
 
     cls: Any = None
     types: Mapping[str, Type] = field(default_factory=dict[str, Type])
-    kinds: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
     event_type: EventType | None = None
-    int_lines: dict[str, int] = field(default_factory=dict[str, int])
-    """Lines that set a real attribute to an int, by variable, for errors."""
     texts: dict[str, int] = field(default_factory=dict[str, int])
     reads: dict[str, None] = field(default_factory=dict[str, None])
     writes: dict[str, None] = field(default_factory=dict[str, None])
@@ -393,43 +377,23 @@ class FunctionScope:
     origin: Origin
     references: dict[str, Reference]
     kinds: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
-    lines: dict[tuple[str, ValueKind], int] = field(
-        default_factory=dict[tuple[str, ValueKind], int]
-    )
+    lines: dict[str, int] = field(default_factory=dict[str, int])
+    """The lines that gave variables their kinds."""
     assigned: set[str] | None = field(default_factory=set[str])
     reads: dict[str, Value] = field(default_factory=dict[str, Value])
     """Variables of the row that a helper is passed, by name."""
-    helper: bool = False
     result: ValueKind | None = None
-    newborn: bool = True
-    """Whether each result of a helper is the row of a newborn."""
-    litters: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
-    """Newborns collected in a variable: their outputs."""
-    rows: dict[str, bool] = field(default_factory=dict[str, bool])
-    """Whether all values of a variable are rows of newborns."""
+    newborns: set[str] = field(default_factory=set[str])
+    """Variables that are rows of copies."""
     accesses: list[ColumnAccess] = field(default_factory=list[ColumnAccess])
     aliases: set[str] = field(default_factory=set[str])
     """Variables that are other names of arrays and tables."""
     loops: int = 0
     names: Iterator[int] = field(default_factory=lambda: iter(range(1_000_000)))
 
-    @property
-    def int_lines(self) -> dict[str, int]:
-        """Lines that set a local variable to an int, by variable, for errors."""
-        return {
-            f"v_{name}": line for (name, kind), line in self.lines.items() if kind is ValueKind.INT
-        }
-
     def temporary(self) -> str:
         """The name of a new variable of the generated function."""
         return f"t_{next(self.names)}"
-
-
-def joined(first: ValueKind, second: ValueKind) -> ValueKind | None:
-    """The kind of a variable that has values of both kinds; None if there is none."""
-    if first is second:
-        return first
-    return ValueKind.MIXED if first.number and second.number else None
 
 
 def both(first: set[str] | None, second: set[str] | None) -> set[str] | None:

@@ -12,7 +12,6 @@ pytest.importorskip("numba")
 from space_worlds import Sheep, meadow, moment
 
 from minerva_bus import Cells, Reals, portable
-from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast import ORDERED, CellGrid, Draws, beside, integers, interpreted, rule, within
 from minerva_fast.draws import new_progress
 
@@ -217,52 +216,3 @@ def test_a_row_with_a_fault_runs_once():
             spaces[-1].run(moment(), one_row_is_too_large)
     assert spaces[0].string.digest == spaces[1].string.digest
     assert spaces[1].grass[0].tolist() == [1, 1, 1, 1]
-
-
-def mixed_loop(i: int, sheep: Sheep):
-    total = 0
-    if i > 2:
-        total = 0.5
-    sheep.energy[i] = total * -1
-
-
-def mixed_choice(i: int, sheep: Sheep):
-    sheep.energy[i] = -(0 if i > 2 else sheep.energy[i])
-
-
-def mixed_large(i: int, sheep: Sheep):
-    sheep.energy[i] = i * i if i > 2 else 0.5
-
-
-def mixed_minimum(i: int, sheep: Sheep):
-    sheep.energy[i] = min(i, 2.5) // 2
-
-
-def harmless(i: int, sheep: Sheep):
-    total, best = 0, -1
-    for k in range(i):
-        total += sheep.energy[k]
-        best = max(best, sheep.energy[k] * k)
-    share = 1 if i > 2 else 0.5
-    sheep.energy[i] = total / 2 + share * sheep.energy[i] + (0.5 * best if best > 0 else 0)
-
-
-@pytest.mark.parametrize(
-    "function", [mixed_loop, mixed_choice, mixed_large, mixed_minimum, harmless]
-)
-def test_a_number_that_is_an_int_or_a_real_has_the_result_of_python(function):
-    mixed = rule(ORDERED)(function)
-    with interpreted():
-        expected = energies(mixed)
-    assert str(energies(mixed)) == str(expected)  # also the sign of zero
-
-
-def mixed_list(i: int, sheep: Sheep):
-    values = [0, 0.5]
-    sheep.energy[i] = values[i % 2]
-
-
-def test_a_list_of_ints_and_reals_is_refused():
-    with pytest.raises(NotCompilable, match="an int in one case and a real in another") as error:
-        rule(ORDERED)(mixed_list)
-    assert "0.0 for 0" in str(error.value)

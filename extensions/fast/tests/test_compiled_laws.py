@@ -107,7 +107,7 @@ class Writer:
         if lines[0].startswith("for") and self.random.random() < 0.5:
             jump = f"    if {self.bool(2)}: {self.random.choice(JUMPS)}"
             lines.insert(self.random.choice([1, len(lines)]), jump)
-        if self.random.random() < (0.5 if lines[0].startswith("if") else 0.3):
+        if lines[0].startswith("if") and self.random.random() < 0.5:
             lines += ["else:", *self.block(depth - 1)]
         return lines
 
@@ -117,15 +117,15 @@ class Writer:
 
     def method(self):
         lines = [line for _ in range(self.random.randint(6, 12)) for line in self.statement(3)]
-        # The sum `w` is a real, or begins as an int.
-        return [self.random.choice(["w = 0", "w = 0.0"]), *lines, *self.random.choice(ENDS)]
+        return ["w = 0.0", *lines, *self.random.choice(ENDS)]
 
 
 REALS = ["0.0", "-0.0", "1.5", "-2.25", "1e-3", "self.x", "self.y", "u", "v", "w", "day.a", "moment.dt",
          "moment.time", "TABLE[1]", "counts[i % 3]", "self.mean()", "moment.chance.random()",
          "moment.chance.normal(0, 0.5)", "moment.chance.uniform(-1, 1)",
          "moment.chance.exponential(2)"]  # fmt: skip
-OF_REALS = ["($r + $r)", "($r - $r)", "($r * $r)", "($r + $i)", "($r * $i)", "(-$r)", "abs($r)",
+OF_REALS = ["($r + $r)", "($r - $r)", "($r * $r)", "($r + $i)", "($r * $i)", "($r * max($i, $r))",
+            "math.sqrt(abs($r if $b else $i))", "(-$r)", "abs($r)",
             "($r / (u if u != 0 else 1.0))", "($r // (v if v != 0 else 1.0))",
             "($r % (self.y if self.y != 0 else 2.0))", "min($r, $r)", "max($r, $r)",
             "($r if $b else $r)", "math.sqrt(abs($r))", "portable.sin($r)", "float($i)",
@@ -149,13 +149,11 @@ SIMPLE = ["w += $r", "w = max(-1e6, min(1e6, w - $r))", "self.x = max(-1e6, min(
           "moment.emit(eCall(a=max(-1e9, min(1e9, $r)), k=$i % 9, t=self.s, receivers=[self.friend]))",
           "if $b and self.x > 5: return EMPTY"]  # fmt: skip
 HEADS = ["if $b:", "if $b:", "if $b:", "for i in range(3):", "for each in TABLE:", "for dx in (-1, 0, 1):",
-         "for dx, dy in ((0, 1), (1, 0)):", "for dx, dy in STEPS:", "for dy, u in enumerate(counts):",
-         "for i, (dx, dy) in zip((3, 1), STEPS):", "for dx, w in zip((1, -1), (0.5, 2.0)):"]  # fmt: skip
+         "for dx, dy in ((0, 1), (1, 0)):", "for dx, dy in STEPS:", "for u in counts:"]  # fmt: skip
 JUMPS = ["break", "continue", "return None", "return EMPTY"]
 ENDS = [
     ["return self.string + self.child(x=u if abs(u) < 1e9 else 0.0, s=self.s) if self.c else None"],
-    ["litter = EMPTY", "for i in range(self.n % 3):", "    litter += self.child(n=i)",
-     "return self.string + litter"],
+    ["return self.string + self.child(n=i) + self.child(x=v if abs(v) < 1e9 else 1.0)"],
     ["return EMPTY if self.n % 7 == 3 else self.string"],
     ["return self.child(y=2.0) if self.n % 5 == 1 else None"],
 ]  # fmt: skip

@@ -134,8 +134,8 @@ def copies(i: int, birds: Bird):
 
 @pytest.mark.parametrize("each", [fly, spread, age, grow], ids=lambda each: each.name)
 def test_a_rule_of_its_own_row_is_independent(each):
-    assert each.independent
-    assert each.moves == (each is fly)
+    assert each.checked.independent
+    assert each.checked.calls(go_to) == (each is fly)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,7 @@ def test_a_rule_of_its_own_row_is_independent(each):
     ids=lambda each: each.name,
 )  # fmt: skip
 def test_a_rule_that_other_rows_can_notice_is_dependent(each):
-    assert not each.independent
+    assert not each.checked.independent
 
 
 class Sky(Space, symbol="ASky"):

@@ -113,12 +113,12 @@ def test_rules_change_no_string_but_the_next(as_python, written):
 
 
 def test_matrices_that_rules_only_read_keep_their_memory():
-    assert read_both.only_read == {"before", "ground", "heat"}
-    assert change_other.only_read == {"before", "heat"}
-    assert change_alias.only_read == {"before", "ground"}
-    assert change_in_kernel.only_read == {"before", "ground"}
-    assert shift.only_read == {"before"}
-    assert keep.only_read == {"before", "heat"}
+    assert read_both.checked.only_read == {"before", "ground", "heat"}
+    assert change_other.checked.only_read == {"before", "heat"}
+    assert change_alias.checked.only_read == {"before", "ground"}
+    assert change_in_kernel.checked.only_read == {"before", "ground"}
+    assert shift.checked.only_read == {"before"}
+    assert keep.checked.only_read == {"before", "heat"}
     scene = plate(width=3, height=2).string
     (old,) = agents(scene)
 

@@ -87,7 +87,7 @@ REFUSED = {
     "Python's random numbers": ("x = dice.random()", "dice.random()", "dice.random", "draws"),
     "a name of these": ("x = randint(1, 6)", "randint(1, 6)", "randint", "draws"),
     "clock": ("x = time.perf_counter()", "time.perf_counter()", "perf_counter", "moment.time"),
-    "memory": ("x = np.empty(3)", "np.empty(3)", "np.empty", "np.zeros"),
+    "memory": ("x = np.empty(3)", "np.empty(3)", "np.empty", "[0.0] * 4"),
     "method of draws": ("x = draws.integers(6)", "draws.integers", "no methods", "integers(draws"),
     "cell": ("sheep.cell[i] = 0", "sheep.cell[i]", "sheep.cell", "move_to(sheep, i, cell)"),
     "cell by another name": ("c = sheep.cell\nc[i] += 1", "c[i]", "to c", "move_to(sheep"),
@@ -106,8 +106,6 @@ REFUSED = {
         "a constant tuple",
     ),
     "short items": ("x = SHORT[0]", "SHORT", "a constant of int16", "int64"),
-    "array of short items": ("x = np.zeros(3, np.int8)", "np.int8", "an array of np.int8", "int"),
-    "method of an array": ("x = np.zeros(3).sum()", "np.zeros(3)", "np.zeros here", "a variable"),
     "numpy's exp": ("x = np.exp(1.0)", "np.exp(1.0)", "np.exp", "use portable.exp"),
     "number of numpy": ("x = np.int32(i)", "np.int32(i)", "np.int32", "write int(...)"),
     "digits": ("x = round(1.25, 1)", "round(1.25, 1)", "digits", "round(100 * x) / 100"),
@@ -130,9 +128,8 @@ VALUES = {
     "a branch that ends": "if i:\n    return\nelse:\n    x = 2\nsheep.energy[i] = x",
     "an endless loop": "while True:\n    x = 2\n    if i < 9:\n        break\nsheep.energy[i] = x",
     "a loop in its body": "for k in range(3):\n    x = k\n    sheep.energy[i] = x",
-    "else of a loop": "for k in range(3):\n    x = k\nelse:\n    x = 1\nsheep.energy[i] = x",
     "a square": "sheep.energy[i] = sheep.energy[i] ** 2 + 10 ** 3",
-    "numpy's functions": "x = np.zeros(3)\nsheep.energy[i] = np.pi + x[0]",
+    "a constant of numpy": "sheep.energy[i] = np.pi",
 }
 
 

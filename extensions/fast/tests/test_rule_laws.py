@@ -102,7 +102,8 @@ OWN = {
 REALS = ["0.0", "-0.0", "1.5", "-2.25", "1e-3", "1e300", "u", "v", "share", "TABLE[1]",
          "counts[i % 3]", "scent[k]", "random(draws)", "normal(draws, 0.0, 0.5)",
          "uniform(draws, -1, 1)", "exponential(draws, 2)"]  # fmt: skip
-OF_REALS = ["($r + $r)", "($r - $r)", "($r * $r)", "($r + $i)", "($r * $i)", "(-$r)", "abs($r)",
+OF_REALS = ["($r + $r)", "($r - $r)", "($r * $r)", "($r + $i)", "($r * $i)", "($r * max($i, $r))",
+            "math.sqrt(abs($r if $b else $i))", "(-$r)", "abs($r)",
             "($r / $r)", "($r / (u if u != 0 else 1.0))", "($r // (v if v != 0 else 1.0))",
             "($r % (share if share != 0 else 2.0))", "min($r, $r)", "max($r, $r, $r)",
             "($r if $b else $r)", "math.sqrt(abs($r))", "math.sqrt($r)", "portable.sin($r)",

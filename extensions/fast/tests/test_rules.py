@@ -388,10 +388,10 @@ def test_a_rule_names_its_parameters(as_python):
         meadow().run(moment(), missing)
 
 
-def test_a_rule_may_create_arrays():
+def test_a_rule_may_create_lists():
     @rule(ORDERED)
     def average(i: int, sheep: Sheep):
-        recent = np.zeros(2)
+        recent = [0.0] * 2
         recent[0] = sheep.energy[i]
         sheep.energy[i] = (recent[0] + recent[1]) / len(recent)
 
