@@ -1,5 +1,6 @@
 """Whole worlds under faults: the invariants of every history, checked on hundreds."""
 
+import json
 import os
 import subprocess
 import sys
@@ -16,8 +17,8 @@ from tests.simulator.writing import read_back, written
 
 HISTORIES = range(0, 1000, 25)
 """The first seeds of groups of histories."""
-USUAL = 200
-"""The histories of each run; the others run on demand.
+USUAL = 125
+"""The histories of each run; the others run on demand, and CI plays others each day.
 
 The broken engines of test_broken_engines.py are detected within the first 110.
 """
@@ -91,3 +92,24 @@ def test_a_coordinator_that_is_frozen_for_good_is_succeeded(frame):
     assert any("stopped by a signal for 10 s: killing it" in line for line in again.trace), report(
         again
     )
+
+
+def test_histories_go_on_where_they_were_interrupted(tmp_path):
+    """Two runs with results are one; results of other code begin again."""
+    path = tmp_path / "results.json"
+
+    def played(histories):
+        words = ["--histories", str(histories), "--results", str(path), "--json"]
+        done = subprocess.run(
+            [sys.executable, "-m", "tests.simulation", *words],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        return json.loads(done.stdout)
+
+    first, both = played(2), played(3)
+    assert (first["histories"], both["histories"]) == (2, 3)
+    assert both["frames"] == sum(tried_seed(seed).frames for seed in range(3))
+    kept = json.loads(path.read_text())
+    assert kept == both
+    path.write_text(json.dumps(kept | {"code": "other", "frames": 1000}))
+    assert played(1)["frames"] < 1000
