@@ -68,7 +68,7 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
     structure = structure_of(path)
     string = "a string that code makes" if structure.string is None else _size(structure.string)
     processes = counted(len(structure.processes), "process")
-    shown = f"a world of {processes}, {string}; no code was run"
+    shown = f"a world with {processes} and {string}; no code was run"
     return Checked(shown, code=list(structure.code))
 
 
@@ -77,7 +77,7 @@ def _checked(file: WorldFile) -> Checked:
     members = _checked_services(file, warnings)
     warnings += [*restless(file), *unplaced(file), *unpublished(file, members)]
     warnings += unanswered(file, members)
-    shown = f"a world of {counted(len(file.processes), 'process')}, {_size(file.world.scene)}"
+    shown = f"a world with {counted(len(file.processes), 'process')} and {_size(file.world.scene)}"
     return Checked(shown, warnings)
 
 

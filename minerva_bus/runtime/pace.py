@@ -182,7 +182,7 @@ class Overruns:
         shown: list[str] = []
         since = self._began
         for part, (member, at) in self._parts.items():
-            shown.append(f"{part} {at - since:.3f} s, {member} the last")
+            shown.append(f"{part} {at - since:.3f} s until {member} answered")
             since = at
         if self._took:
             longest = max(self._took, key=lambda member: self._took[member])

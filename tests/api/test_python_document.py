@@ -27,7 +27,7 @@ def test_the_blocks_run_in_their_order(tmp_path):
         [sys.executable, program], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
-    assert "a world of 2 processes" in done.stdout
+    assert "a world with 2 processes" in done.stdout
 
 
 def test_the_example_prints_its_curve():

@@ -31,14 +31,14 @@ def test_a_record_of_a_world_is_resumed(tmp_path):
 
 
 def test_check_describes_worlds_and_files(tmp_path):
-    assert check(pond()).what == "a world of 2 processes, 4 symbols"
+    assert check(pond()).what == "a world with 2 processes and 4 symbols"
     path = tmp_path / "pond.toml"
     pond().save(path)
     assert check(path).what == check(pond()).what
     assert "frogs:Frog" in check(path, code=False).code
     (tmp_path / "w.mnv").write_text("PWall · AFrog#a")
     assert check(tmp_path / "w.mnv").what == "a string of L(M), 2 symbols"
-    assert check("robot").what.startswith("a world of ")
+    assert check("robot").what.startswith("a world with ")
     with pytest.raises(MinervaError, match="no world"):
         check("rbot")
     with pytest.raises(MinervaError, match="No such file"):

@@ -75,7 +75,7 @@ def test_a_world_file_is_checked_without_its_code(folder):
     done = minerva(folder, "check", "trail.toml", "--no-code")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [
-        "trail.toml: a world of 2 processes, 1 symbol; no code was run",
+        "trail.toml: a world with 2 processes and 1 symbol; no code was run",
         "  not run: trail:vocabulary",
         "  not run: trail:Walker",
         "  not run: trail:Steps",

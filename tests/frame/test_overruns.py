@@ -51,8 +51,8 @@ def test_reports_come_once_a_second_at_most_and_once_a_minute_at_least(took, per
 def test_it_reports_the_delay_and_the_last_member():
     ((_, text),) = run(Overruns(), 0.18, frames=5)
     assert text == (
-        "frame 5 took 0.180 s instead of 0.100 s (events 0.090 s, robot the last; evolution"
-        " 0.090 s, robots the last); 5 frames were late so far, by 0.4 s altogether"
+        "frame 5 took 0.180 s instead of 0.100 s (events 0.090 s until robot answered; evolution"
+        " 0.090 s until robots answered); 5 frames were late so far, by 0.4 s altogether"
     )
 
 
@@ -76,7 +76,7 @@ def test_it_names_the_member_that_took_the_longest_if_they_take_turns():
         for member, seconds in (("clock", 0.01), ("film", 0.08), ("log", 0.02), ("film", 0.08)):
             overruns.took(member, seconds)
         text = overruns.done(frame, 100.19)
-    assert "(events 0.010 s, clock the last; film took the longest, 0.160 s)" in text
+    assert "(events 0.010 s until clock answered; film took the longest, 0.160 s)" in text
 
 
 def test_replies_that_the_frame_does_not_wait_for_have_no_time():
@@ -92,4 +92,4 @@ def test_replies_that_the_frame_does_not_wait_for_have_no_time():
     schedule.received(TickReply("clock", 7))
     for _ in range(5):
         text = schedule.overruns.done(7, 100.3)
-    assert "(events 0.100 s, clock the last; evolution 0.100 s, robots the last)" in text
+    assert "(events 0.100 s until clock answered; evolution 0.100 s until robots answered)" in text

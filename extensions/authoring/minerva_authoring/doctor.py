@@ -142,7 +142,7 @@ def _by_group(findings: Iterable[Finding]) -> Iterator[Finding]:
     others = tuple([name for name in EXTRAS if name not in grouped])
     for group, names in [*GROUPS.items(), (MORE, others)]:
         missing = ",".join(name for name in names if not present[name])
-        remedy = install(missing if group == MORE else group)
+        remedy = install("NAME" if group == MORE else group)
         note = f"without {missing.replace(',', ', ')}; {remedy}" if missing else ", ".join(names)
         yield Finding(group, not missing, note)
 
