@@ -243,7 +243,8 @@ def test_no_argument_contains_a_null_character(minerva, home, words):
 
 
 def test_a_world_is_checked_and_run(minerva, home):
-    assert minerva("check", "world.toml")[1] == "world.toml: a world with 2 processes and 2 symbols\n"
+    checked = minerva("check", "world.toml")[1]
+    assert checked == "world.toml: a world with 2 processes and 2 symbols\n"
     code, out, err = minerva("run", "world.toml", "--in-process")
     assert code == 0, err
     assert "world: the frames are over" in out
