@@ -140,7 +140,7 @@ class Raster:
     spatial: Spatial = ()
 
 
-_SCALED = re.compile(r"^\w+\( *(\w+)")
+_SCALED = re.compile(r"^[\w# ]+\( *(\w+)")
 
 
 def parameters_of(form: "Form") -> tuple[str, ...]:

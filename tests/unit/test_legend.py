@@ -108,6 +108,17 @@ def test_a_disc_has_the_colour_of_a_value_and_the_legend_its_scale():
 
 
 @pytest.mark.parametrize(
+    ("meaning", "texts"),
+    [("well, ill", ["well", "ill"]), ("", ["person: state 3", "person: state 4"])],
+)
+def test_groups_have_an_entry_each(meaning, texts):
+    disc = Disc(0.2, "groups(state, 3, 5)", meaning=meaning)
+    shown = legend(Vocabulary.of(Primitive("PPerson", disc, state=int)), {"PPerson"})
+    groups = zip(texts, SCALES["groups"], strict=False)
+    assert shown == tuple(LegendEntry(text, Disc, (color,)) for text, color in groups)
+
+
+@pytest.mark.parametrize(
     ("color", "says"),
     [
         ("greens(agee, 0, 7)", "did you mean 'age'?"),

@@ -80,7 +80,9 @@ def plot_table(
     def paint(figure: Any) -> None:
         axes = list(figure.subplots(panels, 1, squeeze=False)[:, 0])
         if lines:
-            _draw_lines(axes.pop(0), lines, _label_of(x), table.name)
+            drawn = [name for name in names if name not in bins]
+            title = ", ".join(drawn) if len(drawn) <= MAX_LABELS else table.name
+            _draw_lines(axes.pop(0), lines, _label_of(x), title)
         for axis, (name, columns) in zip(axes, histograms.items(), strict=True):
             _draw_histogram(axis, table, x, name, columns, bars=bars)
 

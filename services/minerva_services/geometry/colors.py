@@ -24,6 +24,7 @@ OKABE_ITO: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b
 """Colours that people with colour-vision deficiency can also distinguish (Okabe and Ito, 2008)."""
 
 
+GROUPS: Final = "groups"
 SCALES: Final[Mapping[str, tuple[str, ...]]] = {
     "viridis": (
         *("#440154", "#482878", "#3e4989", "#31688e", "#26828e"),
@@ -37,11 +38,11 @@ SCALES: Final[Mapping[str, tuple[str, ...]]] = {
     "blues": ("#deebf7", "#c6dbef", "#9ecae1", "#6baed6", "#4292c6", "#2171b5", "#08519c"),
     "reds": ("#fee0d2", "#fcbba1", "#fc9272", "#fb6a4a", "#ef3b2c", "#cb181d", "#a50f15"),
     "coolwarm": ("#3b4cc0", "#6788ee", "#9abbff", "#dddddd", "#f7a889", "#e26952", "#b40426"),
-    "groups": OKABE_ITO,
+    GROUPS: OKABE_ITO,
 }
 """Colours of the named scales, from low to high; a value has the colour of its interval."""
 
-_SCALED: Final = re.compile(r"(\w+)\( *(\w+) *, *([-+.\w]+) *, *([-+.\w]+) *\)")
+_SCALED: Final = re.compile(r"(\w+|#[#\w ]+)\( *(\w+) *, *([-+.\w]+) *, *([-+.\w]+) *\)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +50,14 @@ class Scale:
     """Colours of the values of a parameter: `viridis(age, 0, 10)`.
 
     The range is divided into equal intervals, one for each colour of the scale; values outside
-    have the colour of the nearest end.
+    have the colour of the nearest end. The colours of `groups` are entries of the legend.
     """
 
     parameter: str
     low: float
     high: float
     colors: tuple[str, ...]
+    groups: bool = False
 
     def intervals(self, values: NDArray[Any]) -> NDArray[np.int64]:
         """The number of each value's colour. Raises MisuseError for texts."""
@@ -75,16 +77,19 @@ def scale_of(color: str) -> Scale | None:
     if read is None:
         return None
     name, parameter, *ends = read.groups()
+    own = tuple(name.split()) if name.startswith("#") else ()
     try:
         low, high = map(float, ends)
     except ValueError:
         low, high = math.nan, math.nan
-    if name not in SCALES or not -math.inf < low < high < math.inf:
+    if not (own or name in SCALES) or not -math.inf < low < high < math.inf:
         raise MisuseError(
             f"{color!r} is not a scale of colours; expected such as viridis({parameter}, 0, 10),"
             f" with one of {', '.join(SCALES)}{nearest(name, list(SCALES))}"
         )
-    return Scale(parameter, low, high, SCALES[name])
+    # Each group has a colour of its own, so as many are used as there are numbers.
+    colors = own or SCALES[name][: int(high - low) if name == GROUPS else None]
+    return Scale(parameter, low, high, colors, bool(own) or name == GROUPS)
 
 
 def color_of(color: str, parameters: Mapping[str, Any]) -> str:
@@ -187,6 +192,14 @@ def _entries(name: str, shape: Shape) -> Iterator[LegendEntry]:
         dashed = isinstance(shape, Line) and shape.dashed
         text = shape.meaning or words(name)
         scale = scale_of(shape.color)
+        if scale is not None and scale.groups:
+            names = [part.strip() for part in text.split(",")]
+            if len(names) != len(scale.colors):
+                numbers = range(len(scale.colors))
+                names = [f"{text}: {scale.parameter} {scale.low + n:g}" for n in numbers]
+            for name, color in zip(names, scale.colors, strict=True):
+                yield LegendEntry(name, Disc, (color,), heading=heading)
+            return
         if scale is not None:
             ends = f"{scale.parameter} {scale.low:g} to {scale.high:g}"
             yield LegendEntry(f"{text}: {ends}", Raster, scale.colors)

@@ -76,10 +76,11 @@ def summary(spots: Spots, pairs: Pairs, wanted: AbstractSet[str], apart: float) 
         if relation == "sum":
             data[name] = _summed(pairs, other, own, count)
         else:
-            first, second = (
-                (own == other,) * 2 if relation == "same" else (other > own, own > other)
-            )
-            data[name] = _summed(pairs, first, second, count).astype(np.int64)
+            same = relation == "same"
+            first = own == other if same else other > own
+            second = first if same else own > other
+            counted = _summed(pairs, first.astype(np.float64), second.astype(np.float64), count)
+            data[name] = counted.astype(np.int64)
     data["number"] = number
     return {name: data[name] for name in data.keys() & wanted}
 

@@ -1,0 +1,31 @@
+"""The cookbook: each program runs and writes its pictures; the page has the programs."""
+
+import runpy
+
+import pytest
+
+from tools.draw_cookbook import PAGE, PICTURES, PROGRAMS, RECIPES, page
+
+LINES = {"forest": 35}
+
+
+def test_the_page_has_the_programs():
+    assert sorted(path.stem for path in PROGRAMS.glob("*.py")) == sorted(RECIPES)
+    assert PAGE.read_text(encoding="utf-8") == page(), "python -m tools.draw_cookbook --page"
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_a_program_is_short_and_writes_its_pictures(recipe, tmp_path, monkeypatch):
+    text = (PROGRAMS / f"{recipe}.py").read_text(encoding="utf-8")
+    assert len([line for line in text.splitlines() if line]) <= LINES.get(recipe, 30)
+    monkeypatch.chdir(tmp_path)
+    program = tmp_path / f"{recipe}.py"
+    # The forest and the crowd with fewer agents, which take less time.
+    program.write_text(text.replace("0_000", "00"), encoding="utf-8")
+    for data in PROGRAMS.glob("*.geojson"):
+        (tmp_path / data.name).write_bytes(data.read_bytes())
+    runpy.run_path(str(program))
+    written = {path.stem for path in tmp_path.iterdir() if path.suffix in (".svg", ".png")}
+    shown = {path.stem for path in PICTURES.iterdir() if path.stem.partition("-")[0] == recipe}
+    assert shown
+    assert shown <= written
