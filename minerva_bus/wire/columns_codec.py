@@ -285,8 +285,9 @@ def plain_array(array: NDArray[Any]) -> Any:
     # Most columns of integers are small numbers, so the narrowest type saves up to seven of eight
     # bytes. Reals are never narrowed: their bits enter the digest.
     letter = {"f": "d", "b": "?"}.get(array.dtype.kind) or _narrowest(array)
-    data = array.astype(_DTYPES[letter], copy=False)
-    return extension(ARRAY, letter.encode() + data.tobytes())
+    data = np.ascontiguousarray(array, _DTYPES[letter])
+    # By `join`, because `tobytes` and `+` would each copy a large array.
+    return extension(ARRAY, b"".join((letter.encode(), data.data)))
 
 
 def _narrowest(array: NDArray[Any]) -> str:
