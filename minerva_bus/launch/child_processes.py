@@ -453,16 +453,16 @@ def interrupts_deferred() -> Generator[Callable[[], bool]]:
 
     Raises UserCodeError if code of the world has raised a KeyboardInterrupt, without a signal.
     """
-    pending = threading.Event()
+    pending = list[int]()
     if threading.current_thread() is not threading.main_thread():
-        yield pending.is_set
+        yield lambda: False
         return
     with ExitStack() as stack:
 
         def defer(number: int, frame: FrameType | None) -> None:
-            if pending.is_set():
+            if pending:
                 raise KeyboardInterrupt
-            pending.set()
+            pending.append(number)
             # A signal to the thread, unlike `interrupt_main`, also ends a blocking call like sleep.
             again = signal.pthread_kill, (threading.main_thread().ident, signal.SIGINT)
             timer = threading.Timer(FRAME_SECONDS, *again)
@@ -473,13 +473,13 @@ def interrupts_deferred() -> Generator[Callable[[], bool]]:
         raising = [n for n in end_signals() if signal.getsignal(n) is signal.default_int_handler]
         stack.enter_context(handled(dict.fromkeys(raising, defer)))
         try:
-            yield pending.is_set
+            yield lambda: bool(pending)
         except KeyboardInterrupt as error:
             # A handler that this function has not replaced may raise it for a signal.
-            if pending.is_set() or signal.SIGINT not in raising:
+            if pending or signal.SIGINT not in raising:
                 raise
             raise UserCodeError(WORLD_CODE) from error
-    if pending.is_set():
+    if pending:
         raise KeyboardInterrupt
 
 
@@ -498,15 +498,11 @@ def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Gener
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     pipes.listen(read, lambda: pipes.read(read))
     # Python writes to the pipe only for signals that have a handler, hence one for SIGCHLD.
-    wanted = {signal.SIGCHLD: _ignore, **dict.fromkeys(end_signals(), interrupt)}
+    wanted: dict[signal.Signals, Handler] = {signal.SIGCHLD: lambda number, frame: None}
     try:
-        with handled(wanted):
+        with handled(wanted | dict.fromkeys(end_signals(), interrupt)):
             yield
     finally:
         signal.set_wakeup_fd(-1)
         pipes.forget(read)
         os.close(write)
-
-
-def _ignore(number: int, frame: FrameType | None) -> None:
-    """Do nothing: the signal has written to the pipe already."""

@@ -21,6 +21,7 @@ from collections.abc import Callable, Container, Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import lru_cache
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
@@ -481,6 +482,9 @@ class _Output(io.TextIOBase):
         return next((lines for lines in reversed(every) if thread in lines.own), None)
 
 
+# Kept from step to step of a world: making and closing one takes as long as all else of `printed`.
+_output_of: Final = lru_cache(1)(_Output)
+
 _installing: Final = threading.Lock()
 """For what all threads share: standard output, and the runs of threads."""
 
@@ -494,7 +498,7 @@ def printed(tell: Callable[[str], None], own: Container[threading.Thread] = ()) 
             output: Any = sys.stdout
             # A program may have replaced it since another run began.
             if not isinstance(output, _Output):
-                output = sys.stdout = _Output(output)
+                output = sys.stdout = _output_of(output)
             output.runs.setdefault(thread, []).append(lines)
         try:
             yield
