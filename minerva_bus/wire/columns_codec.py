@@ -79,14 +79,14 @@ def plain_patch(patch: Delta) -> list[Any]:
         [
             change.level,
             change.place,
-            None if change.rows is None else plain_rows(change.rows),
+            None if change.rows is None else plain_array(change.rows),
             plain_column(change.column),
         ]
         for change in patch.changes
     ]
     plain = [PATCH, patch.count, list(patch.symbols), changes]
     if patch.row_delta is not None:
-        gone, born = map(plain_rows, (patch.row_delta.gone, patch.row_delta.born))
+        gone, born = map(plain_array, (patch.row_delta.gone, patch.row_delta.born))
         plain += [gone, born, plain_ids(patch.born)]
     return plain
 
@@ -319,11 +319,6 @@ def read_array(plain: Any) -> NDArray[Any]:
         return array
     # Copied even if the type is right: the bytes after the letter are unaligned and read-only.
     return array.astype(np.float64 if dtype == "<f8" else np.int64)
-
-
-def plain_rows(rows: Rows) -> Any:
-    """Row numbers."""
-    return plain_array(rows.astype(np.int64))
 
 
 def read_rows(plain: Any, count: int) -> Rows:
