@@ -19,14 +19,14 @@ from pathlib import Path
 from tools import blocks
 from tools.acceptance.bags import ROSBAG2
 from tools.acceptance.codec import MSGPACK
-from tools.acceptance.positions import GPSD
+from tools.acceptance.positions import GPSD, PYNMEAGPS
 from tools.acceptance.records import MCAP
 from tools.acceptance.suite import MissingSuiteError, Outcome, Score, Suite
 from tools.protocol_tables import table
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "acceptance.md"
-SUITES = {suite.name: suite for suite in (MSGPACK, MCAP, GPSD, ROSBAG2)}
+SUITES = {suite.name: suite for suite in (MSGPACK, MCAP, GPSD, PYNMEAGPS, ROSBAG2)}
 
 
 def played(names: Iterable[str], folder: Path) -> tuple[list[Score], list[str]]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout, suppress
+from functools import reduce
 from io import StringIO
+from operator import xor
 from pathlib import Path
 
 from minerva_bus.world.readings import Position
@@ -131,4 +134,68 @@ GPSD = Suite(
     "test/daemon",
     "the bridge `nmea`: positions of gpsd's logs of receivers; other protocols give none",
     _results,
+)
+
+_LISTED = re.compile(
+    r"<NMEA\([A-Z]{2}(?:GGA|GNS|RMC|GLL),[^<]*?\blat=(-?[\d.]+),[^<]*?\blon=(-?[\d.]+)"
+)
+
+UNCHECKED = "tests of pynmeagps that ignore checksums also list sentences that are damaged"
+ALL_SENTENCES = "its tests list positions of all types of sentences, the bridge those of the best"
+UNLISTED = "no test of pynmeagps lists positions of this log, and the bridge reads whole sentences"
+
+
+def _listed(tests: Iterable[Path]) -> Mapping[str, set[Place]]:
+    """Positions that tests list, by the log that they read."""
+    places: dict[str, set[Place]] = {}
+    for path in tests:
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.FunctionDef):
+                texts = [
+                    each.value
+                    for each in ast.walk(node)
+                    if isinstance(each, ast.Constant) and isinstance(each.value, str)
+                ]
+                pairs = [pair for text in texts for pair in _LISTED.findall(text)]
+                for log in (text for text in texts if text.endswith(".log")):
+                    known = places.setdefault(log, set())
+                    known.update((float(north), float(east)) for north, east in pairs)
+    return places
+
+
+def _damaged(log: Path, listed: set[Place]) -> Result:
+    """The positions of a log, which may be damaged, beside those that its tests list."""
+    data = log.read_bytes()
+    places, readable = {(each.latitude, each.longitude) for each in _ours(data)}, _readable(data)
+    added = [place for place in places if not _has(listed, place)]
+    problems = [f"{len(added)} positions that no test lists, as {added[0]}"] if added else []
+    lost = [place for place in listed if not _has(places, place)]
+    problems += [f"{len(lost)} positions are lost, as {min(lost)}"] if lost else []
+    expected = ""
+    if added and not listed and all(_has(readable, place) for place in added):
+        expected = UNLISTED
+    elif lost and not added:
+        fewer = all(_has(readable, place) for place in lost)
+        expected = ALL_SENTENCES if fewer else UNCHECKED if _is_damaged(data) else ""
+    return judged(log.stem, problems, expected)
+
+
+def _is_damaged(data: bytes) -> bool:
+    """Whether a sentence of a position has a wrong checksum."""
+    sentences = re.findall(rb"\$([A-Z]{2}(?:GGA|GNS|RMC|GLL),[^*\r\n]*)\*(\w\w)", data)
+    return any(reduce(xor, body) != int(checksum, 16) for body, checksum in sentences)
+
+
+def _damaged_results(folder: Path) -> Iterator[Result]:
+    listed = _listed(sorted(folder.glob("test_*.py")))
+    for log in sorted(folder.glob("*.log")):
+        yield _damaged(log, listed.get(log.name, set()))
+
+
+PYNMEAGPS = Suite(
+    "pynmeagps",
+    "semuconsulting/pynmeagps",
+    "tests",
+    "the bridge `nmea`: positions of whole sentences among damaged and foreign ones",
+    _damaged_results,
 )
