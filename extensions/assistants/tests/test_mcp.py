@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
+import jsonschema
 import pytest
 from mcp import Client, MCPError, StdioServerParameters
 from mcp.types import Implementation
@@ -192,14 +193,37 @@ def test_pause_step_and_resume(served):
 
 def test_an_event_type_has_a_tool_with_units(served):
     server = served()
-    schema = tools_of(server)["publish_eWish"].input_schema["properties"]["data"]
+    schema = tools_of(server)["publish_eWish"].input_schema
     assert schema["properties"]["x"] == {"type": "number", "description": "in m"}
     assert schema["required"] == ["x", "name"]
-    answer(server, "publish_eWish", data={"x": 5.5, "name": "tea"}, to=["c"])
+    answer(server, "publish_eWish", x=5.5, name="tea", to=["c"])
     waited = answer(server, "wait_for", kind="AWalker", condition='wish == "tea"')
     assert waited["count"] == 1
     answer(server, "publish", type="eWish", data={"x": 1, "name": "milk"}, to=["c"])
     assert answer(server, "wait_for", kind="AWalker", condition='wish == "milk"')["fulfilled"]
+
+
+def test_tools_have_examples_and_none_is_for_what_the_world_rejects(served):
+    tools = tools_of(served())
+    assert "publish_eStep" not in tools  # A clock makes it.
+    for name, tool in tools.items():
+        schema = tool.input_schema
+        assert schema["properties"] == {} or schema.get("examples"), name
+        for example in schema.get("examples", ()):
+            jsonschema.validate(example, schema)
+
+
+def test_a_long_text_is_read_in_parts(served, monkeypatch):
+    monkeypatch.setattr("minerva_assistants.mcp.observing.MAX_TEXT", 10)
+    server = served()
+    answer(server, "pause")
+    first = answer(server, "read_string")
+    second = answer(server, "read_string", offset=first["next"])
+    assert len(first["string"]) == first["next"] == 10
+    assert second["string"] != first["string"]
+    monkeypatch.setattr("minerva_assistants.mcp.observing.MAX_VALUE", 0)
+    (agent, *_) = answer(server, "find_agents", kind="AWalker")["agents"]
+    assert agent["x"].endswith(f"read_string with agent={agent['id']!r} has all)")
 
 
 def test_worlds_run_and_are_compared_and_plotted(served):
@@ -270,7 +294,7 @@ def test_the_log_names_the_caller(served):
 
 def test_an_order_has_the_name_of_the_caller(served, link):
     info = Implementation(name="-my assistant", version="1")
-    data = {"data": {"x": 1.0, "name": "n"}}
+    data = {"x": 1.0, "name": "n"}
     talk(served(), ("publish_eWish", data), client_info=info)
 
     def logged():
@@ -318,14 +342,14 @@ HOSTILE = [
     ("publish", {"type": "eWish", "data": WISH, "condition": "__import__('os')"}),
     ("publish", {"type": "eWish", "data": WISH, "condition": "nothing < 5"}),
     ("publish", {"type": "eWish", "data": WISH, "condition": "(" * 3000}),
-    ("publish_eWish", {"data": {"x": 1.0}}),
-    ("publish_eWish", {"data": {"x": "far", "name": "n"}}),
-    ("publish_eWish", {"data": {"x": True, "name": "n"}}),
-    ("publish_eWish", {"data": {"x": 1e400, "name": "n"}}),
-    ("publish_eWish", {"data": {"x": 1.0, "name": ["n"]}}),
-    ("publish_eWish", {"data": {"x": 1.0, "name": "n" * 70_000}}),
-    ("publish_eWish", {"data": {**WISH, "__class__": "x"}}),
-    ("publish_eStep", {"data": {"count": 10**30}}),
+    ("publish_eWish", {"x": 1.0}),
+    ("publish_eWish", {"x": "far", "name": "n"}),
+    ("publish_eWish", {"x": True, "name": "n"}),
+    ("publish_eWish", {"x": 1e400, "name": "n"}),
+    ("publish_eWish", {"x": 1.0, "name": ["n"]}),
+    ("publish_eWish", {"x": 1.0, "name": "n" * 70_000}),
+    ("publish_eWish", {**WISH, "__class__": "x"}),
+    ("publish_eStep", {"count": 10**30}),
     ("step", {"frames": 0}),
     ("step", {"frames": -1}),
     ("step", {"frames": 10**12}),

@@ -56,4 +56,5 @@ EXPLAIN: Final = Tool(
         ),
         "seconds": SECONDS,
     },
+    example={"file": "run.mcap", "agent": "r1", "attribute": "objective", "frame": 340},
 )

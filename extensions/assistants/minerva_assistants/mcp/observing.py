@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -24,11 +25,15 @@ MAX_WAIT: Final = 300
 POLL_SECONDS: Final = 0.1
 
 
-def shortened(long: str) -> str:
-    """A text with at most MAX_TEXT characters, with a remark if it is cut off."""
-    if len(long) <= MAX_TEXT:
-        return long
-    return f"{long[:MAX_TEXT]}… ({len(long) - MAX_TEXT} more characters; ask for one agent)"
+MAX_VALUE: Final = 2000
+"""Characters of the longest value of an attribute in a list of agents."""
+
+
+def _part(long: str, offset: int) -> dict[str, Any]:
+    """A part of a string; `next` is the offset of the one after it, if there is more."""
+    end = offset + MAX_TEXT
+    more = {"next": end, "characters": len(long)} if end < len(long) else {}
+    return {"string": long[offset:end], **more}
 
 
 def vocabulary_object(vocabulary: Vocabulary) -> dict[str, Any]:
@@ -70,16 +75,16 @@ def _vocabulary(call: ToolCall) -> Result:
     return vocabulary_object(call.link.vocabulary())
 
 
-def string_object(call: ToolCall, agent: str = "") -> dict[str, Any]:
-    """The string of the world, or the text of one agent."""
+def string_object(call: ToolCall, agent: str = "", offset: int = 0) -> dict[str, Any]:
+    """The string of the world, or the text of one agent, from a character on."""
     live = call.link.live()
     if agent:
-        return {"agent": agent, "string": shortened(live.operator.fragment(agent))}
-    return {"frame": live.frame, "string": shortened(str(live.scene))}
+        return {"agent": agent, **_part(live.operator.fragment(agent), offset)}
+    return {"frame": live.frame, **_part(str(live.scene), offset)}
 
 
 def _string(call: ToolCall) -> Result:
-    return string_object(call, call.arguments.get("agent", ""))
+    return string_object(call, call.arguments.get("agent", ""), call.arguments.get("offset", 0))
 
 
 def events_object(call: ToolCall, since: int = 0) -> dict[str, Any]:
@@ -123,7 +128,16 @@ class _Query:
 
 
 def _shown(node: AgentNode) -> dict[str, Any]:
-    return {"id": node.id, **{name: json_value(value) for name, value in node.state.items()}}
+    return {"id": node.id, **{name: _brief(value, node.id) for name, value in node.state.items()}}
+
+
+def _brief(value: Any, agent: str) -> Any:
+    """A value for JSON; a long one as the beginning of its text, and how to read all of it."""
+    plain = json_value(value)
+    long = json.dumps(plain, ensure_ascii=False)
+    if len(long) <= MAX_VALUE:
+        return plain
+    return f"{long[:100]}… ({len(long)} characters; read_string with agent={agent!r} has all)"
 
 
 def _find_agents(call: ToolCall) -> Result:
@@ -201,16 +215,28 @@ TOOLS: Final = (
     Tool("vocabulary", "Kinds of agents, event types and other symbols, with units.", _vocabulary),
     Tool(
         "read_string",
-        "Read the string of the world, or the text of one agent.",
+        "Read the string of the world, or the text of one agent. With `next` in the result there is"
+        " more: read on with this offset; pause the world before, because its string changes.",
         _string,
-        {"agent": text("Id of an agent, without #.", pattern=AGENT_ID)},
+        {
+            "agent": text("Id of an agent, without #.", pattern=AGENT_ID),
+            "offset": whole("Character to begin at.", 0, 2**53, default=0),
+        },
+        example={"agent": "r1"},
     ),
-    Tool("recent_events", "List the latest events, in their order.", _events, {"since": _SINCE}),
+    Tool(
+        "recent_events",
+        "List the latest events, in their order.",
+        _events,
+        {"since": _SINCE},
+        example={"since": 120},
+    ),
     Tool(
         "logs",
         "Read log lines of members.",
         _logs,
         {"member": text("Only this member."), "since": _SINCE},
+        example={"member": "orders"},
     ),
     Tool(
         "find_agents",
@@ -222,6 +248,7 @@ TOOLS: Final = (
             "limit": whole("Number of agents to return.", 1, 200, default=20),
         },
         ("kind",),
+        example={"kind": "AFox", "condition": "energy < 50", "limit": 5},
     ),
     Tool(
         "wait_for",
@@ -240,6 +267,7 @@ TOOLS: Final = (
                 "default": 30,
             },
         },
+        example={"kind": "AFox", "condition": "energy < 5", "seconds": 60},
     ),
     Tool(
         "picture",
@@ -249,5 +277,6 @@ TOOLS: Final = (
             "event": text("Visual event type; default: ePicture."),
             "width": whole("Width in pixels.", 100, 2000, default=600),
         },
+        example={"width": 800},
     ),
 )

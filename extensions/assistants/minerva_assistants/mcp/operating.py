@@ -82,6 +82,7 @@ CONTROL: Final = (
         _step,
         {"frames": whole("Number of frames.", 1, 100_000, default=1)},
         permission="control",
+        example={"frames": 10},
     ),
     Tool(
         "set_rate",
@@ -97,12 +98,13 @@ CONTROL: Final = (
         },
         ("rate",),
         permission="control",
+        example={"rate": 10},
     ),
 )
 
 PUBLISH: Final = Tool(
     "publish",
-    "Send an event as a person. Each event type also has a tool of its own, with its data.",
+    "Send an event as a person. Types that people may send have tools of their own, too.",
     _publish,
     {
         "type": text("Event type, such as eObjective; see `vocabulary`."),
@@ -112,28 +114,47 @@ PUBLISH: Final = Tool(
     },
     ("type",),
     permission="publish",
+    example={"type": "eObjective", "data": {"marker": "kitchen"}, "to": ["r1"]},
 )
 
 
-def event_tools(vocabulary: Vocabulary) -> Iterator[Tool]:
-    """A tool for each event type whose data JSON can express."""
-    for declared in vocabulary.events.values():
+def event_tools(vocabulary: Vocabulary, status: WorldStatus) -> Iterator[Tool]:
+    """A tool for each event type that people may send and whose data JSON can express.
+
+    A type with a datum called `to` or `condition` has none, since these are arguments of each tool.
+    """
+    made = {event for member in status.members for event in member.generates}
+    answered = {event for kind in vocabulary.kinds.values() for event in kind.subscribes}
+    for name in sorted(answered.difference(made).union(status.orders)):
+        declared = vocabulary.events[name]
         data = schema_of_fields(declared.fields)
-        if data is not None:
+        if data is not None and not {"to", "condition"}.intersection(declared.fields.names):
             yield _event_tool(declared, data)
+
+
+_SAMPLES: Final = {"boolean": True, "integer": 1, "number": 1.0, "string": "text", "array": []}
+"""Values of JSON's types in examples."""
+
+
+def _sample(schema: Mapping[str, Any]) -> Any:
+    """A value that fits the schema of a datum."""
+    if "enum" in schema:
+        return schema["enum"][0]
+    return schema.get("minimum", schema.get("maximum", _SAMPLES[schema["type"]]))
 
 
 def _event_tool(declared: EventType, data: dict[str, Any]) -> Tool:
     def send(call: ToolCall) -> Result:
-        return _send(call, declared.name, call.arguments.get("data", {}))
+        names = declared.fields.names
+        given = {name: value for name, value in call.arguments.items() if name in names}
+        return _send(call, declared.name, given)
 
-    properties = {"data": data} if declared.fields.all else {}
     return Tool(
         f"{PREFIX}{declared.name}",
-        f"Send an event {declared.name} as a person. The world rejects types that only sensors or"
-        " clocks may send.",
+        f"Send an event {declared.name} as a person.",
         send,
-        {**properties, "to": _TO, "condition": _IF},
-        ("data",) if data["required"] else (),
+        {**data["properties"], "to": _TO, "condition": _IF},
+        tuple(data["required"]),
         permission="publish",
+        example={name: _sample(data["properties"][name]) for name in data["required"]},
     )

@@ -203,6 +203,7 @@ READING: Final = (
         _diff,
         {"a": text("Record (.mcap)."), "b": text("Other record (.mcap)."), "seconds": SECONDS},
         ("a", "b"),
+        example={"a": "run.mcap", "b": "other.mcap"},
     ),
     Tool(
         "plot",
@@ -221,6 +222,7 @@ READING: Final = (
             "seconds": SECONDS,
         },
         ("file",),
+        example={"file": "foxes.csv", "series": "foxes"},
     ),
 )
 
@@ -253,6 +255,7 @@ RUNNING: Final = (
         },
         ("world", "frames"),
         permission="run",
+        example={"world": "meadow", "frames": 100, "collect": {"foxes": "count(AFox)"}},
     ),
     Tool(
         "sweep",
@@ -278,5 +281,6 @@ RUNNING: Final = (
         },
         ("world", "frames", "values"),
         permission="run",
+        example={"world": "meadow", "frames": 100, "values": {"seed": [1, 2, 3]}},
     ),
 )

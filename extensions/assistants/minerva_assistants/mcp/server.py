@@ -105,7 +105,8 @@ class WorldServer:
         yield from (*observing.TOOLS, *programs.READING, EXPLAIN, *self._more_tools)
         yield from (*operating.CONTROL, operating.PUBLISH, *programs.RUNNING)
         try:
-            yield from operating.event_tools(self._link.vocabulary())
+            live = self._link.live()
+            yield from operating.event_tools(live.vocabulary, live.status)
         except MinervaError:
             return  # No world runs now, so there are no event types.
 

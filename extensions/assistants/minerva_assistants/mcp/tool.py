@@ -45,7 +45,8 @@ class ToolCall:
 class Tool:
     """A tool: `run` executes a call in a thread and raises MinervaError.
 
-    `permission` is one of PERMISSIONS, or empty for a tool that changes nothing.
+    `permission` is one of PERMISSIONS, or empty for a tool that changes nothing; `example` are
+    arguments of a call.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Tool:
     properties: Mapping[str, Any] = field(default_factory=dict[str, Any])
     required: tuple[str, ...] = ()
     permission: str = ""
+    example: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def allowed(self, permissions: frozenset[str]) -> bool:
         """Whether a server with these permissions offers the tool."""
@@ -67,6 +69,7 @@ class Tool:
             "properties": dict(self.properties),
             "required": list(self.required),
             "additionalProperties": False,
+            **({"examples": [dict(self.example)]} if self.example else {}),
         }
 
 
