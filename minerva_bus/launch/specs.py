@@ -186,8 +186,9 @@ def described(spec: str) -> list[tuple[str, str]]:
     Raises WorldFileError if there is no such service.
     """
     cls = find_service(spec)
-    # The docstring of a service describes each option in a line that begins with `name: `.
-    documented = re.split(r"^ *(\w+): ", cls.__doc__ or "", flags=re.MULTILINE)
+    # Docstrings describe each option in a line that begins with `name: `; that of the class counts
+    # before that of its constructor, which has groups of options.
+    documented = re.split(r"^ *(\w+): ", f"{cls.__init__.__doc__}\n\n{cls.__doc__}", flags=re.M)
     texts = {
         name: " ".join(text.split("\n\n")[0].split())
         for name, text in zip(documented[1::2], documented[2::2], strict=True)

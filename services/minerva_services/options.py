@@ -21,7 +21,8 @@ def takes_options(*groups: type[Any], without: tuple[str, ...] = ()) -> Callable
     """Decorator of a constructor whose `**` parameter holds the fields of dataclasses of options.
 
     The constructor's signature then lists these options with their types and defaults, except those
-    of `without`, because the bus checks the options of a world file against the signature.
+    of `without`, because the bus checks the options of a world file against the signature. Its
+    docstring is that of the groups, for help texts.
     """
 
     def extended(init: _Init) -> _Init:
@@ -40,6 +41,7 @@ def takes_options(*groups: type[Any], without: tuple[str, ...] = ()) -> Callable
         ]
         described: Any = init  # the type of functions does not declare __signature__
         described.__signature__ = signature.replace(parameters=[*own, *added])
+        described.__doc__ = "\n\n".join(group.__doc__ or "" for group in groups)
         init.__annotations__ |= {parameter.name: parameter.annotation for parameter in added}
         return init
 

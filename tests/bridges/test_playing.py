@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from recorded import Hurried
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.specs import described
 from minerva_bus.log.recordings import Recorded, RecordingError
 from minerva_bus.world.readings import Battery, Mount
 from minerva_services.bridging import SourceError
@@ -156,13 +157,13 @@ def test_wrong_paces(options):
 def test_a_mount_overrides_what_was_recorded_part_by_part():
     recorded = Mount(1.0, 2.0, 90.0)
     assert MountOverride().over(recorded) == recorded
-    assert MountOverride(y=0, angle=45.0).over(recorded) == Mount(1.0, 0.0, 45.0)
+    assert MountOverride(mount_y=0, mount_angle=45.0).over(recorded) == Mount(1.0, 0.0, 45.0)
 
 
 @pytest.mark.parametrize("wrong", ["left", math.inf, True])
 def test_a_wrong_mount(wrong):
     with pytest.raises(MisuseError, match="mount_x is"):
-        MountOverride(x=wrong)
+        MountOverride(mount_x=wrong)
 
 
 def test_a_bridge_plays_counts_and_ends(tmp_path, capsys):
@@ -201,3 +202,9 @@ def test_a_pipe_is_no_recording(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(MisuseError, match="pipe' is a pipe or device; expected a recording"):
         Deck(str(tmp_path / "pipe"), Tape())
+
+
+@pytest.mark.parametrize("name", ["rosbag", "carmen", "csv", "ros2", "ros2_robot", "mqtt"])
+def test_options_of_groups_have_a_description(name):
+    bare = [option for option, text in described(name) if text.lstrip().startswith("[")]
+    assert bare == []

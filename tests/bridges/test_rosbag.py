@@ -78,7 +78,7 @@ def test_position_of_the_laser(tmp_path, suffix):
     mount = scan.reading.mount_x, scan.reading.mount_y, scan.reading.mount_angle
     assert mount == pytest.approx((0.75, 0.5, 90.0))
     (path,) = tmp_path.glob(f"**/*.{suffix}")
-    (scan,), _ = readings(path, mounting=MountOverride(x=0.0))
+    (scan,), _ = readings(path, mounting=MountOverride(mount_x=0.0))
     assert (scan.reading.mount_x, scan.reading.mount_y) == pytest.approx((0.0, 0.5))
 
 

@@ -56,7 +56,35 @@ class OpenSource:
     close: Callable[[], None]
 
 
-class Bridge(Generator, when="freely"):
+class Counting:
+    """Counts what was skipped, and logs the first of each kind; thread-safe."""
+
+    def __init__(self) -> None:
+        self._counts: dict[str, int] = {}
+        self._lock = threading.Lock()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """A copy of the counts, because other threads count meanwhile."""
+        with self._lock:
+            return dict(self._counts)
+
+    def count(self, what: str, more: int = 1) -> None:
+        """Count something, shown by `minerva list` and `top`."""
+        with self._lock:
+            self._counts[what] = self._counts.get(what, 0) + more
+
+    def pass_over(self, what: str, line: str) -> None:
+        """Count skipped input, and log the first of its kind."""
+        if what not in self.counts:
+            self._log(f"{line}; further ones are counted as {what!r}")
+        self.count(what)
+
+    def _log(self, line: str) -> None:
+        log(line)
+
+
+class Bridge(Generator, Counting, when="freely"):
     """A generator that forwards the items of a source.
 
     A subclass opens its source, declares its output in `publishes` and `events`, and counts skipped
@@ -73,26 +101,17 @@ class Bridge(Generator, when="freely"):
 
     def __init__(self) -> None:
         # Constructors of bridges open nothing, because they also run when a world file is read.
-        self._counts: dict[str, int] = {}
+        Counting.__init__(self)
         self._state = "not open yet"
         self._received_at = 0.0
-        self._lock = threading.Lock()
 
     @abstractmethod
     def open(self) -> Source:
         """Open the source. Raises SourceError."""
 
-    def count(self, what: str, more: int = 1) -> None:
-        """Count something, shown by `minerva list` and `top`; thread-safe."""
-        with self._lock:
-            self._counts[what] = self._counts.get(what, 0) + more
-
     def report(self) -> Mapping[str, bool | int | float | str]:
         """Counts, and the state of the source."""
-        with self._lock:
-            # A copy, because other threads count meanwhile.
-            counts = dict(self._counts)
-        return {**counts, "source": self._source_state()}
+        return {**self.counts, "source": self._source_state()}
 
     def _source_state(self) -> str:
         silent = time.monotonic() - self._received_at
@@ -144,15 +163,6 @@ class Bridge(Generator, when="freely"):
             else:
                 emit(item)
                 self.count("events")
-
-    def pass_over(self, what: str, line: str) -> None:
-        """Count skipped input, and log the first of its kind."""
-        if what not in self._counts:
-            self._log(f"{line}; further ones are counted as {what!r}")
-        self.count(what)
-
-    def _log(self, line: str) -> None:
-        log(line)
 
 
 def log(line: str) -> None:

@@ -7,7 +7,7 @@ import threading
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import dropwhile, tee
 from pathlib import Path
 from typing import ClassVar, Final
@@ -56,9 +56,13 @@ def due_times(stamps: Iterable[float], speed: float) -> Iterator[float]:
 
 @dataclass(frozen=True, slots=True)
 class PlaybackPace:
-    """Playback speed (0: as fast as possible), looping, and seconds to skip.
+    """How a recording is played. Raises MisuseError.
 
-    Raises MisuseError.
+    Args:
+        speed: playback speed relative to the recording; 0: as fast as possible.
+        loop: start over at the end.
+        offset: seconds to skip at the start.
+
     """
 
     speed: float = 1.0
@@ -73,27 +77,31 @@ class PlaybackPace:
 
 @dataclass(frozen=True, slots=True)
 class MountOverride:
-    """Overrides of a recording's sensor mount; None keeps the recorded value. See `Mount`.
+    """Overrides of a recording's sensor mount; None keeps the recorded value. Raises MisuseError.
 
-    Raises MisuseError.
+    Args:
+        mount_x: sensor position, metres ahead of the robot's centre; by default as recorded.
+        mount_y: metres to the left, likewise.
+        mount_angle: degrees, likewise.
+
     """
 
-    x: float | None = None
-    y: float | None = None
-    angle: float | None = None
+    mount_x: float | None = None
+    mount_y: float | None = None
+    mount_angle: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value in (("x", self.x), ("y", self.y), ("angle", self.angle)):
+        for name, value in asdict(self).items():
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if value is not None and not (number and math.isfinite(value)):
-                raise MisuseError(f"mount_{name} is {value!r}; expected a number")
+                raise MisuseError(f"{name} is {value!r}; expected a number")
 
     def over(self, recorded: Mount) -> Mount:
         """The recorded mount with overrides applied."""
         return Mount(
-            recorded.x if self.x is None else float(self.x),
-            recorded.y if self.y is None else float(self.y),
-            recorded.angle if self.angle is None else float(self.angle),
+            recorded.x if self.mount_x is None else float(self.mount_x),
+            recorded.y if self.mount_y is None else float(self.mount_y),
+            recorded.angle if self.mount_angle is None else float(self.mount_angle),
         )
 
 

@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.log.recordings import PassOver, Recorded, RecordingError
 from minerva_bus.world.readings import Battery, Odometry, Position, Reading
+from minerva_services.options import takes_options
 from minerva_services.sensors.clocks import FirstSkip, watched
 from minerva_services.sensors.playback import PlaybackPace, Playing
 
@@ -211,26 +212,24 @@ def _checked(reading: Reading) -> Reading:
 class Gpx(Playing, when="freely"):
     """Plays a GPX track as positions. Raises MisuseError.
 
+    Its other options are those of `PlaybackPace`.
+
     Args:
         file: the track.
         robot: the id of the agent that was there.
         topic: the topic of the positions.
-        speed: playback speed relative to the recording; 0: as fast as possible.
-        loop: start over at the end.
-        offset: seconds to skip at the start.
 
     """
 
+    @takes_options(PlaybackPace)
     def __init__(
         self,
         file: str,
         robot: str = "r1",
         topic: str = "position",
-        speed: float = 1.0,
-        loop: bool = False,
-        offset: float = 0.0,
+        **pace: Any,
     ) -> None:
-        super().__init__(file, PlaybackPace(speed, loop, offset))
+        super().__init__(file, PlaybackPace(**pace))
         self._robot = robot
         self.publishes = (topic,)
 
@@ -242,6 +241,8 @@ class Gpx(Playing, when="freely"):
 class Csv(Playing, when="freely"):
     """Plays a table with a header, separated by commas, semicolons or tabs. Raises MisuseError.
 
+    Its other options are those of `PlaybackPace`.
+
     Args:
         file: the table.
         reading: what a row is: odometry, position or battery.
@@ -249,12 +250,10 @@ class Csv(Playing, when="freely"):
         factors: numbers by which fields are multiplied: {"time" = 0.001} for milliseconds.
         robot: the id of the agent that carries the sensor.
         topic: the topic; by default the name of the reading.
-        speed: playback speed relative to the recording; 0: as fast as possible.
-        loop: start over at the end.
-        offset: seconds to skip at the start.
 
     """
 
+    @takes_options(PlaybackPace)
     def __init__(
         self,
         file: str,
@@ -263,11 +262,9 @@ class Csv(Playing, when="freely"):
         factors: Mapping[str, Any] | None = None,
         robot: str = "r1",
         topic: str = "",
-        speed: float = 1.0,
-        loop: bool = False,
-        offset: float = 0.0,
+        **pace: Any,
     ) -> None:
-        super().__init__(file, PlaybackPace(speed, loop, offset))
+        super().__init__(file, PlaybackPace(**pace))
         if reading not in _KINDS:
             hint = nearest(reading, [*_KINDS], f"expected {', '.join(_KINDS)}")
             raise MisuseError(f"csv: reading is {reading!r}{hint}")

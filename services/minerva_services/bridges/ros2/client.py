@@ -18,13 +18,13 @@ from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_bus.world.services import Device, Emit, Generator, WorldInfo
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session
-from minerva_services.bridging.bridge import SourceError
+from minerva_services.bridging.bridge import Counting, SourceError
 
 _POLL_SECONDS: Final = 0.05
 PLACE: Final = ("x", "y", "angle")
 
 
-class RobotClient(Generator, Device, when="freely, each frame"):
+class RobotClient(Generator, Device, Counting, when="freely, each frame"):
     """A free-running generator on a robot's network, whose requests come from views.
 
     All its work is done in its own thread: others hand it over with `do`. A lost network does not
@@ -34,19 +34,15 @@ class RobotClient(Generator, Device, when="freely, each frame"):
     source_option: ClassVar[str] = "router"
 
     def __init__(self, network: Ros2Network, node: str, draws: str) -> None:
+        Counting.__init__(self)
         self.network, self._node, self.draws = network, node, (draws,)
         self._work = queue.SimpleQueue[Callable[[], None]]()
-        self._counts: dict[str, int] = {}
         self._link: NetworkLink | None = None
         self._session: Ros2Session | None = None
 
     def do(self, work: Callable[..., None], *arguments: Any) -> None:
         """Do something soon in this client's own thread; thread-safe."""
         self._work.put(lambda: work(*arguments))
-
-    def count(self, what: str) -> None:
-        """Count something, for `minerva top`."""
-        self._counts[what] = self._counts.get(what, 0) + 1
 
     @property
     def state(self) -> str:
@@ -55,7 +51,7 @@ class RobotClient(Generator, Device, when="freely, each frame"):
 
     def report(self) -> Mapping[str, bool | int | float | str]:
         """Counts, and the state of the link."""
-        return {**self._counts, "source": self.state}
+        return {**self.counts, "source": self.state}
 
     def joined(self, world: WorldInfo) -> None:
         """Start connecting; raises what `check` raises."""

@@ -42,7 +42,7 @@ from minerva_services.bridges.ros2.qos import DEFAULT
 from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses, with_qos
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
-from minerva_services.bridging.bridge import log
+from minerva_services.bridging.bridge import Counting, log
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import Robot
 from minerva_services.sensors.clocks import ClockWatch
@@ -401,7 +401,7 @@ _MAX_READINGS: Final = 8
 _Timed = TypeVar("_Timed", Scan, Sightings)
 
 
-class SensorBuffers:
+class SensorBuffers(Counting):
     """The latest scans and sightings of one robot, filled by Zenoh's threads.
 
     `moved(time, pose)` receives odometry. Without odometry the robot's clock is of no use, so
@@ -416,6 +416,7 @@ class SensorBuffers:
         notify: Callable[[], None] = lambda: None,
         time_offset: float = 0.0,
     ) -> None:
+        super().__init__()
         self._time_offset = time_offset
         self._notify = notify
         self.odometry_frame = "odom"
@@ -425,8 +426,6 @@ class SensorBuffers:
         self._by_arrival = True
         self._scans = deque[Scan](maxlen=_MAX_READINGS)
         self._sightings = deque[Sightings](maxlen=_MAX_READINGS)
-        self._counts: dict[str, int] = {}
-        self._lock = threading.Lock()
 
     def listen(self, session: Ros2Session, uses: Sequence[TopicUse]) -> None:
         """Subscribe to the configured topics."""
@@ -462,23 +461,6 @@ class SensorBuffers:
             ]
         return min(times, default=math.inf)
 
-    @property
-    def counts(self) -> dict[str, int]:
-        """Counts of skipped messages by reason."""
-        with self._lock:
-            return dict(self._counts)
-
-    def count(self, what: str) -> None:
-        """Count a skipped message."""
-        with self._lock:
-            self._counts[what] = self._counts.get(what, 0) + 1
-
-    def pass_over(self, what: str, line: str) -> None:
-        """Count something, and log the first of its kind."""
-        if what not in self.counts:
-            log(f"{line}; further ones are counted as {what!r}")
-        self.count(what)
-
     def _decoder(self, message: str, take: Callable[[Any], None]) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:
             try:
@@ -506,9 +488,7 @@ class SensorBuffers:
         self.scanned = True
 
     def _take_detections(self, message: Any) -> None:
-        placed = self._frames.matrix(self._base, message.header.frame_id)
-        if placed is None:
-            raise UnplacedError(f"no transform from {message.header.frame_id}")
+        placed = self._frames.placed(self._base, message.header.frame_id)
         sightings = self._timed(readings.sightings_of(message, "", placed))
         with self._lock:
             self._sightings.append(sightings)

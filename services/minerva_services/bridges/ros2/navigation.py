@@ -397,9 +397,7 @@ class Ros2Navigation(RobotClient):
             self._events.append(self._feedback(values, [goal.agent]))
             goal.shown = now
         except GarbageError as error:
-            if "garbage" not in self._counts:
-                log(f"ros2_navigation: feedback skipped: {error}; further ones are counted")
-            self.count("garbage")
+            self.pass_over("garbage", f"ros2_navigation: feedback skipped: {error}")
 
     def _cancel(self, goal: NavigationGoal, session: Ros2Session | None, now: float) -> None:
         """Cancel the goal, and again if the answer is late; its end is in its result."""

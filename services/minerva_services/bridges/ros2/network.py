@@ -368,9 +368,7 @@ class Ros2Session:
     def _client(self, service: str, kind: str, type_hash: str) -> bytes:
         """The gid of this session's client of a service, which is announced when it is new."""
         if (service, type_hash) not in self._clients:
-            token = self.network.topic_token(
-                self._id, self.node, len(self._declared), "SC", service, kind, type_hash, DEFAULT
-            )  # fmt: skip
+            token = self._token("SC", service, kind, DEFAULT, type_hash)
             self._announce(token)
             self._clients[service, type_hash] = gid_of(token)
         return self._clients[service, type_hash]
@@ -392,10 +390,11 @@ class Ros2Session:
         return shared and messages().has_bytes(message)
 
     def _token(
-        self, kind: Any, topic: str, message: str, qos: Qos, *, buffered: bool = False
-    ) -> str:
+        self, kind: Any, topic: str, message: str, qos: Qos, type_hash: str = "",
+        *, buffered: bool = False,
+    ) -> str:  # fmt: skip
         # The list only grows, so its length is a number that is unique within the session.
-        entity, type_hash = len(self._declared), messages().hash(message)
+        entity, type_hash = len(self._declared), type_hash or messages().hash(message)
         return self.network.topic_token(
             self._id, self.node, entity, kind, topic, message, type_hash, qos, buffered=buffered
         )

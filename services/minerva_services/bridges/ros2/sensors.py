@@ -56,7 +56,7 @@ from minerva_services.bridges.ros_messages.ranges import HeightBand, scan_of_poi
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 from minerva_services.event_factory import EventFactory
-from minerva_services.options import takes_options
+from minerva_services.options import grouped, takes_options
 from minerva_services.sensors.clocks import SHARED_TOPIC, ClockWatch
 from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset
 
@@ -76,7 +76,8 @@ class Ros2(Bridge):
     given for the laser.
 
     Args:
-        router: the endpoint of the robot's network; its other options are those of `Ros2Network`.
+        router: the endpoint of the robot's network; further options are those of `Ros2Network` and
+          `HeightBand`.
         robot: the id of the agent that the sensors belong to.
         scan: topic of LaserScan messages, published here on `scan`.
         odometry: topic of Odometry messages, on `odometry`.
@@ -84,9 +85,6 @@ class Ros2(Bridge):
         compressed: topic of CompressedImage messages, also on `image`.
         points: topic of PointCloud2 messages; their points in a band of heights are a scan, also on
           `scan`.
-        points_low: metres above the base from which points are obstacles.
-        points_high: metres above the base up to which they are.
-        points_range: metres from the sensor up to which they are.
         ranges: topic of Range messages, each a scan of one beam, on `range`.
         fix: topic of NavSatFix messages, on `position`.
         battery: topic of BatteryState messages, on `battery`.
@@ -108,7 +106,7 @@ class Ros2(Bridge):
 
     source_option: ClassVar[str] = "router"
 
-    @takes_options(Ros2Network)
+    @takes_options(Ros2Network, HeightBand)
     def __init__(
         self,
         router: str,
@@ -120,9 +118,6 @@ class Ros2(Bridge):
         battery: str = "battery_state",
         detections: str = "",
         points: str = "",
-        points_low: float = 0.1,
-        points_high: float = 1.0,
-        points_range: float = 10.0,
         ranges: str = "",
         fix: str = "",
         base: str = "base_link",
@@ -132,10 +127,11 @@ class Ros2(Bridge):
         map_event: str = "eMap",
         events: Mapping[str, Any] | None = None,
         qos: Mapping[str, Any] | None = None,
-        **network: Any,
+        **further: Any,
     ) -> None:
         super().__init__()
-        self.network = Ros2Network(router, **network)
+        options = {"router": router, **further}
+        self.network, self._band = grouped(options, Ros2Network, HeightBand)
         self.source = f"the ROS 2 network at {router}"
         self._robot = robot
         self._base = base
@@ -147,7 +143,6 @@ class Ros2(Bridge):
             "battery": battery, "detections": detections, "points": points, "ranges": ranges,
             "fix": fix, "map": map,
         }  # fmt: skip
-        self._band = HeightBand(points_low, points_high, points_range)
         self._read = self._conversions()
         self._uses = [
             TopicUse(option, topics[option], message)
@@ -235,7 +230,7 @@ class Ros2(Bridge):
         """
         try:
             if other := self._others.get(message):
-                return other.made(data, self._robot, self._placed, self._band.reach)
+                return other.made(data, self._robot, self._placed, self._band.points_range)
             value = messages().decode(message, data)
             if message == TRANSFORMS:
                 self._frames.update(value)
@@ -276,10 +271,7 @@ class Ros2(Bridge):
         return scan_of_range(message, self._robot, self._mounting(message, None))
 
     def _placed(self, message: Any) -> Matrix:
-        placed = self._frames.matrix(self._base, message.header.frame_id)
-        if placed is None:
-            raise UnplacedError(f"no transform from {message.header.frame_id}")
-        return placed
+        return self._frames.placed(self._base, message.header.frame_id)
 
     def _mounting(self, message: Any, given: Mount | None) -> SensorMount:
         return mounting_of(self._frames, self._base, message.header.frame_id, given)

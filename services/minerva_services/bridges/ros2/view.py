@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final
@@ -27,7 +26,7 @@ from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
 from minerva_services.bridges.ros2.uses import TopicUse, misfits, with_qos
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import place_of
-from minerva_services.bridging.bridge import log
+from minerva_services.bridging.bridge import Counting, log
 from minerva_services.options import takes_options
 
 Cells = NDArray[np.int16]
@@ -93,7 +92,7 @@ def nearest_place(places: dict[str, Pose], goal: Pose, radius: float) -> str:
     return ordered[0][1]
 
 
-class Ros2View(Device, draws=("ePicture",)):
+class Ros2View(Device, Counting, draws=("ePicture",)):
     """Publishes a robot's knowledge for RViz, and turns a clicked goal into an objective.
 
     World coordinates are those of the map frame. A goal stands for the marker nearest to it.
@@ -131,6 +130,7 @@ class Ros2View(Device, draws=("ePicture",)):
         qos: Mapping[str, Any] | None = None,
         **network: Any,
     ) -> None:
+        Counting.__init__(self)
         self.network = Ros2Network(router, **network)
         # RViz may start later than the world, and need not be there at all; for maps it expects a
         # transient local publisher.
@@ -155,8 +155,6 @@ class Ros2View(Device, draws=("ePicture",)):
         self._link: NetworkLink | None = None
         self._publishers: dict[str, TopicPublisher] = {}
         self._picture: MapPicture | None = None
-        self._counts = {"goals": 0, "garbage": 0}
-        self._lock = threading.Lock()
 
     def uses(self) -> tuple[TopicUse, ...]:
         """The topics for RViz."""
@@ -197,7 +195,7 @@ class Ros2View(Device, draws=("ePicture",)):
     def report(self) -> dict[str, bool | int | float | str]:
         """State of the link, and the number of goals that became orders."""
         state = self._link.state if self._link is not None else "not open yet"
-        return {**self._counts, "source": state}
+        return {**self.counts, "source": state}
 
     def close(self) -> None:
         """Leave the network."""
@@ -228,8 +226,7 @@ class Ros2View(Device, draws=("ePicture",)):
             message = messages().decode(types.POSE_STAMPED, data)
             goal = Pose(*place_of(message.pose))
         except GarbageError as error:
-            self._counts["garbage"] += 1
-            log(f"ros2_view: {error}; goal ignored")
+            self.pass_over("garbage", f"ros2_view: {error}; goal ignored")
             return
         with self._lock:
             # Goals arrive in a thread of Zenoh, pictures in that of the world.
@@ -244,7 +241,7 @@ class Ros2View(Device, draws=("ePicture",)):
         except (MinervaError, KeyError) as error:
             log(f"ros2_view: {error}; goal ignored")
         else:
-            self._counts["goals"] += 1
+            self.count("goals")
 
 
 def _grid_message(header: Any, cells: Cells, cell: float, corner: Pose) -> Any:

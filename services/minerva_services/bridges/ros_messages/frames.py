@@ -68,6 +68,13 @@ class Frames:
                 return product(inverse(above[name]), matrix)
         return None
 
+    def placed(self, base: str, frame: str) -> Matrix:
+        """The same. Raises UnplacedError if they are not connected."""
+        matrix = self.matrix(base, frame)
+        if matrix is None:
+            raise UnplacedError(f"no transform from {frame} to {base}")
+        return matrix
+
     def mounting(self, base: str, frame: str) -> SensorMount | None:
         """Mount of a sensor frame on the base; None if unknown.
 

@@ -31,18 +31,25 @@ _CENTRE: Final = SensorMount()
 
 @dataclass(frozen=True, slots=True)
 class HeightBand:
-    """Which points of a cloud are obstacles: metres above the robot's base, and from the sensor."""
+    """Which points of a cloud are obstacles. Raises MisuseError.
 
-    low: float = 0.1
-    high: float = 1.0
-    reach: float = 10.0
+    Args:
+        points_low: metres above the base from which points are obstacles.
+        points_high: metres above the base up to which they are.
+        points_range: metres from the sensor up to which they are.
+
+    """
+
+    points_low: float = 0.1
+    points_high: float = 1.0
+    points_range: float = 10.0
 
     def __post_init__(self) -> None:
-        numbers = self.low, self.high, self.reach
-        if not (all(map(math.isfinite, numbers)) and self.low < self.high and self.reach > 0):
+        low, high, reach = self.points_low, self.points_high, self.points_range
+        if not (all(map(math.isfinite, (low, high, reach))) and low < high and reach > 0):
             raise MisuseError(
-                f"points_low, points_high and points_range are {self.low}, {self.high} and"
-                f" {self.reach}; expected a lower height, a higher one, and metres above 0"
+                f"points_low, points_high and points_range are {low}, {high} and {reach};"
+                " expected a lower height, a higher one, and metres above 0"
             )
 
 
@@ -57,16 +64,16 @@ def scan_of_points(
     there = _coordinates(message) @ placed[:3, :3].T
     # Heights are those above the base, directions those from the sensor.
     above = there[:, 2] + placed[2, 3]
-    there = there[(above >= band.low) & (above <= band.high)]
+    there = there[(above >= band.points_low) & (above <= band.points_high)]
     distances = portable.hypot(there[:, 0], there[:, 1])
     angles = np.degrees(portable.atan2(there[:, 1], there[:, 0]))
-    near = (distances > 0) & (distances <= band.reach)
+    near = (distances > 0) & (distances <= band.points_range)
     beams = np.rint((angles[near] + 180.0) * (_BEAMS / 360.0)).astype(np.intp) % _BEAMS
     ranges = np.full(_BEAMS, np.inf)
     np.minimum.at(ranges, beams, distances[near])
     ranges[np.isinf(ranges)] = 0.0
     return Scan(
-        robot, ranges.astype(np.float32), -180.0, 360.0 / _BEAMS, band.reach,
+        robot, ranges.astype(np.float32), -180.0, 360.0 / _BEAMS, band.points_range,
         stamp_of(message) if time is None else time, float(placed[0, 3]), float(placed[1, 3]), 0.0,
     )  # fmt: skip
 

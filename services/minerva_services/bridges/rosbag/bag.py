@@ -27,25 +27,18 @@ if TYPE_CHECKING:
 
 
 _POINTS: Final = "sensor_msgs/msg/PointCloud2"
-_READERS: Final[Mapping[str, Callable[[Any, str, SensorMount, float | None], Reading]]] = {
-    "sensor_msgs/msg/LaserScan": readings.scan_of,
-    "nav_msgs/msg/Odometry": readings.odometry_of,
-    "sensor_msgs/msg/Image": images.image_of,
-    "sensor_msgs/msg/CompressedImage": images.file_of,
-    "sensor_msgs/msg/BatteryState": readings.battery_of,
-    "sensor_msgs/msg/NavSatFix": readings.position_of,
-    "sensor_msgs/msg/Range": scan_of_range,
+_READERS: Final[
+    Mapping[str, tuple[str, Callable[[Any, str, SensorMount, float | None], Reading]]]
+] = {
+    "sensor_msgs/msg/LaserScan": ("scan", readings.scan_of),
+    "nav_msgs/msg/Odometry": ("odometry", readings.odometry_of),
+    "sensor_msgs/msg/Image": ("image", images.image_of),
+    "sensor_msgs/msg/CompressedImage": ("image", images.file_of),
+    "sensor_msgs/msg/BatteryState": ("battery", readings.battery_of),
+    "sensor_msgs/msg/NavSatFix": ("position", readings.position_of),
+    "sensor_msgs/msg/Range": ("range", scan_of_range),
 }
-TOPICS: Final[Mapping[str, str]] = {
-    "sensor_msgs/msg/LaserScan": "scan",
-    "nav_msgs/msg/Odometry": "odometry",
-    "sensor_msgs/msg/Image": "image",
-    "sensor_msgs/msg/CompressedImage": "image",
-    "sensor_msgs/msg/BatteryState": "battery",
-    "sensor_msgs/msg/NavSatFix": "position",
-    "sensor_msgs/msg/Range": "range",
-    _POINTS: "scan",
-}
+TOPICS: Final = {kind: topic for kind, (topic, _) in _READERS.items()} | {_POINTS: "scan"}
 """Default topics by type name; rosbags uses the same names for ROS 1."""
 
 
@@ -174,7 +167,8 @@ class Bag:
             return Recorded(stamp, played.topic, scan)
         sensor = self._frames.on_its_robot(header.frame_id)
         mounting = replace(sensor, mount=self.mounting.over(sensor.mount))
-        return Recorded(stamp, played.topic, _READERS[kind](message, self.robot, mounting, time))
+        _, read = _READERS[kind]
+        return Recorded(stamp, played.topic, read(message, self.robot, mounting, time))
 
     def _chosen(self) -> Iterator[PlayedTopic]:
         """The connections to play. Raises RecordingError."""

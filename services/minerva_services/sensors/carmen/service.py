@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from minerva_bus.errors import MisuseError
+from minerva_services.options import grouped, takes_options
 from minerva_services.sensors.carmen.log import CarmenLog, LogTopics
 from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
 
 class Carmen(Playing, when="freely"):
     """Plays the laser and the odometry of a CARMEN log. Raises MisuseError.
+
+    Its other options are those of `PlaybackPace` and `MountOverride`.
 
     Args:
         file: the log, plain or gzipped.
@@ -19,15 +23,10 @@ class Carmen(Playing, when="freely"):
         odometry: the topic of wheel odometry (ODOM), an `Odometry` each; "": none.
         pose: the topic of the robot's poses, an `Odometry` before each scan; "": none.
         range_max: range in metres from which nothing was hit; 0: as logged, at most 80 m.
-        speed: playback speed relative to the recording; 0: as fast as possible.
-        loop: start over at the end.
-        offset: seconds to skip at the start.
-        mount_x: laser position, metres ahead of the robot's centre; by default as logged.
-        mount_y: metres to the left, likewise.
-        mount_angle: degrees, likewise.
 
     """
 
+    @takes_options(PlaybackPace, MountOverride)
     def __init__(
         self,
         file: str,
@@ -36,19 +35,14 @@ class Carmen(Playing, when="freely"):
         odometry: str = "odometry",
         pose: str = "pose",
         range_max: float = 0.0,
-        speed: float = 1.0,
-        loop: bool = False,
-        offset: float = 0.0,
-        mount_x: float | None = None,
-        mount_y: float | None = None,
-        mount_angle: float | None = None,
+        **further: Any,
     ) -> None:
-        super().__init__(file, PlaybackPace(speed, loop, offset))
+        pace, self._mounting = grouped(further, PlaybackPace, MountOverride)
+        super().__init__(file, pace)
         if not 0 <= range_max < float("inf"):
             raise MisuseError(f"range_max is {range_max}; expected metres, or 0 for the log's own")
         self._topics = LogTopics(scan, odometry, pose)
         self._robot, self._range_max = robot, range_max
-        self._mounting = MountOverride(mount_x, mount_y, mount_angle)
         # Topics differ between worlds, so the instance attribute hides the class's.
         self.publishes = tuple(dict.fromkeys(topic for topic in (scan, odometry, pose) if topic))
 
