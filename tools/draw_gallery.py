@@ -94,6 +94,7 @@ FILMS = {
     "robot": Film([*FAST]),
     "robots": Film([*FAST, "--frames", "1201"], every=15),
     "ros2": Film(["--map", str(MAP)], 12, robot),
+    "rover": Film([*FAST], 25, view="opengl"),
     "rubble": Film([*FAST, "--frames", "200", "--pieces", "250"], 5, view="solids"),
     "slime": Film([*FAST, "--frames", "200"]),
     "traffic": Film([*FAST, "--frames", "400"], every=5),
@@ -104,9 +105,8 @@ FILMS = {
 
 def pictures(name: str, film: Film, folder: Path) -> list[Image.Image]:
     """Run a world and load its pictures, in the order of frames."""
-    view = (
-        f"{film.view}:path={folder}/picture.svg,frames=true,every={film.every},width={DRAWN_WIDTH}"
-    )
+    file = folder / ("picture.png" if film.view == "opengl" else "picture.svg")
+    view = f"{film.view}:path={file},frames=true,every={film.every},width={DRAWN_WIDTH}"
     with ExitStack() as stack:
         if film.around is not None:
             film.around(stack)

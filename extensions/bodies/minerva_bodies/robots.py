@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import DYNAMIC, FIXED
-from minerva_bodies.geometry import Part, SpaceGeometry
+from minerva_bodies.geometry import Part, ShownBody, SpaceGeometry
 from minerva_bodies.rigid import Rigid
 from minerva_bodies.service import RigidBodies
 from minerva_bus import portable
@@ -55,8 +55,8 @@ class RobotGeometry(SpaceGeometry):
 
     """
 
-    _walls: tuple[NDArray[np.int16], list[tuple[int, int, int, int]]] | None = None
-    """The last matrix, and the boxes that fill its solid cells: most views have the same."""
+    _walls: tuple[Any, NDArray[np.int16], list[Part]] | None = None
+    """The last map and its solids: most views have the same."""
 
     def _clear(self) -> None:
         super()._clear()
@@ -86,33 +86,15 @@ class RobotGeometry(SpaceGeometry):
         """α: a floor, walls around it, and a box for each rectangle of solid cells."""
         if not 0.0 < resolution < 1e6:
             raise BodiesError(f"{figure.symbol}: cells of {resolution} m; expected metres above 0")
-        corner, height = self.pose.then(Rigid.euler(x, y, 0.0, angle)), self._height(figure)
-        rows, columns = cells.shape
-        edge = _FLOOR / resolution
-        around = [
-            (-edge, 0, -edge, columns + edge),
-            (rows, rows + edge, -edge, columns + edge),
-            (0, rows, -edge, 0),
-            (0, rows, columns, columns + edge),
-        ]
-        self._block(figure, corner, resolution, (0, rows, 0, columns), (-_FLOOR, 0.0))
-        for block in (*around, *self._blocks(cells)):
-            self._block(figure, corner, resolution, block, (0.0, height))
-
-    def _block(
-        self,
-        figure: FigureNode,
-        corner: Rigid,
-        resolution: float,
-        cells: tuple[float, ...],
-        heights: tuple[float, float],
-    ) -> None:
-        """A box over rows and columns, from a height to another."""
-        (row, rows, column, columns), (low, high) = cells, heights
-        half = resolution / 2.0
-        sizes = [(rows - row) * half, (columns - column) * half, (high - low) / 2.0]
-        middle = Rigid((rows + row) * half, (columns + column) * half, (high + low) / 2.0)
-        self._stand(Rigid(), corner.then(middle), "box", "", figure, [*_SOLID, *sizes])
+        corner = self.pose.then(Rigid.euler(x, y, 0.0, angle))
+        key = (resolution, self._height(figure), corner)
+        last = RobotGeometry._walls
+        # Comparing the matrix takes longer than looking whether it is the same object.
+        is_same = last is not None and (last[1] is cells or np.array_equal(last[1], cells))
+        if last is None or last[0] != key or not is_same:
+            last = RobotGeometry._walls = key, cells, map_parts(cells, *key)
+        self.bodies.setdefault("", ShownBody(Rigid())).parts.extend(last[2])
+        self.seen[""] += len(last[2])
 
     def _stand(self, base: Rigid, at: Rigid, *solid: Any) -> None:
         """α of a solid at a pose in the body at `base`."""
@@ -194,6 +176,29 @@ def blocks(cells: NDArray[np.int16]) -> list[tuple[int, int, int, int]]:
         for run in runs:
             begun.setdefault(run, number)
     return done
+
+
+def map_parts(
+    cells: NDArray[np.int16], resolution: float, height: float, corner: Rigid
+) -> list[Part]:
+    """A floor, walls around it, and a box of a height for each rectangle of solid cells."""
+    rows, columns = cells.shape
+    edge, half = _FLOOR / resolution, resolution / 2.0
+    around = [
+        (-edge, 0, -edge, columns + edge),
+        (rows, rows + edge, -edge, columns + edge),
+        (0, rows, -edge, 0),
+        (0, rows, columns, columns + edge),
+    ]
+    parts = list[Part]()
+    for (row, end, column, ends), low, high in (
+        ((0, rows, 0, columns), -_FLOOR, 0.0),
+        *[(block, 0.0, height) for block in (*around, *blocks(cells))],
+    ):
+        sizes = [(end - row) * half, (ends - column) * half, (high - low) / 2.0]
+        middle = Rigid((end + row) * half, (ends + column) * half, (high + low) / 2.0)
+        parts.append(["box", _SOLID, sizes, list(corner.then(middle).numbers)])
+    return parts
 
 
 def vehicle_parts(radius: float, height: float) -> list[Part]:

@@ -13,7 +13,7 @@ GOLDEN = {
     "rubble": ({"pieces": 40, "frames": 60}, "edebb05c0a91c9e79c6a84e33f382102"),
     "rover": (
         {"start": "5.2, 5.9, 0", "beams": 45, "frames": 60},
-        "b5c60326d7d0b5f2c0ab5e5b8656ec4e",
+        "1658b16713b53ee422d634017cd94e2d",
     ),
 }
 

@@ -39,7 +39,7 @@ vocabulary = Vocabulary.of(
 
 THICK = 0.02  # half of a board, metres
 CORRIDOR = 5.85, 0.8  # its middle and half of its width, y in metres
-CASES = ((3.4, 3.6, 0.3), (6.1, 1.2, 0.25), (9.6, 10.2, 0.3), (13.0, 8.6, 0.25))
+CASES = ((3.4, 3.6, 0.3), (6.1, 1.2, 0.25), (7.8, 11.0, 0.3), (13.0, 8.6, 0.25))
 """x, y and half of the side, metres."""
 
 
