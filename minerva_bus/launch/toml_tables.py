@@ -408,6 +408,8 @@ def _chosen(key: str, given: str, choices: list[Any]) -> Any:
     value = given if isinstance(choices[0], str) else toml_value(given)
     if value in choices:
         return choices[choices.index(value)]
+    if "module:function" in choices and ":" in given:
+        return given
     shown = [str(each) for each in choices]
     raise WorldFileError(
         f"--{key} must be {' or '.join(shown)}, not {given!r}{nearest(given, shown)}"

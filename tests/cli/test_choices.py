@@ -75,4 +75,4 @@ def test_the_help_shows_them(tmp_path):
 
 def test_the_planners_of_the_robot_are_its_choices():
     tables = tomllib.loads(find_world("robot").read_text())
-    assert sorted(tables["choices"]["planner"]) == sorted(PLANNERS)
+    assert sorted(tables["choices"]["planner"]) == sorted([*PLANNERS, "module:function"])

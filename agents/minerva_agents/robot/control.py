@@ -1,8 +1,8 @@
 """Decisions of a robot (section 4.2.5) and the registry of planners.
 
-The paper leaves the algorithm open and gives two examples: `random` and `astar`. To add another,
-register a function in `PLANNERS`. It is called with the robot at the position where its next move
-begins, and returns that move; it may store a plan in the robot's state.
+The paper leaves the algorithm open and gives two examples: `random` and `astar`. A function of
+`PLANNERS` is called with the robot at the position where its next move begins, and returns that
+move; it may store a plan in the robot's state. `own_planner` is for functions of users.
 
 `astar` drives to a known objective, otherwise searches for it, from one viewpoint to the next (see
 `exploration`). Viewpoints already visited and turns that revealed nothing are not chosen again;
@@ -46,6 +46,7 @@ from minerva_agents.robot.approach import (
 from minerva_agents.robot.clearance import Narrows, blocked, is_clear, straightened
 from minerva_agents.robot.exploration import Goal, SearchState, news_ahead, news_at, next_goal
 from minerva_agents.robot.grid import UNKNOWN, Mask, doubt, forget_looks, holds, look, reopen
+from minerva_agents.robot.own_planner import own_planner
 from minerva_agents.robot.planning import GridPath, nearest, shortest_path
 from minerva_agents.robot.pose import (
     STAY,
@@ -95,7 +96,8 @@ def next_move(robot: RobotState, moment: Context) -> Move:
     # Time in which the robot is stopped does not count as a search without news.
     if robot.speed <= 0 or gives_up(robot, moment):
         return STAY
-    return PLANNERS[robot.planner](robot, moment)
+    own = ":" in robot.planner
+    return (own_planner(robot.planner) if own else PLANNERS[robot.planner])(robot, moment)
 
 
 def _stand_or_make_way(robot: RobotState, dt: float) -> Move:

@@ -6,7 +6,7 @@
   | markers   | {}         | positions by name, {kitchen = [x, y]}; {}: the map's, or up to six    |
   | start     | ""         | "x, y, degrees"; "": the map's, or where clearance is largest         |
   | robots    | 1          | number of robots; they start side by side                             |
-  | planner   | "astar"    | decision algorithm, "astar" or "random"                               |
+  | planner   | "astar"    | decision algorithm: "astar", "random" or "module:function"            |
   | parcels   | "*"        | one at each of these markers, "office, store"; "*": at every marker   |
   | objective | ""         | a marker; "": the kitchen, otherwise the farthest from the start      |
   | cell      | 0.1        | side of a cell of the robots' grid, metres                            |
@@ -54,6 +54,7 @@ from minerva_agents.robot.maps import (
     roomiest,
     spread,
 )
+from minerva_agents.robot.own_planner import own_planner
 from minerva_agents.robot.pose import Cell, Position, Reals, cell_of
 from minerva_agents.robot.robot import ALocalisingRobot, ARobot
 from minerva_agents.robot.vocabulary import PMap, PMarker, TPlace
@@ -102,7 +103,7 @@ class RobotOptions:
             raw.places("markers"),
             raw.text("start", ""),
             raw.count("robots", 1),
-            raw.one_of("planner", list(PLANNERS)),
+            raw.planner(),
             raw.text("parcels", "*"),
             raw.text("objective", ""),
             raw.length("cell", 0.1),
@@ -260,6 +261,13 @@ class _RawOptions:
         if value not in choices:
             expected = " or ".join(map(repr, choices))
             raise _wrong(name, value, f"{expected}{nearest(value, choices)}")
+        return value
+
+    def planner(self) -> str:
+        value = self.text("planner", "")
+        if ":" not in value:
+            return self.one_of("planner", list(PLANNERS))
+        own_planner(value)  # An error here names the world file.
         return value
 
     def places(self, name: str) -> Mapping[str, tuple[float, float]]:
