@@ -237,8 +237,8 @@ def test_an_invalid_reading_is_skipped_and_reported(tmp_path, make, why):
     assert why in line
 
 
-def mcap_of(path, *said):
-    """An MCAP of (seconds, topic, schema name, message)."""
+def mcap_of(path, *said, others=()):
+    """An MCAP of (seconds, topic, schema name, message), and of other types by their schemas."""
     from mcap.writer import CompressionType, Writer
 
     _, store = messages()
@@ -254,6 +254,9 @@ def mcap_of(path, *said):
                 channels[topic] = writer.register_channel(topic, "cdr", schema)
             data = bytes(store.serialize_cdr(message, kind))
             writer.add_message(channels[topic], stamp, data, stamp)
+        for name, text in others:
+            schema = writer.register_schema(name, "ros2msg", text.encode())
+            writer.add_message(writer.register_channel(f"/{name}", "cdr", schema), 1, b"", 1)
         writer.finish()
     return path
 
@@ -272,6 +275,21 @@ def test_schemas_may_omit_msg(tmp_path, topics):
     assert [item.topic for item in said] == ["scan", "odometry"][: 1 if topics else 2]
     assert (said[0].reading.mount_x, said[0].reading.mount_y) == (0.2, 0.1)
     assert passed == []
+
+
+def test_definitions_of_services_and_actions_do_not_matter(tmp_path):
+    """A bag with the events of services has them; rosbags does not parse two messages in one."""
+    scan = messages()[0].scan([1.0, 2.0])
+    path = mcap_of(
+        tmp_path / "events.mcap",
+        (1.0, "/front", "sensor_msgs/msg/LaserScan", scan),
+        others=[
+            ("std_srvs/srv/SetBool_Event", "bool data\n---\nbool success\n"),
+            ("test_msgs/action/Go_FeedbackMessage", "int8 a\n---\nint8 b\n---\nint8 c\n"),
+        ],
+    )
+    said, _ = readings(path)
+    assert [item.topic for item in said] == ["scan"]
 
 
 @KINDS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -250,6 +251,20 @@ def open_bag(path: Path, pass_over: PassOver) -> Bag:
     return Bag(path, pass_over)
 
 
+def _open_without_services(part: Any, open_part: Callable[[], None]) -> None:
+    """Open a reader of a bag, without the definitions of services and actions.
+
+    rosbags does not parse them, and refuses the whole bag. No reading has such a type.
+    """
+    from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+
+    open_part()
+    for index, connection in enumerate(part.connections):
+        if "/srv/" in connection.msgtype or "/action/" in connection.msgtype:
+            nothing = MessageDefinition(MessageDefinitionFormat.NONE, "")
+            part.connections[index] = connection._replace(msgdef=nothing, digest="")
+
+
 def _opened(path: Path) -> AnyReader:
     try:
         from rosbags.highlevel import AnyReader  # late: optional dependency (extra "ros")
@@ -260,6 +275,8 @@ def _opened(path: Path) -> AnyReader:
         ) from None
     try:
         reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+        for part in reader.readers:
+            part.open = partial(_open_without_services, part, part.open)
         reader.open()
     except KeyError as error:
         raise RecordingError(
