@@ -37,8 +37,6 @@ GONE: Final = 1
 FAULT: Final = 2
 FULL: Final = 3
 """Outcomes of a row. FULL: an output has no free row; it is enlarged and the row repeated."""
-MOST_ARGUMENTS: Final = 30
-"""Python packs more into a tuple, so numba cannot put such a function in the place of its call."""
 MOST_IN_CALL: Final = 50_000_000
 """Turns of loops, a fraction of a second, after which a kernel returns, so that Ctrl-C works."""
 
@@ -98,7 +96,7 @@ def printed(program: Program, method: Method, body: Sequence[Line]) -> str:
     types, names = zip(*_arguments(program), strict=True)
     counted = any("turns(" in str(line) for line in (*body, *lines_of_helpers(method)))
     row = [
-        "@once" if len(names) <= MOST_ARGUMENTS else "@inlined",
+        "@inlined",
         f"def row({', '.join(['i', 'k', *names[2:]])}):",
         *[STEP + line for line in _row(program, body)],
     ]

@@ -44,7 +44,6 @@ from minerva_fast.places import (
     go_to,
 )
 from minerva_fast.printing import (
-    MOST_ARGUMENTS,
     MOST_IN_CALL,
     lines_of_helpers,
     printed_functions,
@@ -443,9 +442,7 @@ def checked_rule(made: SpaceRule) -> CheckedRule:
     head = f"def rule({', '.join(['progress', 'words', 'i', *given])}):"
     counted = any("turns(" in str(line) for line in (*body, *lines_of_helpers(method)))
     loop = "\n".join(_loop(made, method, only_read, given, counted))
-    once = loop.count("rule(") == 1 and len(given) + 3 <= MOST_ARGUMENTS
-    mark = "@once" if once else "@inlined"
-    text = printed_functions(f"{origin.name}, a rule", method, [mark, head, *body])
+    text = printed_functions(f"{origin.name}, a rule", method, ["@inlined", head, *body])
     dependent = made.order is SHUFFLED or method.draws or not _independent(subject, scope, method)
     return CheckedRule(f"{text}\n\n{loop}\n", method, frozenset(only_read), not dependent)
 
