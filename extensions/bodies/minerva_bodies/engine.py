@@ -155,6 +155,8 @@ class Engine:
     def join(self, name: str, plain: list[Any]) -> None:
         """Create a joint at a place between two bodies. Raises BodiesError for strangers."""
         kind, ids, place, numbers = plain
+        if ids[0] == ids[1]:
+            raise BodiesError(f"joint {name}: it joins {ids[0]!r} to itself; name two bodies")
         handles = [self._joined(name, who) for who in ids]
         # In the frames of the bodies where they are now.
         frames = [self._pose(handle).inverse().then(Rigid(*place)) for handle in handles]

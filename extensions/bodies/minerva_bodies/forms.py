@@ -13,6 +13,7 @@ z points up. Sizes are half extents, as in most engines: a box of 0.2 extends 0.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from minerva_bodies.errors import BodiesError
@@ -63,7 +64,12 @@ class Matter:
     group: int = 0
 
     def __post_init__(self) -> None:
-        if self.density < 0 or self.friction < 0 or not 0 <= self.restitution <= 1:
+        # Comparisons with NaN are false, so that it is refused, too.
+        if not (
+            0 <= self.density < math.inf
+            and 0 <= self.friction < math.inf
+            and 0 <= self.restitution <= 1
+        ):
             raise BodiesError(
                 f"{self}: expected density and friction from 0, and restitution from 0 to 1"
             )

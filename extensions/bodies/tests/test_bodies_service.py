@@ -241,6 +241,7 @@ def test_solids_come_and_go_with_the_string():
         ({"a": PHill(np.zeros((2, 2), np.int16))}, "a terrain cannot move"),
         ({"~b": PBox()}, "PBox in the view of a population has no owner"),
         ({"a": PBox() + PHinge("a", "ghost")}, "no body of 'ghost'"),
+        ({"a": PBox() + PHinge("a", "a")}, "joins 'a' to itself"),
         ({"a": PBox() + PHinge("a", "") + PHinge("a", "")}, "this joint appears twice"),
     ],
 )
@@ -268,3 +269,9 @@ def test_options_that_do_not_fit_are_errors(options, says):
 def test_other_data_are_no_saved_state():
     with pytest.raises(BodiesError, match="not the saved state"):
         joined().restore({"log": "x"})
+
+
+@pytest.mark.parametrize("name", ["density", "friction", "restitution"])
+def test_matter_is_made_of_finite_numbers(name):
+    with pytest.raises(BodiesError, match="expected density"):
+        Matter(**{name: float("nan")})
