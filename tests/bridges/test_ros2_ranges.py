@@ -158,6 +158,14 @@ def test_points_are_bounded_and_spread(reach):
     assert reach > 10 or (len(event) > MAX_KEPT / 10 and np.ptp(event, axis=0).min() > 7.0)
 
 
+@pytest.mark.filterwarnings("error")
+def test_points_beyond_all_measure_are_left_out():
+    far = cloud([(1e200, 0.0, 0.0), (math.inf, 0.0, 0.0), (0.0, 2.0, 0.5)], FLOAT64)
+    assert len(of_points(far)[0]) == 1
+    _, reading = read(bridge(points="points"), types.POINTS, far)
+    assert sum(reading.ranges > 0) == 1
+
+
 def test_points_that_are_none_are_counted():
     assert of_points(cloud([(1, 2, 3)], frame="arm"))[1].report()["without a transform"] == 1
     assert of_points(cloud([(1, 2, 3)], UINT8))[1].report()["garbage"] == 1

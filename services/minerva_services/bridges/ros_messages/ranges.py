@@ -19,6 +19,9 @@ _FORMATS: Final = {7: "f4", 8: "f8"}
 """Types of coordinates, by the number that a PointField has for them."""
 
 _BEAMS: Final = 360
+_FARTHEST: Final = 1e9
+"""Metres along an axis; squares of larger numbers may overflow."""
+
 _MAX_POINTS: Final = 10_000_000
 MAX_KEPT: Final = 10_000
 """Points of a cloud after thinning, at most."""
@@ -87,7 +90,7 @@ def points_of(message: Any, placed: Matrix, reach: float, cube: float) -> NDArra
     """
     there = _coordinates(message)
     there = there[(there * there).sum(axis=1) <= reach * reach]
-    cube = max(cube, 4 * reach / _MAX_CUBES)
+    cube = max(cube, 4 * min(reach, _FARTHEST) / _MAX_CUBES)
     while True:
         x, y, z = np.floor(there / cube).astype(np.int64).T
         _, first = np.unique((x * _MAX_CUBES + y) * _MAX_CUBES + z, return_index=True)
@@ -97,7 +100,7 @@ def points_of(message: Any, placed: Matrix, reach: float, cube: float) -> NDArra
 
 
 def _coordinates(message: Any) -> NDArray[np.float64]:
-    """The finite points of a cloud, (points, 3). Raises GarbageError."""
+    """The points of a cloud that a sensor can measure, (points, 3). Raises GarbageError."""
     fields = {str(field.name): field for field in message.fields}
     missing = [name for name in "xyz" if name not in fields]
     if missing:
@@ -123,7 +126,7 @@ def _coordinates(message: Any) -> NDArray[np.float64]:
             f"{data.size} bytes are not {width} × {height} points of {message.point_step}"
         ) from None
     places = np.column_stack([points[name].astype(np.float64) for name in "xyz"])
-    return places[np.isfinite(places).all(axis=1)]
+    return places[(np.abs(places) <= _FARTHEST).all(axis=1)]
 
 
 def scan_of_range(
