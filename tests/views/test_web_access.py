@@ -4,6 +4,7 @@ import socket
 import struct
 import urllib.error
 import urllib.request
+from types import SimpleNamespace
 
 import hypothesis.strategies as st
 import pytest
@@ -17,6 +18,7 @@ from page_run import eventually
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from minerva_services.views.page_access import announce
 from minerva_services.views.web.serving import serve, stop, url
 from minerva_services.web_access import WebAccess, forget_token, token_for
 from tests.patience import patience
@@ -224,3 +226,12 @@ def test_forged_messages_close_their_connection_and_change_nothing_else(server, 
     assert "closed the connection of 127.0.0.1" in printed
     assert "ignored a message of a browser" in printed
     assert len(printed.splitlines()) == len(closing) + 4
+
+
+@pytest.mark.parametrize(
+    ("phase", "printed"), [("between frames", "http://here\n"), ("reports", "")]
+)
+def test_the_address_of_a_page_is_not_printed_after_the_end(capsys, phase, printed):
+    operator = SimpleNamespace(status=lambda: SimpleNamespace(phase=phase))
+    announce(SimpleNamespace(endpoint="tcp/127.0.0.1:1", operator=operator), "http://here")
+    assert capsys.readouterr().out == printed
