@@ -74,6 +74,7 @@ class Engine:
         self.vehicles: dict[str, Vehicle] = {}
         """The bodies with wheels."""
         self._names: dict[int, str] = {}
+        self._followed: dict[str, tuple[Rigid, Rigid]] = {}
         self._owners: dict[Any, str] = {}
         self.joints: dict[str, tuple[Any, list[Any]]] = {}
         self.touching: dict[Contact, tuple[float, int]] = {}
@@ -145,6 +146,7 @@ class Engine:
         for joint in [key for key, (_, plain) in self.joints.items() if name in plain[1]]:
             self.release(joint)
         handle = self.bodies.pop(name)
+        self._followed.pop(name, None)
         for solid in self._world.rigid_bodies[handle].colliders:
             del self._owners[solid]
         self._world.remove_body(handle)
@@ -236,9 +238,8 @@ class Engine:
             act(vector)
 
     def follow(self, name: str, pose: Sequence[float]) -> None:
-        """Move a kinematic body to a pose within the next step."""
-        body = self._world.rigid_bodies[self.bodies[name]]
-        body.set_next_kinematic_position(_isometry(pose))
+        """Move a kinematic body to a pose within the next `step`."""
+        self._followed[name] = self._pose(self.bodies[name]), Rigid(*pose)
 
     def step(self, substeps: int, forced: Sequence[str] = ()) -> list[str]:
         """Advance by some steps; the ids of the bodies that may have moved, as they were created.
@@ -250,6 +251,11 @@ class Engine:
         for number in range(substeps):
             for vehicle in self.vehicles.values():
                 vehicle.drive(self._world, (number + 1) / substeps, dt, substeps * dt)
+            for name, (begin, end) in self._followed.items():
+                # A part of the way in each step, or else it would hurry and rest in turns.
+                pose = begin.toward(end, (number + 1) / substeps).numbers
+                body = self._world.rigid_bodies[self.bodies[name]]
+                body.set_next_kinematic_position(_isometry(pose))
             self._world.step()
             lost = sorted(self._names[handle.index] for handle in self._world.quarantine.bodies)
             if lost and not self._removes:
@@ -260,6 +266,7 @@ class Engine:
             for name in lost:
                 self.remove(name)
                 self.lost[name] = None
+        self._followed = {}
         for name in forced:
             if name in self.bodies:
                 body = self._world.rigid_bodies[self.bodies[name]]

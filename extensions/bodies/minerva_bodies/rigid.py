@@ -43,6 +43,16 @@ class Rigid:
         x, y, z = back.turned(-self.x, -self.y, -self.z)
         return Rigid(x, y, z, back.w, back.i, back.j, back.k)
 
+    def toward(self, end: Rigid, share: float) -> Rigid:
+        """The pose a share of the way to another one; `end` itself for 1."""
+        if share == 1.0:
+            return end
+        # A rotation has two quaternions; this is the shorter way.
+        near = self.w * end.w + self.i * end.i + self.j * end.j + self.k * end.k >= 0.0
+        signs = (1.0, 1.0, 1.0, *[1.0 if near else -1.0] * 4)
+        pairs = zip(self.numbers, end.numbers, signs, strict=True)
+        return Rigid.quaternion(*[a + share * (sign * b - a) for a, b, sign in pairs])
+
     @property
     def numbers(self) -> tuple[float, ...]:
         """x, y, z, w, i, j, k."""

@@ -225,6 +225,17 @@ def test_a_kinematic_body_pushes_and_groups_pass_each_other():
     assert row(engine, "a")[0] > 1.1
 
 
+def test_a_kinematic_body_goes_a_part_of_its_way_in_each_substep():
+    """A box on a plate that moves steadily goes with it, however many substeps a frame has."""
+    engine = space()
+    engine.add("plate", [at(0, 0, 0), [solid("box", 5.0, 1.0, 0.1, kinematic=True)]])
+    engine.add("box", [at(0, 0, 0.3), [solid("box", 0.2, 0.2, 0.2)]])
+    for number in range(200):
+        engine.follow("plate", at(0.01 * number, 0, 0))
+        engine.step(4)
+    assert row(engine, "box")[0] == pytest.approx(row(engine, "plate")[0], abs=0.1)
+
+
 def test_terrain_and_meshes_carry(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "ramp.obj").write_text(
