@@ -33,7 +33,7 @@ _DIGEST, _MIN_DIGEST = "#sha256=", 16
 def load_mesh(name: str) -> Surface:
     """The surface of an asset; see the module. Raises BodiesError for what is none."""
     where = f"mesh {name!r}"
-    file, data = _asset(name)
+    file, data = read_asset(where, name)
     read = _READERS.get(Path(file).suffix.lower())
     if read is None:
         raise BodiesError(f"{where}: expected a file of the type {', '.join(_READERS)}")
@@ -62,9 +62,8 @@ def check_closed(name: str, surface: Surface) -> None:
         )
 
 
-def _asset(name: str) -> tuple[str, bytes]:
-    """The name of an asset's file, and its contents. Raises BodiesError."""
-    where = f"mesh {name!r}"
+def read_asset(where: str, name: str) -> tuple[str, bytes]:
+    """The file of an asset's name, and its contents. Raises BodiesError that begin with `where`."""
     file, marked, digest = name.partition(_DIGEST)
     path = _path(where, file)
     try:
@@ -145,8 +144,8 @@ def _glb(where: str, data: bytes) -> Surface:
 
     try:
         # Without a resolver: a GLB file has all its data inside.
-        scene: Any = trimesh.load_scene(BytesIO(data), file_type="glb", process=False)
-        mesh = scene.to_mesh()
+        library: Any = trimesh
+        mesh = library.load_scene(BytesIO(data), file_type="glb", process=False).to_mesh()
         x, y, z = np.asarray(mesh.vertices, np.float64).reshape(-1, 3).T
         return np.column_stack((x, -z, y)), np.asarray(mesh.faces).reshape(-1, 3).astype(np.uint32)
     except Exception as error:  # The library raises whatever its parts raise.

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import JOINTS, MATERIAL, SIZES
 from minerva_bodies.geometry import moved, value_of
 from minerva_bodies.meshes import ground
@@ -93,12 +94,14 @@ class SpacePictures(PictureGeometry):
         self.rigid = before
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
-        """α of a solid or a joint; other shapes as in the plane."""
+        """α of a solid, at `rigid`; joints and sensors are not seen; others as in the plane."""
         if not shape.spatial:
             super().shape(shape, figure)
             return
-        self.drawn.add(figure.symbol)
         form, *measures = shape.spatial
+        if form in (*JOINTS, *SENSORS):
+            return
+        self.drawn.add(figure.symbol)
         name = self.names[figure.symbol]
         rest = str(figure.parameters[name]) if name else "", self.owner
         if isinstance(shape, Raster):
@@ -106,11 +109,8 @@ class SpacePictures(PictureGeometry):
             for solid, color in self._ground(shape, cells, cell):
                 self.items.append(_Row(solid, self.rigid.numbers, (1.0,) * 3, color, *rest))
             return
-        if form in JOINTS or form in SENSORS:
-            key, size = ("ball", 1.0), (0.05,) * 3
-        else:
-            values = [value_of(each, figure, self.owner) for each in measures[MATERIAL:]]
-            key, size = _scaled(str(form), values)
+        values = [value_of(each, figure, self.owner) for each in measures[MATERIAL:]]
+        key, size = _scaled(str(form), values)
         self.items.append(_Row(key, self.rigid.numbers, size, rgb(shape.color), *rest))
 
     def many(self, columns: Columns) -> bool:
@@ -178,7 +178,7 @@ _MAX_GROUNDS = 8
 def _scaled(form: str, sizes: Sequence[Any]) -> tuple[_Key, tuple[Any, ...]]:
     """The key of a solid, and its size along x, y and z."""
     if form not in SIZES:
-        return ("ball", 1.0), (0.05,) * 3
+        raise BodiesError(f"the form {form!r} in space; expected one of {', '.join(SIZES)}")
     if form == "box":
         return ("box", 0.0), tuple(sizes)
     if form == "ball":
