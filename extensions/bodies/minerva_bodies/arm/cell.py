@@ -61,7 +61,7 @@ RUBBER = Matter(friction=0.9, kinematic=True)
 
 PBox = Primitive("PBox", Box(HALF, HALF, HALF, "#b98a5a", matter=CARDBOARD))
 PRoller = Primitive(
-    "PRoller", Cylinder(0.2, ROLLER, "#5b6068", matter=RUBBER, meaning="conveyor"), who=str
+    "PRoller", Cylinder(0.2, ROLLER, "#7d828a", matter=RUBBER, meaning="conveyor"), who=str
 )
 PFloor = Primitive("PFloor", Box(3.0, 1.5, 0.05, "#d8d4c7", matter=FIXED))
 PRail = Primitive("PRail", Box(1.6, 0.02, 0.08, "#7d828a", matter=FIXED, meaning="conveyor"))
@@ -104,7 +104,7 @@ class Roller(Agent, symbol="ARoller"):
         return place(PRoller(self.id))
 
 
-class Body(Agent):
+class Placed(Agent):
     """An agent whose pose physics sets."""
 
     x: Metres
@@ -124,7 +124,7 @@ class Body(Agent):
         return TPlace(self.x, self.y, self.z, self.w, self.i, self.j, self.k)(scene)
 
 
-class Parcel(Body, symbol="AParcel"):
+class Parcel(Placed, symbol="AParcel"):
     """A box, which notes when the end of the conveyor stops it."""
 
     arrived: bool = False
@@ -169,7 +169,7 @@ class Belt(Agent, symbol="ABelt"):
 # --- the arms -------------------------------------------------------------------------------------
 
 
-class Link(Body, symbol="ALink"):
+class Link(Placed, symbol="ALink"):
     """A link of an arm, with its joint; the last one may hold a box."""
 
     arm: str
