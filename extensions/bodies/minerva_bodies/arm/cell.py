@@ -80,6 +80,8 @@ eArrived = EventType("eArrived", box=str)
 eCall = EventType("eCall", box=str)
 eBid = EventType("eBid", box=str, arm=str, cost=float)
 eAward = EventType("eAward", box=str)
+# For physics in each frame, and for people as often as they look.
+eBodies = EventType("eBodies", visual=True)
 ePicture = EventType("ePicture", visual=True)
 
 # --- the conveyor ---------------------------------------------------------------------------------
@@ -96,7 +98,7 @@ class Roller(Agent, symbol="ARoller"):
         # A cylinder on its side turns backwards.
         self.angle = self.angle - SPEED / ROLLER * DT
 
-    @view("ePicture", population=True)
+    @view("eBodies", "ePicture", population=True)
     def picture(self, event: Event) -> Scene:
         cos, sin = portable.cos(self.angle / 2), portable.sin(self.angle / 2)
         s, zero = math.sqrt(0.5), 0.0 * self.x
@@ -135,7 +137,7 @@ class Parcel(Placed, symbol="AParcel"):
             self.arrived = True
             moment.emit(eArrived(self.id, receivers=["belt"]))
 
-    @view("ePicture")
+    @view("eBodies", "ePicture")
     def picture(self, event: Event) -> Scene:
         return self.placed(PBox())
 
@@ -186,7 +188,7 @@ class Link(Placed, symbol="ALink"):
     def grip(self, grip: Event, moment: Context) -> None:
         self.box = grip.box
 
-    @view("ePicture")
+    @view("eBodies", "ePicture")
     def picture(self, event: Event) -> Scene:
         shown = ARM.links[self.link]
         if self.link in ARM.joints:
@@ -268,7 +270,7 @@ class Controller(Agent, symbol="AController"):
             target = eTarget(a + share * (b - a), speed, receivers=[f"{self.id}_{link}"])
             moment.emit(target)
 
-    @view("ePicture")
+    @view("eBodies", "ePicture")
     def picture(self, event: Event) -> Scene:
         return EMPTY
 
@@ -299,7 +301,7 @@ def _angle(cosine: float) -> float:
 
 vocabulary = Vocabulary.of(
     *(*ARM.symbols, PBox, PRoller, PFloor, PRail, PEnd, PPallet, PGrip, TAt),
-    *(eStep, ePose, eTarget, eGrip, eArrived, eCall, eBid, eAward, ePicture),
+    *(eStep, ePose, eTarget, eGrip, eArrived, eCall, eBid, eAward, eBodies, ePicture),
     *(Roller, Parcel, Belt, Link, Controller),
 )
 

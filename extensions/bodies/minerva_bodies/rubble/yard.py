@@ -56,6 +56,8 @@ TImpulse = Transformation("TImpulse", Command("impulse", "x", "y", "z"), x=float
 eStep = EventType("eStep")
 ePose = EventType("ePose", **PLACE)
 ePush = EventType("ePush", x=Metres, y=Metres, reach=Metres, speed=float)
+# For physics in each frame, and for people as often as they look.
+eBodies = EventType("eBodies", visual=True)
 ePicture = EventType("ePicture", visual=True)
 
 # --- the agents -----------------------------------------------------------------------------------
@@ -101,19 +103,19 @@ class Piece(Agent):
 
 
 class Brick(Piece, symbol="ABrick"):
-    @view("ePicture", population=True)
+    @view("eBodies", "ePicture", population=True)
     def picture(self, event: Event) -> Scene:
         return self.shown(PBrick)
 
 
 class Ball(Piece, symbol="ABall"):
-    @view("ePicture", population=True)
+    @view("eBodies", "ePicture", population=True)
     def picture(self, event: Event) -> Scene:
         return self.shown(PBall)
 
 
 class Drum(Piece, symbol="ADrum"):
-    @view("ePicture", population=True)
+    @view("eBodies", "ePicture", population=True)
     def picture(self, event: Event) -> Scene:
         return self.shown(PDrum)
 
@@ -130,7 +132,7 @@ class Plough(Agent, symbol="APlough"):
             self.speed = -self.speed
         self.x += self.speed * DT
 
-    @view("ePicture")
+    @view("eBodies", "ePicture")
     def picture(self, event: Event) -> Scene:
         return TAt(self.x, 0.0, 0.4)(PBlade())
 
@@ -139,7 +141,7 @@ class Plough(Agent, symbol="APlough"):
 
 vocabulary = Vocabulary.of(
     *(PBrick, PBall, PDrum, PYard, PWallX, PWallY, PBlade, TAt, TPose, TImpulse),
-    *(eStep, ePose, ePush, ePicture, Brick, Ball, Drum, Plough),
+    *(eStep, ePose, ePush, eBodies, ePicture, Brick, Ball, Drum, Plough),
 )
 
 YARD = (
