@@ -85,6 +85,7 @@ def robot(stack: ExitStack) -> None:
 
 FAST = ["--in-process", "--rate", "0"]
 FILMS = {
+    "arm": Film([*FAST, "--frames", "450", "--boxes", "2"], 15, view="solids"),
     "crowd": Film([*FAST, "--frames", "700"]),
     "flock": Film([*FAST, "--frames", "240"], every=3),
     "forager": Film([*FAST], every=1),
