@@ -4,6 +4,8 @@ import runpy
 
 import pytest
 
+from minerva_bus import EMPTY, Disc, view
+from minerva_study import Placed
 from tools.draw_cookbook import PAGE, PICTURES, PROGRAMS, RECIPES, page
 
 LINES = {"forest": 35}
@@ -29,3 +31,21 @@ def test_a_program_is_short_and_writes_its_pictures(recipe, tmp_path, monkeypatc
     shown = {path.stem for path in PICTURES.iterdir() if path.stem.partition("-")[0] == recipe}
     assert shown
     assert shown <= written
+
+
+def test_a_class_has_its_own_picture_or_that_of_its_form():
+    class Rock(Placed, form=Disc("size", "#777777")):
+        size: float
+        name: str = ""
+
+    class Ghost(Rock):
+        @view("ePicture")
+        def picture(self, event):
+            return EMPTY
+
+    rock = Rock("r", x=1.0, y=2.0, size=3.0)
+    assert str(Rock.views["ePicture"](rock, None)) == (
+        'TAt<x=1, y=2, turn=0>(PRock<who="r", size=3>)'
+    )
+    assert (Rock.kind.name, Ghost.kind.name) == ("ARock", "AGhost")
+    assert Ghost.views["ePicture"] is Ghost.picture
