@@ -217,18 +217,18 @@ def test_a_population_in_columns_is_drawn_as_its_nodes():
     n = 40
     at = {"x": np.linspace(0.0, 9.0, n), "y": np.zeros(n), "turn": np.linspace(0.0, 300.0, n)}
     moves = [TMove(x=x, y=y, turn=turn) for x, y, turn in zip(*at.values(), strict=True)]
-    for many, single in (
+    for columns, single in (
         (TMove(**at)(PRobot()), [move(PRobot()) for move in moves]),
         (
             TMove(**at)(PBall(at["x"])),
             [move(PBall(x)) for move, x in zip(moves, at["x"], strict=True)],
         ),
     ):
-        assert any(isinstance(piece, Columns) for piece in many.pieces)
+        assert any(isinstance(piece, Columns) for piece in columns.pieces)
         nodes = EMPTY
         for scene in single:
             nodes += scene
-        assert picture(many) == picture(nodes)
+        assert picture(columns) == picture(nodes)
 
 
 def test_a_crowd_has_no_outlines():
