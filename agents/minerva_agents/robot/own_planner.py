@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Way: TypeAlias = Iterable[tuple[float, float]]
 
 
-class Known:
+class Knowledge:
     """What a robot knows; lengths are in metres of the world.
 
     Attributes:
@@ -82,7 +82,7 @@ def own_planner(spec: str) -> Callable[[Any, Context], Move]:
     def next_move(robot: RobotState, moment: Context) -> Move:
         if not is_open(robot):
             robot.forget_plan()
-            known = Known(robot)
+            known = Knowledge(robot)
             known.drive(function(known, moment), spec)
         return step(robot, moment.dt) if is_open(robot) else STAY
 

@@ -106,7 +106,7 @@ class Roller(Agent, symbol="ARoller"):
         return place(PRoller(self.id))
 
 
-class Placed(Agent):
+class PosedAgent(Agent):
     """An agent whose pose physics sets."""
 
     x: Metres
@@ -126,7 +126,7 @@ class Placed(Agent):
         return TPlace(self.x, self.y, self.z, self.w, self.i, self.j, self.k)(scene)
 
 
-class Parcel(Placed, symbol="AParcel"):
+class Parcel(PosedAgent, symbol="AParcel"):
     """A box, which notes when the end of the conveyor stops it."""
 
     arrived: bool = False
@@ -171,7 +171,7 @@ class Belt(Agent, symbol="ABelt"):
 # --- the arms -------------------------------------------------------------------------------------
 
 
-class Link(Placed, symbol="ALink"):
+class Link(PosedAgent, symbol="ALink"):
     """A link of an arm, with its joint; the last one may hold a box."""
 
     arm: str
