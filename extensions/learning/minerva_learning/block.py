@@ -28,7 +28,6 @@ class WorldBlock:
     def __init__(self, make: MakeEnv, numbers: Sequence[int], arrays: SharedArrays) -> None:
         self._envs = {number: make(number) for number in numbers}
         self._arrays = arrays
-        self._infos: dict[int, dict[str, Any]] = {}
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin an episode in each world; `seeds` are of all worlds. Raises MinervaError."""
@@ -46,15 +45,10 @@ class WorldBlock:
             else:
                 self._act(number, env)
 
-    def digests(self) -> Callable[[], list[str]]:
-        """Computes the digest of each world as it is now, also after further steps."""
-        infos = list(self._infos.values())
-        return lambda: [info["digest"] for info in infos]
-
-    def share_digests(self) -> None:
-        """Compute the digests and write them into the arrays."""
-        for number, info in self._infos.items():
-            self._arrays.digest[number] = np.frombuffer(bytes.fromhex(info["digest"]), np.uint8)
+    def put_digests(self) -> None:
+        """Write the digest of each world into the arrays."""
+        for number, env in self._envs.items():
+            self._arrays.digest[number] = np.frombuffer(bytes.fromhex(env.digest), np.uint8)
 
     def close(self) -> None:
         """End all worlds."""
@@ -85,7 +79,6 @@ class WorldBlock:
     def _show(self, number: int, observation: object, info: dict[str, Any]) -> None:
         put(self._arrays.observation, number, observation)
         self._arrays.frame[number] = info["frame"]
-        self._infos[number] = info
 
 
 def _named(number: int, error: MinervaError) -> WorldStopped:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from operator import index
@@ -21,7 +21,6 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_learning.acting import Acting, Rows
-from minerva_learning.infos import StepInfo
 from minerva_learning.observing import Observing
 from minerva_learning.scoring import Ending, Rewarding
 from minerva_learning.shared import each
@@ -170,10 +169,10 @@ class RunningEpisode:
         late = bool(self.task.frames) and self.live.frame - self._began >= self.task.frames
         return terminated, ~terminated & late
 
-    def digest(self) -> Callable[[], str]:
-        """Computes the digest of the string that the agents see now, also after further steps."""
-        scene = self.states.scene
-        return lambda: scene.digest.hex()
+    @property
+    def digest(self) -> str:
+        """The digest of the string that the agents see now."""
+        return self.states.scene.digest.hex()
 
     def close(self) -> None:
         """End the world, unless it belongs to the caller."""
@@ -285,9 +284,16 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
         return dict(self._observations)
 
     def _infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
-        values = {"frame": self._episode.live.frame, "digest": ""}
-        digest = self._episode.digest()
-        return {agent: StepInfo.of(values, digest) for agent in agents}
+        frame = self._episode.live.frame
+        return {agent: {"frame": frame} for agent in agents}
+
+    @property
+    def digest(self) -> str:
+        """The digest of the string after the last step.
+
+        It is no part of the infos, because in a small world it takes a fifth of a step.
+        """
+        return self._episode.digest
 
     def observation_space(self, agent: str) -> Space[Any]:
         """The space of an agent's observations."""

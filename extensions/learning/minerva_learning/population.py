@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_learning.acting import AnySpace
-from minerva_learning.infos import StepInfo
 from minerva_learning.parallel import Episodes, LearningTask, RunningEpisode
 from minerva_learning.shared import checked_rows
 from minerva_learning.states import KindStates
@@ -104,11 +103,10 @@ class PopulationEnv(VectorEnv[Any, Any, Any]):
         return ~(self._ends[0] | self._ends[1])
 
     def _infos(self, active: NDArray[np.bool_]) -> dict[str, Any]:
-        count, digest = self.num_envs, self._episode.digest()
-        values = {
-            "frame": np.full(count, self._episode.live.frame),
-            "_frame": active.copy(),
-            "digest": None,
-            "_digest": active.copy(),
-        }
-        return StepInfo.of(values, lambda: np.full(count, digest(), object))
+        frame = np.full(self.num_envs, self._episode.live.frame)
+        return {"frame": frame, "_frame": active.copy()}
+
+    @property
+    def digest(self) -> str:
+        """The digest of the string after the last step."""
+        return self._episode.digest

@@ -7,7 +7,7 @@ is copied or serialized between them.
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.printer import SIZE
 from minerva_learning.acting import AnySpace
-from minerva_learning.infos import StepInfo
 
 Batch = NDArray[Any] | dict[str, Any]
 """An array with a row for each world, or a dictionary of them for a `Dict` space."""
@@ -59,16 +58,9 @@ class SharedArrays:
         """Store the actions of all worlds. Raises MisuseError if they do not fit."""
         _put_all(self.action, actions)
 
-    def infos(self, digests: Callable[[], list[str]]) -> dict[str, Any]:
-        """Frame and digest of each world, in the form of Gymnasium's vector environments."""
-        every = np.ones(len(self.frame), np.bool_)
-        values = {
-            "frame": self.frame.copy(),
-            "_frame": every,
-            "digest": None,
-            "_digest": every.copy(),
-        }
-        return StepInfo.of(values, lambda: np.array(digests(), object))
+    def infos(self) -> dict[str, Any]:
+        """The frame of each world, in the form of Gymnasium's vector environments."""
+        return {"frame": self.frame.copy(), "_frame": np.ones(len(self.frame), np.bool_)}
 
 
 def put(batch: Batch, row: int, value: Any) -> None:

@@ -39,6 +39,11 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         observations, rewards, ended, late, infos = self._world.step({agent: action})
         return observations[agent], rewards[agent], ended[agent], late[agent], infos[agent]
 
+    @property
+    def digest(self) -> str:
+        """The digest of the string after the last step."""
+        return self._world.digest
+
     def render(self) -> Any:
         """A picture in `render_mode`; see `WorldEnv.render`."""
         return self._world.render()

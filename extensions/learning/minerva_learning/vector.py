@@ -78,7 +78,7 @@ class WorldVectorEnv(VectorEnv[Any, Any, Any]):
             raise MisuseError(f"reset: {len(seeds)} seeds; expected {self.num_envs}, one per world")
         self._do(lambda: self._worlds.reset(seeds))
         self._begun = True
-        return copied(self._arrays.observation), self._arrays.infos(self._worlds.digests())
+        return copied(self._arrays.observation), self._arrays.infos()
 
     def _seeds(self, seed: Any) -> list[int | None]:
         """The seed of each world. Raises MisuseError."""
@@ -101,8 +101,7 @@ class WorldVectorEnv(VectorEnv[Any, Any, Any]):
             WorldStopped: a world or a worker failed, as its message says.
 
         """
-        if not self._begun:
-            raise MisuseError("the episodes have not begun: call reset() first")
+        self._require_episodes()
         self._arrays.put_actions(actions)
         self._do(self._worlds.step)
         ends = self._arrays.ends.astype(np.bool_)
@@ -111,8 +110,22 @@ class WorldVectorEnv(VectorEnv[Any, Any, Any]):
             self._arrays.reward.copy(),
             ends[:, 0],
             ends[:, 1],
-            self._arrays.infos(self._worlds.digests()),
+            self._arrays.infos(),
         )
+
+    @property
+    def digests(self) -> list[str]:
+        """The digest of each world after the last step.
+
+        Raises MisuseError if no episode has begun, WorldStopped if a worker failed.
+        """
+        self._require_episodes()
+        self._do(self._worlds.put_digests)
+        return [row.tobytes().hex() for row in self._arrays.digest]
+
+    def _require_episodes(self) -> None:
+        if not self._begun:
+            raise MisuseError("the episodes have not begun: call reset() first")
 
     def _do(self, command: Callable[[], None]) -> None:
         """Carry out a command. After an error or Ctrl-C all worlds end."""

@@ -1,6 +1,6 @@
 """Processes that step the worlds of a vector environment; results are in shared memory.
 
-A command is a line of JSON in a pipe of each worker: the seeds of a reset, or null for a step. The
+A command is a line of JSON in a pipe of each worker: the seeds of a reset, "step" or "digests". The
 answer is a report in another pipe. The end of that pipe is the end of the worker, so that a crash
 is an error and never a wait without end.
 """
@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -103,12 +103,11 @@ class WorldWorkers:
 
     def step(self) -> None:
         """Step all worlds. Raises WorldStopped."""
-        self._command(None)
+        self._command("step")
 
-    def digests(self) -> Callable[[], list[str]]:
-        """The digest of each world now; the processes have computed them."""
-        rows = self._arrays.digest.copy()
-        return lambda: [row.tobytes().hex() for row in rows]
+    def put_digests(self) -> None:
+        """Write the digest of each world into the arrays. Raises WorldStopped."""
+        self._command("digests")
 
     def _start(self, number: int, worlds: range, make: MakeEnv) -> None:
         (read, write), (commands, give) = os.pipe(), os.pipe()
@@ -127,7 +126,7 @@ class WorldWorkers:
         ]
         self._workers.append(worker)
 
-    def _command(self, command: list[int | None] | None) -> None:
+    def _command(self, command: list[int | None] | str) -> None:
         line = json.dumps(command).encode() + b"\n"
         for worker in self._workers:
             worker.report = None
@@ -191,13 +190,14 @@ def _serve(
     block = WorldBlock(make, worlds, arrays)
     with os.fdopen(commands, encoding="ascii") as lines:
         for line in lines:
-            seeds = json.loads(line)
+            command = json.loads(line)
             try:
-                if seeds is None:
+                if command == "step":
                     block.step()
+                elif command == "digests":
+                    block.put_digests()
                 else:
-                    block.reset(seeds)
-                block.share_digests()
+                    block.reset(command)
             except MinervaError as error:
                 reports.send("failed", error=str(error))
             except Exception as error:  # of code that the user has written, such as a reward
