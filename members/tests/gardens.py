@@ -90,6 +90,6 @@ def readme_digest() -> str:
     """The digest of the README's program, which runs in one Python process."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", readme, re.S)
-    names: dict[str, Any] = {"__name__": "readme"}
+    names: dict[str, Any] = {"__name__": "__main__"}
     exec(compile(next(block for block in blocks if "Snail" in block), "README.md", "exec"), names)
     return names["done"].digest

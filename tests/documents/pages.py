@@ -82,7 +82,7 @@ def transcript(block: Block) -> list[Command]:
 VARIES = (
     (r"[^\n]*(\x1b\[2K|\r(?!\n))", ""),  # a line that was erased or overwritten
     (r"\x1b\[[0-9;?]*[A-Za-z]|\r", ""),
-    (r"^\S+ │ .* (waiting|waits|instead of) .*\n", ""),  # on a busy machine
+    (r"^\S+ │ .* (waiting|waits|instead of|finishing) .*\n", ""),  # on a busy machine
     (r"\b\d+(\.\d+)?(?= ?s\b| per second\b| ms\b)", "N"),
     (r"\(imports and checks .*\)", "(imports)"),
     (r"127\.0\.0\.1:\d+", "127.0.0.1:PORT"),

@@ -39,7 +39,9 @@ _SHOWN: Final = ("real", "int", "bool")
 class Placed(Agent):
     """An agent at a place of the plane, which has a picture; see the module.
 
-    Args of a subclass:
+    The arguments are those of a subclass.
+
+    Args:
         symbol: of the agents; "": A and the name of the class, such as "ATree".
         form: of their pictures; measures and colours may name attributes. A subclass without one
             has that of its base.
