@@ -134,7 +134,9 @@ def folder_of(spec: str, folder: Path) -> Path:
     if not (colon and package):
         return folder
     search(folder)
-    return Path.cwd() if find_spec(package) is None else folder
+    found = find_spec(package)
+    # A folder without code is a package, too; it has no origin.
+    return Path.cwd() if found is None or found.origin is None else folder
 
 
 def find_agent(spec: str, folder: Path | None = None) -> type[Agent]:

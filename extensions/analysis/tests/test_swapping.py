@@ -92,6 +92,7 @@ def test_the_same_again_gives_the_same_run(recorded, what):
 def test_a_class_is_searched_in_the_current_folder_too(recorded, tmp_path, beside):
     folder, whole = recorded
     if not beside:
+        (folder / "elsewhere").mkdir()  # a folder of data, which Python takes for a package
         (tmp_path / "elsewhere.py").write_text("from yard import Steps\n")
     where, module = (folder, "yard") if beside else (tmp_path, "elsewhere")
     done = here(where, "swap", folder / "run.mcap", f"steps={module}:Steps", "--json")
