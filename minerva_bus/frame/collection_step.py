@@ -468,6 +468,7 @@ ORDERS: Final = "orders"
 """Name under which orders are logged."""
 
 _TYPE: Final = attrgetter("type")
+_NOBODY: Final = frozenset[str]()  # Half a microsecond, which an empty frame would notice.
 
 
 MAX_LISTED: Final = 12
@@ -638,7 +639,7 @@ class CollectionStep:
         elif self._inbox.events:
             self._hand_over(self._inbox.take_orders(self._has_taker))
         # `tickers` includes members that are away and awaited: the frame waits for their return.
-        resting = self._resting() if index.alone else frozenset[str]()
+        resting = self._resting() if index.alone else _NOBODY
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
             self._out.add(s.Send(s.TICKED, m.TickRequest(self._now.frame)))
