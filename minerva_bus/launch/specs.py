@@ -134,9 +134,9 @@ def folder_of(spec: str, folder: Path) -> Path:
     if not (colon and package):
         return folder
     search(folder)
-    found = find_spec(package)
     # A folder without code is a package, too; it has no origin.
-    return Path.cwd() if found is None or found.origin is None else folder
+    origin = getattr(find_spec(package), "origin", None)
+    return Path.cwd() if origin is None else folder
 
 
 def find_agent(spec: str, folder: Path | None = None) -> type[Agent]:
