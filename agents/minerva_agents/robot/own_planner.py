@@ -48,24 +48,20 @@ class Knowledge:
 
     def seen(self, x: float, y: float) -> bool:
         """Whether the map has anything at a place; False outside of the map."""
-        cell = cell_of(self._in_cells(x, y))
+        cell = cell_of(self._robot.in_cells(x, y))
         return holds(self._robot.grid, cell) and self._robot.grid[cell] != UNKNOWN
 
     def clear(self, x: float, y: float) -> bool:
         """Whether no known obstacle is too close to the straight line from the robot to there."""
-        robot, end = self._robot, self._in_cells(x, y)
+        robot, end = self._robot, self._robot.in_cells(x, y)
         return holds(robot.grid, cell_of(end)) and is_clear(
             robot.grid, (robot.position, end), robot.room
         )
 
-    def _in_cells(self, x: float, y: float) -> Position:
-        robot = self._robot
-        return (x - robot.x0) / robot.cell, (y - robot.y0) / robot.cell
-
     def drive(self, way: Way, planner: str) -> None:
         """Set the robot's way. Raises MisuseError if it is none."""
         try:
-            corners = [self._in_cells(float(x), float(y)) for x, y in way]
+            corners = [self._robot.in_cells(float(x), float(y)) for x, y in way]
         except (TypeError, ValueError):
             raise MisuseError(
                 f"the planner {planner} returned {way!r:.60}; expected corners in metres, such as"

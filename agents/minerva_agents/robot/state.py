@@ -132,3 +132,7 @@ class RobotState(Agent):
     def metres(self, position: Position) -> Position:
         """A grid position in metres of the world."""
         return self.x0 + position[0] * self.cell, self.y0 + position[1] * self.cell
+
+    def in_cells(self, x: float, y: float) -> Position:
+        """A place of the world, in metres, as a grid position."""
+        return (x - self.x0) / self.cell, (y - self.y0) / self.cell
