@@ -1,7 +1,8 @@
 """A flock: birds that steer by events about their neighbours, and a hawk among them.
 
-A bird has a state, steers by its neighbours, and shows its position and its picture. Its methods
-are for one bird; with numba, `compiled` in flock.toml runs them as machine code for all birds.
+A bird has a state, steers by its neighbours, and shows its position and its picture. It steers as
+one bird, which `compiled` in flock.toml runs as machine code with numba, and the figures of all are
+made at once.
 """
 
 from __future__ import annotations
@@ -87,13 +88,13 @@ class Bird(Agent, symbol="ABird"):
         cos, sin, vx, vy = portable.cos(angle), portable.sin(angle), self.vx, self.vy
         self.vx, self.vy = cos * vx - sin * vy, sin * vx + cos * vy
 
-    @view("eWhere")
+    @view("eWhere", population=True)
     def where(self, event: Event) -> Scene:
         return TMove(self.x, self.y)(PSpot(self.id, self.vx, self.vy))
 
-    @view("ePicture")
+    @view("ePicture", population=True)
     def picture(self, event: Event) -> Scene:
-        angle = math.degrees(portable.atan2(self.vy, self.vx))
+        angle = np.degrees(portable.atan2(self.vy, self.vx))
         return TMove(self.x, self.y)(TTurn(angle)(PBird(0.3)))
 
 

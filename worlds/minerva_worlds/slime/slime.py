@@ -86,7 +86,7 @@ class Cell(Agent, symbol="ACell"):
         self.x = (self.x + portable.cos(self.heading)) % self.width
         self.y = (self.y + portable.sin(self.heading)) % self.height
 
-    @view("eWhere")
+    @view("eWhere", population=True)
     def where(self, event: Event) -> Scene:
         dx, dy = portable.cos(self.heading), portable.sin(self.heading)
         return PCell(self.id, self.x, self.y, dx, dy)

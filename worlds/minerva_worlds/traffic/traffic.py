@@ -161,7 +161,7 @@ class Car(Agent, symbol="ACar"):
         if self.s >= HALF:
             self.s -= 2 * HALF
 
-    @view("eWhere")
+    @view("eWhere", population=True)
     def where(self, event: Event) -> Scene:
         return PBody(self.id, self.lane, self.s)
 
