@@ -325,7 +325,7 @@ def sharing(
 
 
 def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, scene: Scene, path: Path) -> list[str]:
-    """Mark methods and views of all agent classes as `[world] compiled` asks; returns lines.
+    """Mark methods of all agent classes as `[world] compiled` asks; returns lines.
 
     With "if possible", only those of classes with enough agents in the scene to be columns. Raises
     WorldFileError if one cannot be compiled and `mode` is True.
@@ -345,8 +345,7 @@ def apply_mode(processes: Sequence[ProcessSpec], mode: Mode, scene: Scene, path:
     if mode == IF_POSSIBLE:
         made = [cls.accelerator for cls in classes if cls.accelerator is not None]
         methods = counted(sum(len(each.methods) for each in made), "method")
-        views = counted(sum(len(each.views) for each in made), "view")
-        notes.insert(0, f"compiled {methods} and {views} of agents")
+        notes.insert(0, f"compiled {methods} of agents")
     return notes
 
 

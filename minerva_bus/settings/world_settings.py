@@ -133,7 +133,7 @@ class WorldSettings:
     )
     compiled: bool | str = _world(
         False,
-        "Run the methods and views of agents as machine code, with the same results.",
+        "Run the methods of agents as machine code, with the same results.",
         switch("if possible"),
         option="compiled",
         more="It needs the extra `fast`. `true`: a method that cannot be compiled is an error;"

@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from minerva_bus.grammar.columns import Rows
-    from minerva_bus.grammar.events import Event
-    from minerva_bus.grammar.scene import Scene
     from minerva_bus.world.context import Frame, FrameStreams
     from minerva_bus.world.population import PopulationState, Turn
 
@@ -247,22 +244,17 @@ class NotCompilable(MisuseError):
 
 
 class Accelerator(Protocol):
-    """Runs methods and views of a class of agents on rows of a population, with Python's results.
+    """Runs methods of a class of agents on rows of a population, with Python's results.
 
-    `methods` and `views` are the event types of those that it runs.
+    `methods` are the event types of those that it runs.
     """
 
     methods: Collection[str]
-    views: Collection[str]
 
     def run(
         self, turn: Turn, state: PopulationState, streams: FrameStreams, frame: Frame
     ) -> NDArray[np.bool_]:
         """Process a turn; returns a mask of the rows that must run in Python, shape (rows,)."""
-        ...
-
-    def view(self, state: PopulationState, rows: Rows, event: Event) -> Scene | None:
-        """The views of these rows for an event for all; None if the method itself must run."""
         ...
 
     def code(self) -> Iterable[tuple[str, Callable[[], object]]]:
@@ -271,9 +263,9 @@ class Accelerator(Protocol):
 
 
 MakeAccelerator: TypeAlias = Callable[
-    [Any, Mapping[str, Mode], Mapping[str, Mode]], tuple[Accelerator | None, list[str]]
+    [Any, Mapping[str, Mode]], tuple[Accelerator | None, list[str]]
 ]
-"""Makes the accelerator of a class from the modes of its methods and of its views by event type.
+"""Makes the accelerator of a class from the modes of its methods by event type.
 
 Returns also why methods are not compiled whose mode is "if possible". Raises NotCompilable.
 """
@@ -288,55 +280,45 @@ def check_mode(compiled: object) -> None:
 def accelerated(cls: Any, default: Mode = False) -> tuple[Accelerator | None, list[str]]:
     """The accelerator of a class, None if nothing is compiled, and why methods are not.
 
-    `default` is the mode of methods and views that are not marked. Raises NotCompilable.
+    `default` is the mode of methods that are not marked. Raises NotCompilable.
     """
-    methods, views = _modes(cls, default)
-    if not methods and not views:
+    methods = _modes(cls, default)
+    if not methods:
         return None, []
     installed = entries(ACCELERATORS)
     if installed:
         make: MakeAccelerator = installed[min(installed)].load()
-        return make(cls, methods, views)
-    functions = [cls.activities[each] for each in methods] + [cls.views[each] for each in views]
+        return make(cls, methods)
+    first = handler_name(cls.activities[next(iter(methods))])
     reason = (
-        f"{handler_name(functions[0])} cannot be compiled: no accelerator is installed; add the"
-        f" extension fast (minerva_fast), or {REMEDY}"
+        f"{first} cannot be compiled: no accelerator is installed; add the extension fast"
+        f" (minerva_fast), or {REMEDY}"
     )
-    if True in (*methods.values(), *views.values()):
+    if True in methods.values():
         raise NotCompilable(reason)
     return None, [reason]
 
 
 def compile_all(cls: Any, mode: Mode) -> list[str]:
-    """Compile all methods and views of a class for one agent, beside those marked.
+    """Compile all methods of a class for one agent, beside those marked.
 
     Returns why methods are not compiled, for `mode` "if possible". Raises NotCompilable for True.
     """
     own, reasons = cls.accelerator, list[str]()
-    compiled = [set[str](), set[str]()] if own is None else [{*own.methods}, {*own.views}]
-    if [{*modes} for modes in _modes(cls, mode)] != compiled:
+    if {*_modes(cls, mode)} != (set[str]() if own is None else {*own.methods}):
         cls.accelerator, reasons = accelerated(cls, mode)
     return reasons
 
 
-def _modes(cls: Any, default: Mode) -> tuple[dict[str, Mode], dict[str, Mode]]:
-    """The modes of the methods and of the views for one agent, without False, by event type."""
+def _modes(cls: Any, default: Mode) -> dict[str, Mode]:
+    """The modes of the methods for one agent, without False, by event type."""
     # Methods for populations are activities of one agent by a wrapper.
     methods = {
         event_type: getattr(marked(cls, event_type, function), COMPILED, False) or default
         for event_type, function in sorted(cls.activities.items())
         if event_type not in cls.population
     }
-    views = {
-        event_type: getattr(function, COMPILED, False) or default
-        for event_type, function in sorted(cls.views.items())
-        if event_type not in cls.population_views
-    }
-    return _wanted(methods), _wanted(views)
-
-
-def _wanted(modes: dict[str, Mode]) -> dict[str, Mode]:
-    return {event_type: mode for event_type, mode in modes.items() if mode}
+    return {event_type: mode for event_type, mode in methods.items() if mode}
 
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -388,7 +370,7 @@ def on(
     return _mark(ON, event_types, for_population, together, h, compiled)
 
 
-def view(*event_types: str, population: bool = False, compiled: Mode = False) -> Callable[[_F], _F]:
+def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
     """Mark a method `(self, event)` as the view θ for these visual event types (equation 4).
 
     The method returns a string of primitives and transformations, and changes nothing.
@@ -397,11 +379,9 @@ def view(*event_types: str, population: bool = False, compiled: Mode = False) ->
         event_types: names of event types with `visual=True`, such as "ePicture".
         population: `self` is a population, and the method returns a string with a node per agent:
             primitives and transformations whose parameters are arrays make one.
-        compiled: for agents in columns, run the method as machine code. "if possible" gives a
-            warning if it cannot be compiled.
 
     Raises:
-        MisuseError: no event type is named, or a view for populations is to be compiled.
+        MisuseError: no event type is named.
 
     Example:
         >>> @view("ePicture")
@@ -409,10 +389,7 @@ def view(*event_types: str, population: bool = False, compiled: Mode = False) ->
         ...     return TMove(self.x, self.y)(PFox())
 
     """
-    check_mode(compiled)
-    if compiled and population:
-        raise MisuseError("a view with compiled=True is for one agent; leave out population=True")
-    return _mark(VIEW, event_types, population, False, 1.0, compiled)
+    return _mark(VIEW, event_types, population, False, 1.0)
 
 
 def _mark(
@@ -421,7 +398,7 @@ def _mark(
     population: bool,
     together: bool,
     probability: float | str,
-    compiled: Mode,
+    compiled: Mode = False,
 ) -> Callable[[_F], _F]:
     named = all(isinstance(event_type, str) and event_type for event_type in event_types)
     if not (event_types and named):

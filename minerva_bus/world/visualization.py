@@ -98,8 +98,8 @@ def view_of_population(
 ) -> Scene | None:
     """The views of agents in columns, or None if they must be visualized one by one.
 
-    One call suffices for a single event to all agents and a method for populations, or a compiled
-    one. Raises ActivityError.
+    One call suffices for a single event to all agents and a method for populations. Raises
+    ActivityError.
     """
     concerning = [event for event in addressed.events if event.type in cls.views]
     if not concerning:
@@ -108,17 +108,14 @@ def view_of_population(
     # Otherwise agents may have different numbers of views, or the method shows one agent only.
     if len(concerning) > 1 or isinstance(event, Events) or event.receivers:
         return None
-    accelerator, view = cls.accelerator, cls.population_views.get(event.type)
-    if view is None and (accelerator is None or event.type not in accelerator.views):
+    view = cls.population_views.get(event.type)
+    if view is None:
         return None
     rows = _willing(part, event)
     count = part.count if rows is None else len(rows)
     if not count:
         return EMPTY
     state = PopulationState(part, cls.kind.fields, lasting=False)
-    if view is None:
-        assert accelerator is not None
-        return accelerator.view(state, np.arange(count) if rows is None else rows, event)
     try:
         return one_each(view(Population(state, cls, rows), event), count)
     except KeyboardInterrupt:

@@ -4,8 +4,7 @@
         [--agents N ...] [--turns 5] [--plain-agents 10000] [--json]
 
 Sheep of docs/populations.md walk, eat, die and give birth; `still` is the same without births and
-deaths; `view` makes their view, coloured by energy. Each turn computes a frame or view of each
-form, one after another, from the same string. `ratio`
+deaths. Each turn computes a frame of each form, one after another, from the same string. `ratio`
 is the CPU time of a form divided by that of the form for populations in the same turn; compare
 these, because milliseconds depend on the machine. All forms give the same string, which is checked.
 Above `--plain-agents` agents the slow form is left out. Compilation is not in the times; `first` is
@@ -25,25 +24,16 @@ from benchmarks.command import Table, options
 from minerva_bus import (
     EMPTY,
     Agent,
-    Disc,
     EventType,
     Metres,
-    Motion,
-    Primitive,
     Scene,
-    Transformation,
     evolve,
     on,
-    view,
-    visualize,
 )
 from minerva_bus.world.context import Frame
 
 eDay = EventType("eDay", grass=float)
 eRest = EventType("eRest")
-ePicture = EventType("ePicture", visual=True)
-TAt = Transformation("TAt", Motion(x="x", y="y"), x=Metres, y=Metres)
-PSheep = Primitive("PSheep", Disc("size"), size=Metres)
 LIMIT: Final = 8.0
 FORMS: Final = ("agent by agent", "population", "compiled")
 COLUMNS: Final = {"model": "<6", "agents": ">9,", "form": "<15", "ms": ">9.2f", "ratio": ">8.2f",
@@ -76,10 +66,6 @@ def one_agent(compiled: bool) -> type[Agent]:
             self.x += moment.chance.normal(0, 0.5)
             self.y += moment.chance.normal(0, 0.5)
 
-        @view("ePicture", compiled=compiled)
-        def picture(self, picture: Any) -> Scene:
-            return TAt(self.x, self.y)(PSheep(0.1 + 0.05 * self.energy))
-
     return Sheep
 
 
@@ -111,18 +97,11 @@ class Flock(Agent, symbol="ASheep"):
         self.x += moment.chance.normal(0, 0.5)
         self.y += moment.chance.normal(0, 0.5)
 
-    @view("ePicture", population=True)
-    def picture(self: Any, picture: Any) -> Scene:
-        return TAt(self.x, self.y)(PSheep(0.1 + 0.05 * self.energy))
-
 
 def timed(scene: Scene, event: Any, kind: type[Agent], frame: Frame) -> tuple[float, Scene]:
-    """Milliseconds of CPU time of a frame or view, and its string."""
+    """Milliseconds of CPU time of a frame, and its string."""
     began = time.process_time()
-    if event.type == "ePicture":
-        after = visualize(scene, [event], [kind])
-    else:
-        after = evolve(scene, [event], [kind], frame).scene
+    after = evolve(scene, [event], [kind], frame).scene
     return 1000 * (time.process_time() - began), after
 
 
@@ -138,9 +117,8 @@ def measured(
         for form, kind in kinds.items():
             spent, strings[form] = timed(scene, event, kind, Frame(number, 0.1, 7))
             times[form].append(spent)
-        after = strings["population"]
-        assert all(string.digest == after.digest for string in strings.values())
-        scene = scene if event.type == "ePicture" else after
+        scene = strings["population"]
+        assert all(string.digest == scene.digest for string in strings.values())
     return times
 
 
@@ -149,11 +127,7 @@ def main(words: Sequence[str] | None = None) -> None:
     chosen = options(__doc__, words, agents=[10_000, 100_000], turns=5, plain_agents=10_000)
     table = Table(COLUMNS, as_json=chosen.json)
     classes = dict(zip(FORMS, (one_agent(False), Flock, one_agent(True)), strict=True))
-    for model, event in (
-        ("sheep", eDay(grass=2.0)),
-        ("still", eRest()),
-        ("view", ePicture()),
-    ):
+    for model, event in (("sheep", eDay(grass=2.0)), ("still", eRest())):
         for count in chosen.agents:
             kinds = {
                 form: kind

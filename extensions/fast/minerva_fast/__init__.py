@@ -1,4 +1,4 @@
-"""Machine code for agents: compiled methods and views, and spaces with compiled rules.
+"""Machine code for agents: compiled methods, and spaces with compiled rules.
 
     @on(..., compiled=True)     extensions/fast/compile.md
     class Meadow(Space): ...    extensions/fast/space.md

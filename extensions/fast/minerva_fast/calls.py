@@ -1,25 +1,23 @@
-"""One call of a kernel: columns of a population in; changes, newborns, events and figures out."""
+"""One call of a kernel: columns of a population in; changes, newborns and events out."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import count
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.columns import Coded, Column, Columns, Rows
+from minerva_bus.grammar.columns import Coded, Column, Columns
 from minerva_bus.grammar.events import Events
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import EMPTY, Node, Scene
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import Birth, PopulationState, Turn, child_ids
-from minerva_bus.world.visualization import one_each
 from minerva_fast.draws import PLACE, new_progress
 from minerva_fast.machine_code import Kernel
 from minerva_fast.printing import FAULT, Program, cells
-from minerva_fast.values import Emission, Figure, Newborn, Output, Shown, ValueKind
+from minerva_fast.values import Emission, Newborn, Output, ValueKind
 
 
 class TextCodes:
@@ -106,14 +104,12 @@ class KernelCall:
             return array
         return np.broadcast_to(array, len(self.turn.rows))
 
-    def run(
-        self, kernel: Kernel, streams: FrameStreams | None, frame: Frame | None
-    ) -> NDArray[np.uint8]:
-        """Run all rows; returns their outcomes. Views have neither streams nor a frame."""
+    def run(self, kernel: Kernel, streams: FrameStreams, frame: Frame) -> NDArray[np.uint8]:
+        """Run all rows; returns their outcomes."""
         rows = self.turn.rows
         outcomes = np.zeros(len(rows), np.uint8)
         words = np.zeros(1, np.uint64)
-        if self.program.draws and streams is not None:
+        if self.program.draws:
             words = streams.draws.batch().words
         columns = [self._column(attribute.name) for attribute in self.program.reads]
         progress, saved = new_progress(), np.zeros(len(self.program.outputs) + 1, np.int64)
@@ -164,12 +160,11 @@ class KernelCall:
         made[self.turn.rows] = codes
         return made
 
-    def _given(self, name: str, frame: Frame | None) -> Any:
+    def _given(self, name: str, frame: Frame) -> Any:
         if name == "id":
             return self._in_rows(self.codes.of(self._state.ids.take(self.turn.rows).column))
         if name == "sender":
             return self._senders()
-        assert frame is not None
         return {"dt": frame.dt, "time": frame.number * frame.dt, "number": frame.number}[name]
 
     def _senders(self) -> NDArray[Any]:
@@ -233,21 +228,6 @@ class KernelCall:
         )
         self._state.sent.append((rows, events))
 
-    def shown(self) -> Scene:
-        """The figures of all rows as a string, those of one agent together."""
-        parts: list[tuple[Rows, Scene]] = []
-        for index, output in enumerate(self.program.outputs):
-            place, *values = self._appended(index)
-            if len(place) and isinstance(output, Shown):
-                named = self._decoded(output, values) | self._shared(output, place)
-                arrays = iter([named[number] for number in sorted(named, key=int)])
-                figures = [_figure(figure, arrays) for figure in output.figures]
-                whole = Scene(tuple([piece for figure in figures for piece in figure.pieces]))
-                parts.append((place, one_each(whole, len(place))))
-        if len(parts) <= 1:
-            return parts[0][1] if parts else EMPTY
-        return _in_order(parts)
-
     def _appended(self, index: int) -> list[NDArray[Any]]:
         """What was appended to an output, as arrays that nothing writes to any more."""
         parts = [array[: self._counts[index]] for array in self._outputs[index]]
@@ -255,18 +235,6 @@ class KernelCall:
             # Columns of nodes share the memory of read-only arrays, and copy others.
             part.flags.writeable = False
         return parts
-
-    def _shared(self, output: Shown, place: Rows) -> dict[str, NDArray[Any] | Ids]:
-        """The attributes and ids that a view shows unchanged, by their number."""
-        rows, state = self.turn.rows, self._state
-        every = len(place) == len(rows) == state.part.count
-        columns: dict[str, NDArray[Any] | Ids] = {}
-        for number, name in output.shared:
-            if name == "id":
-                columns[number] = state.ids if every else state.ids.take(rows[place])
-            else:
-                columns[number] = state.value(name) if every else state.value(name)[rows[place]]
-        return columns
 
     def _decoded(self, output: Output, values: Sequence[NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """The values of an output by name, texts decoded."""
@@ -278,26 +246,6 @@ class KernelCall:
 
 
 def _columns(output: Output, rows: int) -> list[NDArray[Any]]:
-    # Usually each agent has a view, and few have newborns or emit events.
-    size = rows if isinstance(output, Shown) else max(_LEAST_ROWS, rows // 8)
+    # Usually few agents have newborns or emit events.
+    size = max(_LEAST_ROWS, rows // 8)
     return [np.empty(size, _DTYPES[kind]) for _, kind in cells(output)]
-
-
-def _figure(figure: Figure, arrays: Iterator[Any]) -> Scene:
-    """A figure for each row; its parameters are the next arrays."""
-    given = {name: next(arrays) for name in figure.names}
-    if not hasattr(figure.symbol, "motion"):
-        return figure.symbol(**given)
-    inside = [_figure(inner, arrays) for inner in figure.scope]
-    return figure.symbol(**given)(*inside)
-
-
-def _in_order(shown: list[tuple[Rows, Scene]]) -> Scene:
-    """Views of several forms by the places of their agents."""
-    nodes: dict[int, list[Node]] = {}
-    for places, scene in shown:
-        every = scene.nodes
-        step = len(every) // len(places)
-        for number, place in enumerate(places.tolist()):
-            nodes[place] = list(every[number * step : (number + 1) * step])
-    return Scene(tuple([node for place in sorted(nodes) for node in nodes[place]]))

@@ -1,9 +1,4 @@
-"""The checked form of a method or view for one agent: from its function to a `Program`.
-
-Where every result of one form of a view has the same attribute or id as a parameter, its column is
-that of the agents, so the kernel does not append it, and does not get it if nothing else in the
-view depends on it.
-"""
+"""The checked form of a method for one agent: from its function to a `Program`."""
 
 from __future__ import annotations
 
@@ -19,21 +14,17 @@ from minerva_bus.user_code import handler_name, variables_of
 from minerva_bus.world.class_declaration import NotCompilable, takes_batch
 from minerva_fast.origin import Origin
 from minerva_fast.printing import Program, printed
-from minerva_fast.results import MethodResults, ViewResults
-from minerva_fast.statements import Results, Statements
+from minerva_fast.results import MethodResults
+from minerva_fast.statements import Statements
 from minerva_fast.values import (
     DECLARED,
     AgentItself,
-    Append,
     Attribute,
     EventItself,
     FunctionScope,
     Line,
     Method,
     Moment,
-    Output,
-    Reference,
-    Shown,
     Slot,
 )
 
@@ -46,18 +37,8 @@ def checked_methods(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> dict
                 f"{handler_name(function)} cannot be compiled: it takes all events of an agent"
                 " together; leave out together=True, or write it for a population"
             )
-    meanings = AgentItself(), EventItself(), Moment()
     return {
-        event_type: _checked(cls, event_type, function, meanings, MethodResults())
-        for event_type, function in sorted(methods.items())
-    }
-
-
-def checked_views(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> dict[str, Program]:
-    """The programs of a class's compiled views by event type. Raises NotCompilable."""
-    meanings = AgentItself(), EventItself()
-    return {
-        event_type: _checked(cls, event_type, function, meanings, ViewResults())
+        event_type: _checked(cls, event_type, function)
         for event_type, function in sorted(methods.items())
     }
 
@@ -83,16 +64,10 @@ def _event_type_of(function: Callable[..., Any], name: str) -> EventType | None:
     return None
 
 
-_PARAMETERS: Final = ("self", "event", "moment")
+_PARAMETERS: Final = AgentItself(), EventItself(), Moment()
 
 
-def _checked(
-    cls: Any,
-    event_type: str,
-    function: Callable[..., Any],
-    meanings: Sequence[Reference],
-    results: Results,
-) -> Program:
+def _checked(cls: Any, event_type: str, function: Callable[..., Any]) -> Program:
     method = _method_of(cls, _event_type_of(function, event_type))
     origin = Origin.of(function)
     names = [
@@ -100,19 +75,16 @@ def _checked(
         for parameter in inspect.signature(origin.function).parameters.values()
         if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
     ]
-    if len(names) != len(meanings):
-        what = f"parameters other than ({', '.join(_PARAMETERS[: len(meanings)])})"
-        raise origin.problem(origin.tree, what, f"take exactly these {len(meanings)}")
-    scope = FunctionScope(origin, dict(zip(names, meanings, strict=True)))
-    body = Statements(method, scope, results).function()
-    body, outputs = _with_shared(body, method.outputs)
-    program = _program(f"{origin.name} at {event_type}", method, body, outputs)
+    if len(names) != len(_PARAMETERS):
+        what = "parameters other than (self, event, moment)"
+        raise origin.problem(origin.tree, what, "take exactly these 3")
+    scope = FunctionScope(origin, dict(zip(names, _PARAMETERS, strict=True)))
+    body = Statements(method, scope, MethodResults()).function()
+    program = _program(f"{origin.name} at {event_type}", method, body)
     return replace(program, text=printed(program, method, body))
 
 
-def _program(
-    title: str, method: Method, body: Sequence[Line], outputs: Sequence[Output]
-) -> Program:
+def _program(title: str, method: Method, body: Sequence[Line]) -> Program:
     """What was collected of a method, without its text."""
     used = set(re.findall(r"\b[ag]_\w+", str([*body, *method.helpers.values()])))
     attributes = {
@@ -135,48 +107,8 @@ def _program(
             [Slot(*each) for each in sorted(method.given.items()) if f"g_{each[0]}" in used]
         ),
         draws=method.draws,
-        outputs=tuple(outputs),
+        outputs=tuple(method.outputs),
         lists=tuple(method.lists.values()),
         texts=tuple(method.texts),
         current=method.current,
     )
-
-
-def _with_shared(
-    body: Sequence[Line], outputs: Sequence[Output]
-) -> tuple[list[Line], list[Output]]:
-    """The lines and outputs of a view whose outputs share the columns of attributes."""
-    shared = {
-        index: _same(output, [e for e in body if isinstance(e, Append) and e.output == index])
-        for index, output in enumerate(outputs)
-        if isinstance(output, Shown)
-    }
-    made = list[Line]()
-    for line in body:
-        if isinstance(line, Append) and line.output in shared:
-            names = [slot.name for slot in outputs[line.output].slots]
-            pairs = zip(names, line.values, strict=True)
-            kept = [value for name, value in pairs if name not in shared[line.output]]
-            line = replace(line, values=tuple(kept))
-        made.append(line)
-    return made, [_sharing(output, shared.get(at, {})) for at, output in enumerate(outputs)]
-
-
-def _sharing(output: Output, shared: Mapping[str, str]) -> Output:
-    if not isinstance(output, Shown):
-        return output
-    slots = tuple([slot for slot in output.slots if slot.name not in shared])
-    return replace(output, slots=slots, shared=tuple(shared.items()))
-
-
-def _same(output: Shown, appended: Sequence[Append]) -> dict[str, str]:
-    """The slots that have the same attribute or id in all results."""
-    same = dict[str, str]()
-    for at, slot in enumerate(output.slots):
-        names = {line.values[at].variable for line in appended}
-        name = names.pop() if len(names) == 1 else ""
-        if name.startswith("a_"):
-            same[slot.name] = name.removeprefix("a_")
-        elif name == "g_id":
-            same[slot.name] = "id"
-    return same

@@ -92,7 +92,7 @@ def printed_functions(title: str, method: Method, row: Iterable[str]) -> str:
 
 
 def printed(program: Program, method: Method, body: Sequence[Line]) -> str:
-    """The text of the module of a method or view."""
+    """The text of the module of a method."""
     types, names = zip(*_arguments(program), strict=True)
     counted = any("turns(" in str(line) for line in (*body, *lines_of_helpers(method)))
     row = [

@@ -1,8 +1,6 @@
-"""What methods and views of agents return, and the statements that only they have.
+"""What methods of agents return, and the statements that only they have.
 
-A value of a field of a newborn or an emitted event is checked against its declared type. The result
-of a view is a string of primitives and transformations: each `return` has a *template*, a string
-whose parameters are values of the row, which rows append to the output of the template.
+A value of a field of a newborn or an emitted event is checked against its declared type.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.types import Type
-from minerva_bus.grammar.vocabulary import AgentKind, EventType, Primitive, Transformation
+from minerva_bus.grammar.vocabulary import AgentKind, EventType
 from minerva_fast.expressions import is_empty
 from minerva_fast.origin import REAL_EVERYWHERE
 from minerva_fast.statements import FAULT, Results, Statements
@@ -22,14 +20,12 @@ from minerva_fast.values import (
     AgentItself,
     Append,
     Emission,
-    Figure,
     Finish,
     Known,
     Line,
     Moment,
     Newborn,
     Output,
-    Shown,
     Slot,
     Value,
     ValueKind,
@@ -304,64 +300,3 @@ class MethodResults(Results):
         if not isinstance(getattr(cls, "kind", None), AgentKind):
             raise check.problem(given[0], "this kind of child", "name an agent class")
         return cls
-
-
-_FIGURES: Final = "return EMPTY, or primitives in transformations: TAt(self.x, self.y)(PSpot())"
-
-
-class ViewResults(Results):
-    """A view of an agent: a string of figures."""
-
-    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
-        """A view changes nothing."""
-        raise check.problem(target, "a view that changes attributes", "use a local variable")
-
-    def end(self, check: Statements) -> list[Line]:
-        """Each path has a result."""
-        instead = "return EMPTY to show nothing"
-        raise check.problem(check.scope.origin.tree, "a path without a result", instead)
-
-    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
-        """The figures of the agent."""
-        if isinstance(node.value, ast.IfExp):
-            return _choice(self, check, node, node.value)
-        made, values, figures = list[Line](), list[Value](), list[Figure]()
-        for part in _summands(node, node.value):
-            if not _is_epsilon(check, part):
-                figures.append(self._figure(check, part, made, values))
-        if len({bool(figure.width) for figure in figures}) > 1:
-            what = "a sum of figures with and without parameters"
-            raise check.problem(node, what, "give each a parameter")
-        if figures:
-            slots = [Slot(str(at), value.kind) for at, value in enumerate(values)]
-            output = _add(check.method.outputs, Shown(tuple(figures), tuple(slots)))
-            made.append(Append(output, tuple(values)))
-        return [*made, Finish(True)]
-
-    def _figure(
-        self, check: Statements, node: ast.expr, made: list[Line], values: list[Value]
-    ) -> Figure:
-        """A primitive, or a transformation with one figure in its scope."""
-        if not isinstance(node, ast.Call):
-            raise check.problem(node, "this result of a view", _FIGURES)
-        inner = isinstance(node.func, ast.Call)
-        head = cast("ast.Call", node.func) if inner else node
-        reference = check.expressions.reference(head.func)
-        symbol = reference.value if isinstance(reference, Known) else None
-        if not inner and not isinstance(symbol, Primitive):
-            raise check.problem(node, "this result of a view", _FIGURES)
-        if inner and (
-            not isinstance(symbol, Transformation) or len(node.args) > 1 or node.keywords
-        ):
-            instead = "write one figure in it, and add further ones: a + b"
-            raise check.problem(node, "this scope", instead)
-        symbol = cast("Primitive | Transformation", symbol)
-        named = {str(keyword.arg): keyword.value for keyword in head.keywords}
-        lines, known = given_values(check, head, symbol.name, symbol.fields, head.args, named)
-        made += lines
-        values += known.values()
-        if inner and not known:
-            what = f"{symbol.name} without parameters"
-            raise check.problem(head, what, "give it one, such as its default")
-        inside = [self._figure(check, each, made, values) for each in node.args] if inner else []
-        return Figure(symbol, tuple(known), tuple(inside))

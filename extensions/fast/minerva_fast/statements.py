@@ -1,7 +1,7 @@
 """Statements of compiled functions: assignments, loops, branches, and calls of user code.
 
-What a function returns, and what else it may do, depends on whether it is a method, a view, a rule
-or a helper: `results`. A function of user code that is called becomes a helper.
+What a function returns, and what else it may do, depends on whether it is a method, a rule or
+a helper: `results`. A function of user code that is called becomes a helper.
 """
 
 from __future__ import annotations

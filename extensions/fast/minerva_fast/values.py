@@ -126,33 +126,7 @@ class Emission:
     condition: str
 
 
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """A primitive or transformation with the names of its given parameters, and its scope."""
-
-    symbol: Any
-    names: tuple[str, ...]
-    scope: tuple[Figure, ...] = ()
-
-    @property
-    def width(self) -> int:
-        """The number of parameters, with those of its scope."""
-        return len(self.names) + sum(inner.width for inner in self.scope)
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """An output with the parameters of the figures that a view returns, numbered in their order.
-
-    `shared`: numbers of those that are attributes, with their names; they are not in `slots`.
-    """
-
-    figures: tuple[Figure, ...]
-    slots: tuple[Slot, ...]
-    shared: tuple[tuple[str, str], ...] = ()
-
-
-Output: TypeAlias = Newborn | Emission | Shown
+Output: TypeAlias = Newborn | Emission
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,7 +290,7 @@ class Helper:
 
 @dataclass(slots=True)
 class Method:
-    """What is collected of a method, view or rule, and of the helpers that it calls."""
+    """What is collected of a method or rule, and of the helpers that it calls."""
 
     cls: Any = None
     types: Mapping[str, Type] = field(default_factory=dict[str, Type])

@@ -144,9 +144,8 @@ def test_a_method_that_cannot_be_compiled_is_an_error_of_the_world_file(world):
 def test_if_possible_reports_what_it_did(world):
     more = '[process.odd]\nagents = "compiled_pasture:Odd"\n'
     file = read_world_file(world('compiled = "if possible"', more=more))
-    assert file.notes[0] == "compiled 2 methods and 1 view of agents"
+    assert file.notes[0] == "compiled 2 methods of agents"
     assert file.notes[1].startswith("not compiled: Odd.live cannot be compiled: ")
-    assert file.notes[2].startswith("not compiled: Odd.picture cannot be compiled: ")
     # The setting is that of a world: the same classes in another one are not compiled.
     file = read_world_file(world(more=more))
     classes = [cls for process in file.processes for cls in process.agents]
@@ -157,7 +156,7 @@ def test_if_possible_compiles_nothing_for_agents_too_few_to_be_columns(world, mo
     monkeypatch.setattr(process_specs, "MANY", 41)
     more = '[process.odd]\nagents = "compiled_pasture:Odd"\n'
     file = read_world_file(world('compiled = "if possible"', more=more))
-    counted = "compiled 2 methods and 1 view of agents"
+    counted = "compiled 2 methods of agents"
     assert file.notes[:2] == (counted, "not compiled: Odd, fewer than 41 agents")
 
 
@@ -171,7 +170,7 @@ GALLERY = {
 @pytest.mark.parametrize(("name", "options"), GALLERY.items())
 def test_worlds_of_the_gallery_say_what_is_compiled_and_keep_their_digest(name, options):
     notes = read_world_file(find_world(name), Overrides(options=options)).notes
-    said = re.compile(r"compiled [1-9] methods? and [1-9] views? of agents")
+    said = re.compile(r"compiled [1-9] methods? of agents")
     assert any(map(said.fullmatch, notes))
     given = [word for key, value in options.items() for word in (f"--{key}", value)]
     words = ["--in-process", "--rate", "0", "--frames", "8", *given]
