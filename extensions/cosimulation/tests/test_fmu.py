@@ -2,10 +2,14 @@
 
 import gc
 import os
+import platform
+import shutil
+import subprocess
 import sys
 import tempfile
 import textwrap
 import zipfile
+from pathlib import Path
 
 import pytest
 
@@ -15,18 +19,22 @@ from pythonfmu3 import FmuBuilder
 
 from minerva_bus import Agent, EventType, MinervaError, Primitive, World, on, run, service, view
 from minerva_cosimulation.fmu_service import Fmu
+from minerva_cosimulation.fmu_service.model import FmuModel
 
 eCelsius = EventType("eCelsius", celsius=float, steps=int)
 eControl = EventType("eControl", visual=True)
 PHeater = Primitive("PHeater", watts=float, plan=str, huge=float)
 
 ROOM = """
-    from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64, Int64
+    import numpy
+    from pythonfmu3 import Dimension, Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64, Int64
+    from pythonfmu3.fmi3slave import Fmi3StepResult
 
     class Room(Fmi3Slave):
         def __init__(self, **arguments):
             super().__init__(**arguments)
             self.time, self.celsius, self.watts, self.capacity, self.steps = 0.0, 18.0, 0.0, 2000.0, 0
+            self.walls = numpy.array([1.0, 2.0])
             kinds = {
                 "time": Fmi3Causality.independent,
                 "celsius": Fmi3Causality.output,
@@ -35,6 +43,8 @@ ROOM = """
             }
             for name, causality in kinds.items():
                 self.register_variable(Float64(name, causality=causality))
+            walls = {"causality": Fmi3Causality.input, "dimensions": [Dimension(start="2")]}
+            self.register_variable(Float64("walls", **walls))
             discrete = Fmi3Variability.discrete
             self.register_variable(
                 Int64("steps", causality=Fmi3Causality.output, variability=discrete)
@@ -46,7 +56,7 @@ ROOM = """
                 raise ValueError("below absolute zero")
             heating = self.watts / self.capacity - 0.02 * (self.celsius - 5)
             self.celsius += duration * heating
-            return True
+            return Fmi3StepResult(terminateSimulation=self.celsius > 99)
 """
 
 
@@ -111,6 +121,76 @@ def test_the_room_is_heated_as_in_a_loop_by_hand(room):
 def test_starts_are_set_before_the_first_step(room):
     done = run(world(room, starts="celsius=18.0, capacity=4000"), frames=3)
     assert "steps=3" in str(done.scene)
+
+
+def test_the_values_of_an_array_are_a_list(room):
+    model = FmuModel(Path(room), {})
+    assert model.get("walls") == [1.0, 2.0]
+    for value in (5.0, (5.0,)):
+        with pytest.raises(MinervaError, match="walls is an array of 2 Float64"):
+            model.set("walls", value)
+    with pytest.raises(MinervaError, match=r"steps is Int64, not 1\.5"):
+        model.set("steps", 1.5)
+    model.close()
+
+
+def test_a_model_that_ends_the_simulation_makes_its_last_step(room):
+    hot = world(room, starts="celsius=100")
+    assert "celsius=99.05" in str(run(hot, frames=1).scene)
+    with pytest.raises(MinervaError, match=r"ended the simulation in its step to 0\.5 s"):
+        run(hot, frames=2)
+
+
+HEATED = """
+#include <stdlib.h>
+typedef struct { double celsius; int steps; } Room;
+void *fmi2Instantiate(char *n, int t, char *g, char *r, void *c, int v, int l) {
+    return calloc(1, sizeof(Room));
+}
+void fmi2FreeInstance(void *c) { free(c); }
+int fmi2SetReal(void *c, unsigned *r, size_t n, double *x) { ((Room *)c)->celsius = *x; return 0; }
+int fmi2GetReal(void *c, unsigned *r, size_t n, double *x) { *x = ((Room *)c)->celsius; return 0; }
+int fmi2GetInteger(void *c, unsigned *r, size_t n, int *x) { *x = ((Room *)c)->steps; return 0; }
+int fmi2DoStep(void *c, double t, double d, int s) {
+    ((Room *)c)->celsius += d;
+    return ++((Room *)c)->steps == 4 ? 2 : 0;
+}
+int fmi2GetBooleanStatus(void *c, int kind, int *x) { *x = kind == 3; return 0; }
+"""
+SUCCEEDING = (
+    "GetVersion GetTypesPlatform SetDebugLogging SetupExperiment EnterInitializationMode"
+    " ExitInitializationMode Terminate Reset GetBoolean GetString SetInteger SetBoolean SetString"
+    " GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate"
+    " DeSerializeFMUstate GetDirectionalDerivative SetRealInputDerivatives"
+    " GetRealOutputDerivatives CancelStep GetStatus GetRealStatus GetIntegerStatus GetStringStatus"
+)
+DESCRIBED = """<fmiModelDescription fmiVersion="2.0" modelName="heated" guid="g">
+<CoSimulation modelIdentifier="heated"/><ModelVariables>
+<ScalarVariable name="celsius" valueReference="0" causality="output" initial="exact">
+<Real start="0"/></ScalarVariable>
+<ScalarVariable name="steps" valueReference="1" causality="output" variability="discrete"
+initial="exact"><Integer start="0"/></ScalarVariable></ModelVariables>
+<ModelStructure><Outputs><Unknown index="1"/><Unknown index="2"/></Outputs></ModelStructure>
+</fmiModelDescription>"""
+
+
+@pytest.mark.skipif(
+    not shutil.which("cc") or platform.machine() != "x86_64", reason="builds a model in C"
+)
+def test_a_model_of_fmi_2_takes_part(tmp_path):
+    further = [f"int fmi2{name}() {{ return 0; }}" for name in SUCCEEDING.split()]
+    (tmp_path / "heated.c").write_text("\n".join([HEATED, *further]))
+    library, fmu = tmp_path / "heated.so", tmp_path / "heated.fmu"
+    command = ["cc", "-w", "-shared", "-fPIC", "-o", library, tmp_path / "heated.c"]
+    subprocess.run(command, check=True)
+    with zipfile.ZipFile(fmu, "w") as file:
+        file.writestr("modelDescription.xml", DESCRIBED)
+        file.write(library, "binaries/linux64/heated.so")
+    heated = world(str(fmu), inputs="", draws="", starts="celsius=20")
+    done = run(heated, frames=4)
+    assert "celsius=22, steps=4" in str(done.scene)
+    with pytest.raises(MinervaError, match=r"ended the simulation in its step to 2 s"):
+        run(heated, frames=5)
 
 
 @pytest.mark.parametrize(

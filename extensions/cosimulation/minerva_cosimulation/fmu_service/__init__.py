@@ -1,4 +1,4 @@
-"""Models of FMI 3 (FMUs) in a world."""
+"""Models of FMI 2 and 3 (FMUs) in a world."""
 
 from minerva_cosimulation.fmu_service.service import Fmu
 

@@ -5,28 +5,60 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from math import prod
 from pathlib import Path
-from typing import Any, Final
+from struct import error as struct_error
+from struct import pack, unpack
+from typing import Any, Final, NoReturn
 from zipfile import ZipFile
 
 import fmpy  # pyright: ignore[reportMissingTypeStubs]
 from fmpy.fmi1 import FMICallException  # pyright: ignore[reportMissingTypeStubs]
+from fmpy.fmi2 import FMU2Slave  # pyright: ignore[reportMissingTypeStubs]
 from fmpy.fmi3 import FMU3Slave  # pyright: ignore[reportMissingTypeStubs]
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import is_stream
 
-_TYPES: Final = {"Float64": float, "Int64": int, "Int32": int, "Boolean": bool, "String": str}
-"""Types of variables that have a value in a string."""
-_BITS: Final = {"Int64": 64, "Int32": 32}
+_INTEGERS: Final = {
+    **{f"Int{bits}": (-(1 << bits - 1), 1 << bits - 1) for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": (0, 1 << bits) for bits in (8, 16, 32, 64)},
+    "Integer": (-(1 << 31), 1 << 31),
+}
+"""Their least value and the end of their values; FMPy would drop the higher bits of others."""
+
+
+def _whole(value: Any) -> int:
+    if int(value) != value:
+        raise ValueError
+    return int(value)
+
+
+def _single(value: Any) -> float:
+    return unpack("<f", pack("<f", value))[0]
+
+
+_TYPES: Final[Mapping[str, Callable[[Any], Any]]] = {
+    **dict.fromkeys(("Float64", "Real"), float),
+    "Float32": _single,
+    **dict.fromkeys(_INTEGERS, _whole),
+    "Boolean": bool,
+    "String": str,
+    "Binary": bytes.fromhex,
+}
+"""Types of FMI 2 and 3 with values in a string; bytes are a text of hexadecimal digits there."""
+_VERSIONS: Final[Mapping[str, Any]] = {"2.0": FMU2Slave, "3.0": FMU3Slave}
 _MAX_PROBLEM: Final = 300
 """Characters of an error that FMPy explains in a line for each mistake in the model description."""
 MAX_EXTRACTED: Final = 1 << 30
 """Bytes of the files in an FMU: a few kilobytes can unpack to more than a disk holds."""
+_DISCARD: Final = 2
 _ERROR: Final = 3
 _FATAL: Final = 4
 """Statuses of calls, as in the standard."""
+_TERMINATED: Final = 3
+"""The kind of status of FMI 2 that says whether the FMU wants to end."""
 
 
 class FmuModel:
@@ -36,8 +68,8 @@ class FmuModel:
         path: the file.
         starts: values of parameters and inputs before the first step, by name.
 
-    Raises MisuseError if the file is no FMU for co-simulation of FMI 3 that runs on this machine,
-    and if HELICS is loaded in this process.
+    Raises MisuseError if the file is no FMU for co-simulation of FMI 2 or 3 that runs on this
+    machine, and if HELICS is loaded in this process.
 
     """
 
@@ -52,6 +84,7 @@ class FmuModel:
         self._folder = tempfile.mkdtemp(prefix="minerva-fmu-")
         self._slave: Any = None
         self._status = 0
+        self._end: float | None = None
         try:
             self._open(starts)
         except MisuseError:
@@ -68,32 +101,59 @@ class FmuModel:
             raise MisuseError(
                 f"fmu: {self._path} has no variable {name!r}{nearest(name, list(self._variables))}"
             )
-        kind = self._variables[name].type
+        kind = self._type(name)
         if kind not in _TYPES:
-            raise MisuseError(f"fmu: {name} is {kind}; expected {', '.join(_TYPES)}")
+            raise MisuseError(f"fmu: {name} is {kind}, which has no values in a string")
 
     def set(self, name: str, value: Any) -> None:
-        """Set a variable. Raises MisuseError if the FMU rejects it."""
-        variable = self._variables[name]
+        """Set a variable, an array to its values in a list. Raises MisuseError."""
+        kind, size = self._type(name), self._size(name)
+        values: list[Any] = [value] if size is None else list(value) if _is_list(value) else []
+        if len(values) != (1 if size is None else size):
+            raise MisuseError(f"fmu: {name} is an array of {size} {kind}, not {value!r:.60}")
         try:
-            converted = _TYPES[variable.type](value)
-        except (TypeError, ValueError):
-            raise MisuseError(f"fmu: {name} is {variable.type}, not {value!r:.60}") from None
-        bits = _BITS.get(variable.type)
-        # FMPy would drop the higher bits.
-        if bits is not None and not -(1 << bits - 1) <= converted < 1 << bits - 1:
-            raise MisuseError(f"fmu: {name} is {variable.type}, which cannot be {converted}")
-        self._call(f"set{variable.type}", [variable.valueReference], [converted])
+            converted: list[Any] = [_TYPES[kind](each) for each in values]
+        except (TypeError, ValueError, OverflowError, struct_error):
+            raise MisuseError(f"fmu: {name} is {kind}, not {value!r:.60}") from None
+        least, end = _INTEGERS.get(kind, (0, 0))
+        for each in converted if kind in _INTEGERS else ():
+            if not least <= each < end:
+                raise MisuseError(f"fmu: {name} is {kind}, which cannot be {each}")
+        self._call(f"set{kind}", [self._variables[name].valueReference], converted)
 
     def get(self, name: str) -> Any:
-        """The value of a variable. Raises MisuseError if the FMU fails."""
-        variable = self._variables[name]
-        (value,) = self._call(f"get{variable.type}", [variable.valueReference])
-        return value
+        """The value of a variable, of an array a list. Raises MisuseError if the FMU fails."""
+        size = self._size(name)
+        further = () if size is None else (size,)
+        reference = self._variables[name].valueReference
+        values = self._call(f"get{self._type(name)}", [reference], *further)
+        values = [_plain(value, self._type(name)) for value in values]
+        return values[0] if size is None else values
 
     def step(self, time: float, duration: float) -> None:
-        """Step from a time for a duration in seconds. Raises MisuseError if the FMU fails."""
-        self._call("doStep", time, duration)
+        """Step from a time for a duration in seconds. Raises MisuseError if the FMU fails.
+
+        An FMU may end the simulation in a step, which it then has made; the next is an error.
+        """
+        if self._end is not None:
+            raise MisuseError(
+                f"fmu: {self._path} ended the simulation in its step to {self._end:g} s;"
+                " run only the frames before"
+            )
+        if self._steps(time, duration):
+            self._end = time + duration
+
+    def _steps(self, time: float, duration: float) -> bool:
+        """Whether the FMU ended the simulation in the step that it made."""
+        if isinstance(self._slave, FMU3Slave):
+            return self._call("doStep", time, duration)[1]
+        try:
+            self._slave.doStep(time, duration)
+        except FMICallException as error:
+            if error.status == _DISCARD and self._call("getBooleanStatus", _TERMINATED):
+                return True
+            self._raise(error)
+        return False
 
     def close(self) -> None:
         """End the FMU, and remove its extracted files."""
@@ -116,13 +176,14 @@ class FmuModel:
                 f"fmu: {self._path} unpacks to {size:,} bytes; expected at most {MAX_EXTRACTED:,}"
             )
         described: Any = fmpy.read_model_description(str(self._path))
-        if described.fmiVersion != "3.0" or described.coSimulation is None:
+        if described.fmiVersion not in _VERSIONS or described.coSimulation is None:
             raise MisuseError(
                 f"fmu: {self._path} is of FMI {described.fmiVersion}; expected an FMU for"
-                " co-simulation of FMI 3.0"
+                f" co-simulation of FMI {' or '.join(_VERSIONS)}"
             )
+        self._enumeration = "Int64" if described.fmiVersion == "3.0" else "Integer"
         self._variables = {variable.name: variable for variable in described.modelVariables}
-        slave: Any = FMU3Slave(
+        slave: Any = _VERSIONS[described.fmiVersion](
             guid=described.guid,
             unzipDirectory=fmpy.extract(str(self._path), unzipdir=self._folder),
             modelIdentifier=described.coSimulation.modelIdentifier,
@@ -130,17 +191,58 @@ class FmuModel:
         )
         slave.instantiate()
         self._slave = slave
-        for name, value in starts.items():
+        for name in starts:
             self.check(name)
-            self.set(name, value)
+        sizes = [n for n in starts if self._variables[n].causality == "structuralParameter"]
+        if sizes:
+            slave.enterConfigurationMode()
+            for name in sizes:
+                self.set(name, starts[name])
+            slave.exitConfigurationMode()
+        for name in starts:
+            if name not in sizes:
+                self.set(name, starts[name])
+        if described.fmiVersion == "2.0":
+            slave.setupExperiment()
         slave.enterInitializationMode()
         slave.exitInitializationMode()
+
+    def _type(self, name: str) -> str:
+        """The type of a variable, of an enumeration that of its numbers."""
+        kind: str = self._variables[name].type
+        return self._enumeration if kind == "Enumeration" else kind
+
+    def _size(self, name: str) -> int | None:
+        """The number of values of an array; None for other variables."""
+        dimensions = self._variables[name].dimensions
+        if not dimensions:
+            return None
+        return prod(
+            int(each.start) if each.variable is None else self.get(each.variable.name)
+            for each in dimensions
+        )
 
     def _call(self, function: str, *arguments: Any) -> Any:
         try:
             return getattr(self._slave, function)(*arguments)
         except FMICallException as error:
-            self._status = max(self._status, int(error.status))
-            raise MisuseError(
-                f"fmu: {self._path}: {error}; the FMU's own message, if any, is above"
-            ) from None
+            self._raise(error)
+
+    def _raise(self, error: FMICallException) -> NoReturn:
+        self._status = max(self._status, int(error.status))
+        raise MisuseError(
+            f"fmu: {self._path}: {error}; the FMU's own message, if any, is above"
+        ) from None
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list | tuple)
+
+
+def _plain(value: Any, kind: str) -> Any:
+    """A value of FMPy as that of a string."""
+    if kind == "Boolean":  # A number in FMI 2.
+        return bool(value)
+    if kind == "Binary":
+        return (value or b"").hex()
+    return value.decode() if isinstance(value, bytes) else value

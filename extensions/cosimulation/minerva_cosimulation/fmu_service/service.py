@@ -1,4 +1,4 @@
-"""The service `fmu`: a model of FMI 3 that takes part in a world."""
+"""The service `fmu`: a model of FMI 2 or 3 that takes part in a world."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Fmu(SteppedModel):
     """Steps an FMU by one frame per frame, and sends its outputs as an event.
 
     Args:
-        path: the FMU, for co-simulation of FMI 3.
+        path: the FMU, for co-simulation of FMI 2 or 3.
         event: the event type of its outputs, sent in each frame.
         outputs: the variable of each datum of this event: "celsius=room.T, ...".
         inputs: the parameter of a primitive for each variable: "heat=PHeater.watts, ...". Exactly
