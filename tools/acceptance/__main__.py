@@ -2,7 +2,7 @@
 
     python -m tools.acceptance                  # all suites that are there
     python -m tools.acceptance msgpack mcap     # some
-    python -m tools.acceptance --write          # all, into docs/acceptance.md
+    python -m tools.acceptance --write          # their scores into docs/acceptance.md
 
 Each suite is a clone of its repository in a folder, by default `acceptance` beside the project.
 A missing suite is skipped. The exit code is 1 if a case fails, 2 for a wrong argument.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,14 +20,15 @@ from pathlib import Path
 from tools import blocks
 from tools.acceptance.bags import ROSBAG2
 from tools.acceptance.codec import MSGPACK
+from tools.acceptance.models import REFERENCE_FMUS
 from tools.acceptance.positions import GPSD, PYNMEAGPS
 from tools.acceptance.records import MCAP
 from tools.acceptance.suite import MissingSuiteError, Outcome, Score, Suite
-from tools.protocol_tables import table
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "acceptance.md"
-SUITES = {suite.name: suite for suite in (MSGPACK, MCAP, GPSD, PYNMEAGPS, ROSBAG2)}
+_END = "<!-- end of scores -->"
+SUITES = {suite.name: suite for suite in (MSGPACK, MCAP, GPSD, PYNMEAGPS, ROSBAG2, REFERENCE_FMUS)}
 
 
 def played(names: Iterable[str], folder: Path) -> tuple[list[Score], list[str]]:
@@ -52,22 +54,31 @@ def lines(score: Score) -> list[str]:
     ]
 
 
-def section(scores: Iterable[Score]) -> str:
-    """The scores as Markdown: a table, then the reasons of each suite."""
-    scores = list(scores)
-    rows = [
-        [f"`{score.suite.name}`", _source(score.suite), score.suite.judges]
-        + [str(score.count(outcome)) for outcome in Outcome]
-        for score in scores
-    ]
-    heads = ["suite", "source", "judges", "passed", "expected", "failed"]
-    parts = ["\n" + table(heads, rows)]
+def section(page: str, scores: Iterable[Score]) -> str:
+    """The scores as Markdown: a table, then the reasons of each suite.
+
+    Suites without a score keep those of the page.
+    """
+    written = page.partition(_END)[0]
+    rows = {row.split("`")[1]: row for row in re.findall(r"^\| `.*\n", written, re.M)}
+    reasons = {part.partition("\n")[0]: part for part in written.split("\n## ")[1:]}
     for score in scores:
+        name = score.suite.name
+        rows[name] = _row(
+            [f"`{name}`", _source(score.suite), score.suite.judges]
+            + [str(score.count(outcome)) for outcome in Outcome]
+        )
         listed = [f"- {count} expected: {reason}" for reason, count in score.reasons()]
         listed += [f"- failed: {failure}" for failure in score.failures()]
-        if listed:
-            parts.append("\n".join([f"\n## {score.suite.name}\n", *listed, ""]))
-    return "".join(parts)
+        reasons[name] = "\n".join([f"{name}\n", *listed, ""]) if listed else ""
+    heads = ["suite", "source", "judges", "passed", "expected", "failed"]
+    parts = [_row(heads), _row(["---"] * len(heads)), *(rows.get(name, "") for name in SUITES)]
+    parts += [f"\n## {reasons[name]}" for name in SUITES if reasons.get(name)]
+    return "\n" + "".join(parts)
+
+
+def _row(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |\n"
 
 
 def _source(suite: Suite) -> str:
@@ -87,7 +98,7 @@ def main() -> int:
         help="folder of the clones; default: MINERVA_ACCEPTANCE, or `acceptance` beside the"
         " project",
     )
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}; needs all")
+    parser.add_argument("--write", action="store_true", help=f"write the scores into {PAGE.name}")
     given = parser.parse_args()
     if unknown := set(given.suite) - set(SUITES):
         parser.error(f"no suite {', '.join(sorted(unknown))}; expected {', '.join(SUITES)}")
@@ -96,10 +107,9 @@ def main() -> int:
     scores, skipped = played(given.suite or SUITES, given.folder)
     print("\n".join([*(line for score in scores for line in lines(score)), *skipped]))
     if given.write:
-        if len(scores) < len(SUITES):
-            parser.error(f"{PAGE.name} needs all suites: {', '.join(SUITES)}")
         page = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(blocks.filled(page, "scores", lambda _: section(scores)), encoding="utf-8")
+        filled = blocks.filled(page, "scores", lambda _: section(page, scores))
+        PAGE.write_text(filled, encoding="utf-8")
     return int(any(score.count(Outcome.FAILED) for score in scores))
 
 
