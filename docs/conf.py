@@ -35,6 +35,7 @@ extensions = [
     "highlighting",
     "mathml",
     "mermaid",
+    "navigation",
     "public_api",
     "repository",
     "world_schema",
