@@ -1,4 +1,4 @@
-"""The sidebar of a page shows the pages of its own section: with all, a build takes a third longer."""
+"""A sidebar with the pages of one section: with those of all, a build takes half as long again."""
 
 from typing import Any
 
