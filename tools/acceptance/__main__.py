@@ -20,6 +20,7 @@ from pathlib import Path
 from tools import blocks
 from tools.acceptance.bags import ROSBAG2
 from tools.acceptance.codec import MSGPACK
+from tools.acceptance.messaging import PAHO
 from tools.acceptance.models import REFERENCE_FMUS
 from tools.acceptance.positions import GPSD, PYNMEAGPS
 from tools.acceptance.records import MCAP
@@ -28,7 +29,9 @@ from tools.acceptance.suite import MissingSuiteError, Outcome, Score, Suite
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "acceptance.md"
 _END = "<!-- end of scores -->"
-SUITES = {suite.name: suite for suite in (MSGPACK, MCAP, GPSD, PYNMEAGPS, ROSBAG2, REFERENCE_FMUS)}
+SUITES = {
+    suite.name: suite for suite in (MSGPACK, MCAP, GPSD, PYNMEAGPS, ROSBAG2, REFERENCE_FMUS, PAHO)
+}
 
 
 def played(names: Iterable[str], folder: Path) -> tuple[list[Score], list[str]]:
