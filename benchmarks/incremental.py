@@ -51,6 +51,12 @@ COLUMNS: Final = {
     "p90": ">9.0f",
     "ratio": ">6.2f",
 }
+LABELS: Final = {
+    "figures": "figures of one shape",
+    "separate": "separate nodes",
+    "idle": "idle agents",
+    "bytes": "bytes of a matrix",
+}
 LARGEST: Final = {"separate": 100_000}
 """Maximum sizes: larger ones take long to start and give no new information."""
 
@@ -189,7 +195,7 @@ def rows_of(what: str, arguments: argparse.Namespace) -> list[Row]:
 
 def main(words: Sequence[str]) -> None:
     """Measure in turns and print a table."""
-    things = ["figures", "separate", "idle", "bytes"]
+    things = list(LABELS)
     arguments = options(
         __doc__,
         words,
@@ -208,9 +214,11 @@ def main(words: Sequence[str]) -> None:
         for row in rows:
             table.row(asdict(row))
         x, y = [row.size for row in rows], [row.us_per_frame for row in rows]
-        lines.append(Line("ten agents beside what stands still", what, x, y))
+        lines.append(Line("a frame of ten moving agents", LABELS[what], x, y))
     if arguments.plot:
-        plotted(arguments.plot, lines, "size", "µs per frame")
+        plotted(
+            arguments.plot, lines, "size of what does not change", "time of a frame, µs (median)"
+        )
 
 
 def turn(way: str, what: str, size: str, frames: str) -> list[float]:

@@ -38,7 +38,9 @@ COLUMNS = {
 VOCABULARY = Vocabulary.of(Primitive("PNothing"))
 BARE = "zenoh/bench_zenoh_bcast.py"
 BARE_OPTIONS = ["--topo", "rstar", "--recv", "chan", "--wrecv", "chan"]
-LABELS = {"zenoh": "bare zenoh"}
+LABELS = {
+    "minerva": "Minerva Bus", "zenoh": "bare Zenoh", "helics": "HELICS", "spade": "SPADE",
+}  # fmt: skip
 PEERS: dict[str, tuple[str, list[str]]] = {
     "zenoh": (BARE, BARE_OPTIONS),
     "mosaik": ("bench_mosaik.py", []),
@@ -137,7 +139,7 @@ def main() -> None:
     table = Table(COLUMNS, as_json=arguments.json)
     rows = [row for workers in arguments.workers for row in report(arguments, workers, table)]
     if arguments.plot is not None:
-        plotted(arguments.plot, lines_of(rows), "members", "µs per frame, median")
+        plotted(arguments.plot, lines_of(rows), "members", "time of a frame, µs (median)")
 
 
 def report(arguments: argparse.Namespace, workers: int, table: Table) -> list[Row]:
@@ -171,7 +173,7 @@ def lines_of(rows: list[Row]) -> list[Line]:
     for system in dict.fromkeys(row.system for row in rows):
         own_rows = [row for row in rows if row.system == system]
         x, y = [row.workers for row in own_rows], [row.step for row in own_rows]
-        lines.append(Line("An empty frame in lockstep", LABELS.get(system, system), x, y))
+        lines.append(Line("an empty frame in lockstep", LABELS.get(system, system), x, y))
     return lines
 
 

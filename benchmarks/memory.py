@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.command import PLOT, Option, options
+from benchmarks.plot import Line, plotted
 from minerva_bus.errors import BusError
 from minerva_bus.runtime.operator_client import Client
 
@@ -84,29 +85,6 @@ def watch(launcher: subprocess.Popen[bytes], folder: Path, every: float) -> dict
     return series
 
 
-def draw(series: list[Series], picture: Path, title: str) -> None:
-    """Draw memory over frames."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 4.2), layout="constrained")
-    axes = figure.subplots()
-    top, label = max(entry.megabytes[-1] for entry in series), float("inf")
-    for entry in series:
-        line = axes.plot([n / 1000 for n in entry.frames], entry.megabytes, linewidth=1.5)[0]
-        label = min(entry.megabytes[-1], label - top / 28)  # Labels must not overlap.
-        place = (entry.frames[-1] / 1000, label)
-        axes.annotate(
-            entry.name, place, xytext=(4, 0), textcoords="offset points", va="center",
-            fontsize="small", color=line.get_color(),
-        )  # fmt: skip
-    axes.set(title=title, xlabel="frames, thousands", ylabel="resident memory, MB")
-    axes.set_ylim(bottom=0)
-    axes.margins(x=0.08)
-    axes.grid(visible=True, alpha=0.3)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(picture, dpi=110)
-
-
 def main() -> None:
     """Run the world, sample its memory, print and plot."""
     every = Option(3.0, "seconds between two measurements")
@@ -143,8 +121,9 @@ def report(series: list[Series], arguments: argparse.Namespace, seconds: float) 
     print(f"{last:,} frames in {seconds:.0f} s", file=sys.stderr)
     if arguments.plot:
         recorded = ", recorded" if arguments.record else ""
-        title = f"{Path(arguments.world).stem}, {last:,} frames{recorded}"
-        draw(series, arguments.plot, title)
+        title = f"resident memory of {Path(arguments.world).stem}{recorded}"
+        lines = [Line(title, entry.name, entry.frames, entry.megabytes) for entry in series]
+        plotted(arguments.plot, lines, "frame", "MB")
 
 
 if __name__ == "__main__":

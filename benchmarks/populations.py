@@ -46,6 +46,7 @@ from minerva_bus.world.event_order import Priority
 
 WARM_UP: Final = 3
 SYSTEMS: Final = ("minerva", "mesa", "mesa-frames")
+LABELS: Final = {"minerva": "Minerva Bus", "mesa": "Mesa", "mesa-frames api": "mesa-frames API"}
 COLUMNS: Final = {
     "system": "<19", "model": "<11", "agents": ">9,", "hosts": ">5", "updates/s": ">12,.0f",
     "frames/s": ">9.1f", "MB": ">7.0f", "ratio": ">7.2f",
@@ -334,8 +335,9 @@ def lines_of(rows: list[Row]) -> list[Line]:
     """The rows as lines of a plot."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        hosts = "host" if row.hosts == 1 else "hosts"
-        label = f"{row.system}, {row.hosts} {hosts}" if row.hosts else row.system
+        label = LABELS.get(row.system, row.system)
+        if row.hosts:
+            label += f", {row.hosts} host" + "s" * (row.hosts > 1)
         groups.setdefault((row.model, label), []).append(row)
     return [
         Line(model, label, [row.agents for row in rows], [row.updates_per_s for row in rows])
@@ -407,7 +409,7 @@ def main() -> None:
                 table.row(asdict(row))
                 rows.append(row)
     if arguments.plot:
-        plotted(arguments.plot, lines_of(rows), "agents", "updates per second")
+        plotted(arguments.plot, lines_of(rows), "agents", "updates of agents per second")
 
 
 if __name__ == "__main__":

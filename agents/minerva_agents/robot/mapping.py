@@ -54,6 +54,7 @@ from minerva_agents.robot.trajectories import (
     transformed,
 )
 from minerva_bus import Cells
+from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import check_output, write_output
 from minerva_bus.log.recordings import (
@@ -536,39 +537,30 @@ def errors_of(taken: Sequence[Pose], published: Sequence[Pose]) -> Errors:
     return Errors(np.abs(ours - theirs), degrees, np.abs(turned - there))
 
 
-_COLOURS: Final = {"odometry": "#c0392b", "matched": "#1f6f8b"}
-
-
 def save_plot(drift: Drift, path: Path) -> None:
     """Plot the errors over time as PNG. Raises MisuseError."""
-    try:
-        from matplotlib.figure import Figure  # late: optional dependency (extra "plot")
-    except ImportError:
-        raise MisuseError(
-            f"{path}: plots need matplotlib; install it with: {install('plot')}"
-        ) from None
-    figure: Any = Figure(figsize=(9, 4.5), dpi=130, layout="constrained")
+    plots = entries("minerva.plots").get("figure")
+    if plots is None:
+        raise MisuseError("plots need the extension analysis, which is not installed")
+    plots.load()(path, (9, 5), lambda figure: _paint(figure, drift))
+
+
+def _paint(figure: Any, drift: Drift) -> None:
     upper, lower = figure.subplots(2, 1, sharex=True)
     same = drift.chained is None or drift.chained.metres.tolist() == drift.taken.metres.tolist()
     ways = [("odometry", drift.chained), ("odometry" if same else "matched", drift.taken)]
     for name, errors in ways[same:]:
         if errors is not None:
-            upper.plot(drift.seconds, errors.metres, color=_COLOURS[name], label=name, lw=1.3)
-            lower.plot(drift.seconds, errors.degrees, color=_COLOURS[name], lw=1.3)
-    upper.set_title("error relative to the published poses", loc="left")
-    upper.set_ylabel("distance, m")
-    lower.set_ylabel("heading, degrees")
-    lower.set_xlabel("time, s")
+            upper.plot(drift.seconds, errors.metres, label=name)
+            lower.plot(drift.seconds, errors.degrees)
+    upper.set(title="error of the position", ylabel="m")
+    lower.set(title="error of the heading", ylabel="degrees", xlabel="time, s")
     for axis in (upper, lower):
         axis.set_yscale("symlog", linthresh=1.0)
         axis.set_ylim(bottom=0)
-        axis.grid(visible=True, color="#e6e8eb")
-        axis.spines[["top", "right"]].set_visible(False)
+        axis.grid(visible=True)
         axis.yaxis.set_major_formatter("{x:g}")
-    upper.legend(frameon=False, loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
-    content = io.BytesIO()
-    figure.savefig(content, format="png")
-    write_output(path, content.getvalue(), "picture")
+    upper.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
 
 
 # --- walls that are drawn twice -------------------------------------------------------------------

@@ -8,12 +8,14 @@ import warnings
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from statistics import fmean
 from typing import Any, Final
 
 from minerva_bus.arguments import path_of
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
 from minerva_bus.wording import install
+from minerva_services.geometry.colors import OKABE_ITO
 
 INK: Final = "#2f3640"
 FAINT: Final = "#8a929c"
@@ -24,11 +26,19 @@ PAGE_DOTS: Final = 96
 """Pixels of a notebook's page per inch."""
 
 PALE: Final = "#cfd4da"
-BEST: Final = "#d9641e"
-COLORS: Final = ("#2f6f8f", BEST, "#b3205f", "#4f8049", "#7b4aa0", "#a8790a", "#3d4fa3", "#7d6b5d")
+COLORS: Final = (*OKABE_ITO, "#000000")
+"""Colours of series, in this order; the same as those of groups in a view."""
+
+LINE_STYLES: Final = ("-", "--", ":", "-.")
+"""Styles of lines; the next is used when the colours repeat."""
+
+BEST: Final = COLORS[1]
 ENDINGS: Final = (".png", ".svg", ".pdf")
 MAX_TEXT: Final = 80
 """Characters of a text in a plot; a column, a world or an agent may have a name without end."""
+
+LABEL_HEIGHT: Final = 0.055
+"""Least distance of the names of two lines, as a part of the axis."""
 
 _styling: Final = threading.RLock()
 
@@ -47,6 +57,7 @@ STYLE: Final[Mapping[str, Any]] = {
     "ytick.color": FAINT,
     "grid.color": "#e6e8eb",
     "legend.frameon": False,
+    "lines.linewidth": 1.5,
     "svg.hashsalt": "minerva",  # Without it, ids in SVG files are random.
 }
 """Settings of matplotlib."""
@@ -105,7 +116,8 @@ class Plot:
 
         # Its warnings name lines of code: that texts are wider than the plot, or numbers too large.
         # Both are of the whole process: two threads would each restore the other's.
-        with _styling, mpl.rc_context(dict(STYLE)), warnings.catch_warnings():  # pyright: ignore
+        style = {**STYLE, "axes.prop_cycle": mpl.cycler(color=COLORS)}
+        with _styling, mpl.rc_context(style), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             # Without pyplot, which keeps each figure in a global list and may open a window system.
             figure: Any = Figure(figsize=self.size, dpi=DOTS, layout="constrained")
@@ -140,25 +152,45 @@ def label_ends(axis: Any, ends: Sequence[tuple[float, str, str]]) -> None:
 
     `ends`: the last value of each line, its name and its colour.
     """
-    low, high = axis.get_ylim()
-    gap = 0.055 * (high - low)
+    to_axes = axis.transData + axis.transAxes.inverted()
+    right = axis.get_xlim()[1]
     ordered = sorted(ends, key=lambda end: end[0])
-    # From below; then the whole column is moved down by as much as it exceeds the axis.
-    places: list[float] = []
-    for end, _, _ in ordered:
-        places.append(max(end, places[-1] + gap) if places else end)
-    over = max(0.0, places[-1] - high) if places else 0.0
-    for (_, name, color), place in zip(ordered, places, strict=True):
+    heights = [float(to_axes.transform((right, end))[1]) for end, _, _ in ordered]
+    for (_, name, color), place in zip(ordered, _spread(heights), strict=True):
         axis.annotate(
             name,
-            (1, place - over),
-            xycoords=("axes fraction", "data"),
+            (1, place),
+            xycoords="axes fraction",
             xytext=(5, 0),
             textcoords="offset points",
             va="center",
             color=color,
             annotation_clip=False,
         )
+
+
+def _spread(heights: Sequence[float]) -> list[float]:
+    """Places of labels in the order of their lines, each as near to its line as the others permit.
+
+    Labels that would overlap form a group around the mean height of their lines.
+    """
+    groups: list[list[float]] = []
+    for height in heights:
+        groups.append([height])
+        while len(groups) > 1 and _top(groups[-2]) > _bottom(groups[-1]):
+            groups[-2:] = [[*groups[-2], *groups[-1]]]
+    return [
+        _bottom(group) + (n + 0.5) * LABEL_HEIGHT for group in groups for n in range(len(group))
+    ]
+
+
+def _bottom(group: Sequence[float]) -> float:
+    half = len(group) * LABEL_HEIGHT / 2
+    return max(0.0, min(fmean(group), 1.0 - half) - half)
+
+
+def _top(group: Sequence[float]) -> float:
+    return _bottom(group) + len(group) * LABEL_HEIGHT
 
 
 def write_figure(figure: Any, path: Path) -> None:

@@ -14,12 +14,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_analysis.plotting import FAINT, Plot, label_ends, show_grid
+from minerva_analysis.plotting import COLORS, FAINT, LINE_STYLES, Plot, label_ends, show_grid
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError, nearest
-from minerva_services.geometry.colors import OKABE_ITO
-
-COLORS: Final = (*OKABE_ITO, "#000000")
 
 BAND: Final = (0.1, 0.9)
 MAX_LINES: Final = 28
@@ -28,7 +25,6 @@ MAX_LINES: Final = 28
 MAX_LABELS: Final = 7
 """Lines up to which each has its name at its end, and no legend."""
 
-_STYLES: Final = ("-", "--", ":", "-.")
 _OWN: Final = ("frame", "time", "id", "sender", "receiver")
 _BIN: Final = re.compile(r"(?P<name>.+)_(?P<number>[0-9]+)\Z")
 
@@ -170,7 +166,7 @@ def _label_of(x: str) -> str:
 def _draw_lines(axis: Any, lines: Sequence[_Line], label: str, title: str) -> None:
     for number, line in enumerate(lines):
         color = COLORS[number % len(COLORS)]
-        style = _STYLES[number // len(COLORS)]
+        style = LINE_STYLES[number // len(COLORS)]
         if line.rows > 1:
             axis.fill_between(line.x, line.low, line.high, color=color, alpha=0.18, linewidth=0)
         marker = "o" if len(line.x) == 1 else None

@@ -10,6 +10,7 @@ import pytest
 from extensions.analysis.tests.test_table_files import swept
 from minerva_analysis.places import Surveyor
 from minerva_analysis.plot_command import plot_file
+from minerva_analysis.plotting import LABEL_HEIGHT, label_ends
 from minerva_analysis.tables import read_table
 from minerva_analysis.tracks import MAX_AGENTS, story_of
 from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation, Vocabulary
@@ -201,3 +202,14 @@ def test_the_command_plots_a_table(tmp_path, capsys):
 def test_the_document_has_the_limits_of_followed_agents():
     document = (Path(__file__).parents[1] / "replay.md").read_text(encoding="utf-8")
     assert f"about {MAX_AGENTS} in all" in document
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_names_of_lines_that_end_close_together_are_apart(scale):
+    axis = pytest.importorskip("matplotlib.figure").Figure().subplots()
+    axis.set(yscale=scale, ylim=(1, 1000))
+    label_ends(axis, [(999, "a", "#000000"), (990, "b", "#000000"), (2, "c", "#000000")])
+    heights = {text.get_text(): text.xy[1] for text in axis.texts}
+    assert LABEL_HEIGHT / 2 <= heights["b"] <= heights["a"] - LABEL_HEIGHT + 1e-9
+    assert heights["a"] < 1
+    assert 0 < heights["c"] < 0.15

@@ -16,12 +16,13 @@ import statistics
 import subprocess
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.command import PLOT, Option, Table, options
+from minerva_analysis.plotting import COLORS, draw, label_ends, show_grid
 
 FOLDER: Final = Path(__file__).parents[3] / "examples" / "sir"
 FRAMES: Final = 300
@@ -89,19 +90,22 @@ def curves_of(seeds: int) -> dict[str, Curves]:
 
 def plotted(file: Path, curves: dict[str, Curves]) -> None:
     """Draw each run as a thin line, and the means of both systems as thick lines."""
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 3.6), layout="constrained", facecolor="white")
-    axes = figure.subplots(1, 2, sharex=True)
-    for axis, title, number in zip(axes, ("sick", "immune"), (0, 1), strict=True):
-        for (system, runs), color in zip(curves.items(), ("#1f5f8b", "#c2571a"), strict=True):
-            axis.plot(runs[:, number].T, color=color, alpha=0.15, linewidth=0.8)
-            axis.plot(runs[:, number].mean(axis=0), color=color, linewidth=2.2, label=system)
-        axis.set(title=f"{title}, of 200 people", xlabel="frame", xlim=(0, FRAMES))
-        axis.grid(visible=True, alpha=0.3)
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.legend(frameon=False, loc="upper right" if number == 0 else "lower right")
-    figure.savefig(file, dpi=130)
+    def paint(figure: Any) -> None:
+        axes = figure.subplots(1, 2, sharex=True)
+        for number, (axis, title) in enumerate(zip(axes, ("sick", "immune"), strict=True)):
+            ends: list[tuple[float, str, str]] = []
+            for (system, runs), color in zip(curves.items(), COLORS, strict=False):
+                mean = runs[:, number].mean(axis=0)
+                axis.plot(runs[:, number].T, color=color, alpha=0.15, linewidth=0.8)
+                axis.plot(mean, color=color, linewidth=2.2)
+                ends.append((float(mean[-1]), system, color))
+            axis.set(title=title, xlabel="frame", xlim=(0, FRAMES))
+            show_grid(axis)
+            label_ends(axis, ends)
+        axes[0].set_ylabel("people, of 200")
+
+    draw(file, (11, 3.9), paint)
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_analysis.plotting import BEST, COLORS, FAINT, INK, PALE, draw, show_grid
+from minerva_analysis.plotting import BEST, COLORS, FAINT, INK, PALE, draw, label_ends, show_grid
 from minerva_study.evolution import Evolution, Individual
 
 TEXT_WIDTH: Final = 34
@@ -40,28 +40,29 @@ def _fitness(axis: Any, evolution: Evolution, name: str) -> None:
         alpha=0.25,
         markersize=4,
         markeredgewidth=0,
-        label="each string",
     )
     medians = [row.median for row in log]
-    axis.plot(generations, medians, color=COLORS[0], linewidth=1.2, label="median of a generation")
+    axis.plot(generations, medians, color=COLORS[0], linewidth=1.2)
+    ends = [(medians[-1], "median of a generation", COLORS[0])]
     if evolution.random:
         style = {"color": FAINT, "linewidth": 1.8, "linestyle": "--"}
-        label = "random search, best so far"
-        numbers = range(len(evolution.random))
-        axis.step(numbers, evolution.random, where="post", label=label, **style)
+        axis.step(range(len(evolution.random)), evolution.random, where="post", **style)
+        ends.append((evolution.random[-1], "random search, best so far", FAINT))
     best = best_so_far(evolution)
     style = {"color": BEST, "linewidth": 2.4}
-    axis.step(generations, best, where="post", label="evolution, best so far", **style)
+    axis.step(generations, best, where="post", **style)
+    ends.append((best[-1], "evolution, best so far", BEST))
     failed = [child.generation for child in evolution.all if child.score.failed]
     if failed:
         # A failed string has no fitness, so its mark is at the lower edge.
         low = axis.get_ylim()[0]
-        axis.plot(failed, [low] * len(failed), "x", color=INK, markersize=5, label="failed")
+        axis.plot(failed, [low] * len(failed), "x", color=INK, markersize=5)
     axis.set_title(f"{name}: fitness" + (" (less is better)" if plan.minimise else ""))
-    axis.set_xlabel(f"generation of {plan.population} strings")
+    marks = ", each a dot (×: failed)" if failed else ", each a dot"
+    axis.set_xlabel(f"generation of {plan.population} strings{marks}")
     axis.xaxis.get_major_locator().set_params(integer=True)
     show_grid(axis)
-    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    label_ends(axis, [end for end in ends if math.isfinite(end[0])])
 
 
 def best_so_far(evolution: Evolution) -> list[float]:
@@ -88,6 +89,7 @@ def draw_tree(evolution: Evolution, name: str, path: Path) -> None:
         tree, text = figure.subplots(1, 2, width_ratios=(width, PANEL_WIDTH))
         _tree(tree, evolution, line)
         tree.set_title(f"{name}: ancestors of the champion")
+        text.set_title("what changed on its line")
         _steps(text, _main_line(line))
 
     draw(path, (width + PANEL_WIDTH, height), paint)
@@ -179,6 +181,6 @@ def _steps(axis: Any, line: Sequence[Individual]) -> None:
 def _rows(individual: Individual) -> list[tuple[bool, str]]:
     fitness = individual.score.fitness
     shown = f"{fitness:.4g}" if math.isfinite(fitness) else "failed"
-    head = f"generation {individual.generation}: {shown}"
+    head = f"generation {individual.generation}: fitness {shown}"
     steps = [row for how in individual.how.split("; ") for row in textwrap.wrap(how, TEXT_WIDTH)]
     return [(True, head), *((False, step) for step in steps)]
