@@ -9,6 +9,9 @@ from html import escape
 from math import inf
 from typing import Final
 
+NO_VALUE: Final = "\0"
+"""Text of an option that the command line gives without a value; no word of it can be this."""
+
 _MIN_SECONDS: Final = 1.0
 _MAX_SECONDS: Final = 60.0
 

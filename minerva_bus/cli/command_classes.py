@@ -22,18 +22,17 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, cast, get_args, get_origin
 
+from typer import BadParameter
 from typer.core import TyperCommand, TyperGroup
 
 from minerva_bus.cli import completing
 from minerva_bus.errors import MinervaError, MisuseError, UnknownOption
+from minerva_bus.settings.kinds import phrase_of
 
 WORLD: Final = "WORLD"
 """Metavar of the argument that is the name of the world; it is the first one."""
 
 _EVENT_TYPE: Final = re.compile(r"e[A-Z]\w*")
-
-_WHOLE: Final = re.compile(r"-?[0-9]{1,18}")
-_DECIMAL: Final = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
 
 
 _IN_WORDS: Final = {"str": "text", "list[str]": "text", "int": "whole number", "float": "number"}
@@ -97,9 +96,12 @@ def _switch(value: Any, _: Any) -> bool:
     raise ValueError
 
 
-def _number(kind: type, written: re.Pattern[str], value: Any, info: Any) -> Any:
-    if type(value) is str and written.fullmatch(value):
-        value = kind(value)
+def _number(kind: type, value: Any, info: Any) -> Any:
+    if type(value) is str:
+        try:
+            value = kind(value)
+        except ValueError:
+            raise BadParameter(f"expected {phrase_of(kind)}, not {value!r}") from None
     low = info.min is None or value >= info.min if type(value) is kind else False
     if low and (info.max is None or value <= info.max):
         return value
@@ -119,7 +121,7 @@ def _path(value: Any, info: Any) -> Path:
 
 _PLAIN: Final[Mapping[Any, Callable[[Any, Any], Any]]] = MappingProxyType(
     {str: _text, bool: _switch, Path: _path}
-    | {int: partial(_number, int, _WHOLE), float: partial(_number, float, _DECIMAL)}
+    | {int: partial(_number, int), float: partial(_number, float)}
 )
 
 

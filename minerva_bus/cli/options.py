@@ -15,6 +15,7 @@ from minerva_bus.cli import completing
 from minerva_bus.cli.command_classes import ALL, WORLD
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.world_settings import OPTIONS, Overrides
+from minerva_bus.wording import NO_VALUE
 
 
 def _choose_keys(keys: str) -> None:
@@ -200,11 +201,10 @@ def options_of(words: list[str]) -> dict[str, str]:
         word = rest.pop(0)
         name, equals, value = word.removeprefix("--").partition("=")
         if not word.startswith("--") or not name:
-            raise MinervaError(f"what is {word!r}? Expected options such as --name value")
+            raise MinervaError(f"unexpected word {word!r}: write options as --name value")
         if not equals:
-            if not rest:
-                raise MinervaError(f"--{name} needs a value")
-            value = rest.pop(0)
+            # Whoever knows the options reports a missing value, or that there is no such option.
+            value = rest.pop(0) if rest and not rest[0].startswith("--") else NO_VALUE
         options[name.replace("-", "_")] = value
     return options
 

@@ -36,6 +36,7 @@ from minerva_bus.settings.kinds import TABLE, Kind, Setting, fits, phrase_of, se
 from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides, plain_value
 from minerva_bus.user_code import place_of, report
 from minerva_bus.wire.keys import checked_name
+from minerva_bus.wording import NO_VALUE
 from minerva_bus.world.services import Service
 
 S = TypeVar("S")
@@ -303,7 +304,7 @@ def toml_value(text: str) -> Any:
 def typed_options(cls: type[Service], options: Mapping[str, str]) -> dict[str, Any]:
     """The options of a service, typed; `0` stays a text if the service declares a text."""
     hints = get_type_hints(cls.__init__)
-    values = {key: toml_value(text) for key, text in options.items()}
+    values = {key: toml_value(_given(key, text)) for key, text in options.items()}
     return {
         key: options[key] if hints.get(key) is str and not isinstance(value, str) else value
         for key, value in values.items()
@@ -374,7 +375,9 @@ def read_options(
     choices = _read_choices(top.table("choices"), options, path.parent)
     for key, text in given.items():
         if key not in options:
-            raise UnknownOption(path.stem, f"--{key}", [f"--{name}" for name in options])
+            known = [f"--{name}" for name in options]
+            raise UnknownOption(path.stem, f"--{key.replace('_', '-')}", known)
+        _given(key, text)
         if key in choices:
             options[key] = beside(_chosen(key, text, choices[key]), path.parent)
         else:
@@ -386,6 +389,13 @@ def read_options(
             raise WorldFileError(f"{path}: {completed_by} must return a mapping")
         options = dict(cast("Mapping[str, Any]", completed))
     return options
+
+
+def _given(key: str, text: str) -> str:
+    """The text of an option. Raises WorldFileError if its value is missing."""
+    if text == NO_VALUE:
+        raise WorldFileError(f"--{key} needs a value")
+    return text
 
 
 def _read_choices(table: Table, options: Mapping[str, Any], folder: Path) -> dict[str, list[Any]]:

@@ -455,6 +455,10 @@ def test_two_views_of_one_file_are_refused(minerva, home):
 
 @pytest.mark.parametrize(("words", "message"), [
     (("--foo", "1"), "changed has no option --foo"), (("--sise", "1"), "did you mean '--size'?"),
+    (("--sise",), "did you mean '--size'?"), (("--size",), "--size needs a value"),
+    (("--quite", "--frames", "2"), "no option --quite; did you mean '--quiet'?"),
+    (("--no-sound", "--size", "1"), "changed has no option --no-sound;"),
+    (("--frames", "--rate"), "expected a whole number, not '--rate'"), (("2",), "unexpected word '2'"),
     (("--set", "steps"), "expected PROCESS.KEY=VALUE"), (("--set", "stps.x=1"), "did you mean 'steps'?"),
     (("--set", "steps.speed=1"), "has no option 'speed'"), (("--set", "=1"), "PROCESS.KEY=VALUE"),
     (("--set", "walkers.processes=0"), "processes must be at least 1"),

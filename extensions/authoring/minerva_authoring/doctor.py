@@ -15,7 +15,7 @@ from typing import Final
 from minerva_bus.cli.output import print_json, print_result
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.wording import install
+from minerva_bus.wording import NO_VALUE, install
 
 CHECKS: Final = "minerva.checks"
 """Entry points: functions of a source, which yield what they find, whether it is good, a note."""
@@ -116,6 +116,8 @@ def _checked(name: str, source: str) -> Iterator[Finding]:
     if name not in checks:
         known = f"; installed checks are {', '.join(sorted(checks)) or 'none'}"
         raise MisuseError(f"doctor has no option --{name}{known}")
+    if source == NO_VALUE:
+        raise MisuseError(f"--{name} needs a value")
     check: Callable[[str], Iterable[tuple[str, bool, str]]] = checks[name].load()
     return (Finding(*finding, needed=True) for finding in check(source))
 
