@@ -13,7 +13,7 @@ from functools import partial
 import zenoh
 import zenoh.ext
 
-from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros_messages.messages import messages
 
 DEFAULT_QOS = "::,:,:,:,,"
 """Reliable, volatile, depth 42 [liveliness_utils.cpp 364-418, qos.cpp 27]: nothing is written."""

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import zenoh
 
-from minerva_services.bridges.ros2 import messages as types
-from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from tests.patience import patience
 
 ROBOT = Path(__file__).parents[2] / "worlds" / "minerva_worlds" / "ros2" / "ros_robot.py"

@@ -19,9 +19,9 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan, hits
 from minerva_services.bridges.ros2 import Ros2, Ros2Robot
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.driver import OdometryTrack
 from minerva_services.bridges.ros2.sensors import _Listening
+from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.rosbag import Rosbag
 from minerva_services.bridging.testing import RunningBridge
 

@@ -20,11 +20,11 @@ from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2Robot
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.driver import STILL, Velocity, driven
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.ros_messages.readings import heading_of, stamp_of
 from tests.bridges.ros2_rig import network
 from tests.patience import eventually

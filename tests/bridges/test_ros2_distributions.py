@@ -6,12 +6,12 @@ import pytest
 pytest.importorskip("rosbags")
 
 from minerva_services.bridges.ros2 import Ros2
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
 from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import (
     LASTING_QOS,

@@ -9,10 +9,10 @@ pytest.importorskip("rosbags")
 from minerva_bus import check
 from minerva_bus.errors import MinervaError
 from minerva_services.bridges.ros2 import Ros2, Ros2Robot, Ros2View
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.examination import examine
 from minerva_services.bridges.ros2.graph import RosGraph
 from minerva_services.bridges.ros2.uses import mismatches
+from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import DEFAULT_QOS, LASTING_QOS, LyricalPublisher, Node, dds
 from tests.bridges.ros2_rig import network, scan

@@ -16,13 +16,13 @@ pytest.importorskip("rosbags")
 import zenoh
 
 from minerva_services.bridges.ros2 import Ros2Navigation
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.graph import NO_HASH, RosGraph, announced
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.navigation import NavigationGoal, navigation_messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import DEFAULT, HEARING, LASTING
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from tests.bridges.ros2_rig import network
 from tests.patience import eventually
 

@@ -9,13 +9,13 @@ from minerva_agents.robot.vocabulary import eLaser
 from minerva_bus import Cells, Degrees, EventType, Metres, Vocabulary, WorldInfo
 from minerva_bus.errors import MisuseError
 from minerva_services.bridges.ros2 import Ros2
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import LASTING
 from minerva_services.bridges.ros2.view import occupancy
 from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.ros_messages.readings import grid_of
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_rig import network

@@ -12,13 +12,13 @@ from minerva_agents.robot.world import vocabulary
 from minerva_bus import WorldInfo
 from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2, Ros2View
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import LASTING
 from minerva_services.bridges.ros2.sensors import _Listening
 from minerva_services.bridges.ros2.view import occupancy
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from tests.bridges.ros2_rig import free_endpoint, network, router, scan, transforms
 from tests.patience import patience
 from tests.runtime.running import eventually

@@ -16,11 +16,11 @@ pytest.importorskip(
 )
 pytest.importorskip("rosbags")
 
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import DEFAULT
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from tests.bridges.ros2_rig import network
 from tests.patience import patience
 from tests.runtime.running import eventually

@@ -22,7 +22,6 @@ from minerva_services.bridges.ros2.driver import (
     driven,
 )
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network
-from minerva_services.bridges.ros2.messages import ODOMETRY, messages
 from minerva_services.bridges.ros2.mobile_base import (
     FramePacer,
     SensorBuffers,
@@ -32,6 +31,7 @@ from minerva_services.bridges.ros2.mobile_base import (
 from minerva_services.bridges.ros2.sensors import Ros2
 from minerva_services.bridges.ros_messages import Frames, SensorMount
 from minerva_services.bridges.ros_messages.frames import mount_of
+from minerva_services.bridges.ros_messages.messages import ODOMETRY, messages
 from minerva_services.bridges.ros_messages.readings import sightings_of
 from minerva_services.bridging.transforms import unit_quaternion
 from minerva_services.physics.body import DriveCommand

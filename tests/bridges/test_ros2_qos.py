@@ -6,11 +6,11 @@ pytest.importorskip("rosbags")
 
 from minerva_bus.errors import MisuseError
 from minerva_services.bridges.ros2 import Ros2, Ros2Robot, Ros2View
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import HEARING, Qos, qos_of
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import LASTING_QOS, SENSOR_QOS, LazyPublisher, Node
 from tests.bridges.ros2_rig import network, scan, transforms

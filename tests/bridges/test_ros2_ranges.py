@@ -22,8 +22,8 @@ from minerva_bus import (
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.recordings import RecordingError
 from minerva_services.bridges.ros2 import Ros2
-from minerva_services.bridges.ros2 import messages as types
-from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.ros_messages.ranges import MAX_KEPT
 from minerva_services.bridges.rosbag import Rosbag, open_bag
 from minerva_services.bridging.testing import RunningBridge

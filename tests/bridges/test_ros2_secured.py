@@ -11,10 +11,10 @@ import zenoh
 from minerva_bus.errors import MisuseError
 from minerva_certificates import AuthorityFolder, Wanted
 from minerva_services.bridges.ros2 import Ros2
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridging import SourceError
 from tests.patience import patience
 from tests.runtime.running import eventually

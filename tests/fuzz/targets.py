@@ -44,9 +44,9 @@ from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.status_codec import read_lines, read_status
 from minerva_services.bridges.mqtt.rules import InvalidPayload, Pattern, Payload
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros_messages import GarbageError, images
 from minerva_services.bridges.ros_messages import readings as ros
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.rosbag.bag import open_bag
 from minerva_services.sensors.carmen.log import open_log
 from minerva_services.sensors.nmea.service import SkippedSentence, read_fix

@@ -18,8 +18,8 @@ from minerva_bus.world.readings import (
     Scan,
     Sighting,
 )
-from minerva_services.bridges.ros2 import messages as types
-from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 
 NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 _NAN: Final = math.nan

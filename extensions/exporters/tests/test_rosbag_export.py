@@ -14,7 +14,7 @@ from minerva_bus.cli.main import app
 from minerva_bus.wire.field_codecs import plain_reading
 from minerva_exporters import export_dataset
 from minerva_exporters.sources import RecordFrames, new_folder
-from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.rosbag import Bag
 from tests.services.rover_yard import readings
 

@@ -14,10 +14,10 @@ from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits, check_positive
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
 from minerva_services.bridges.ros2.uses import TopicUse, misfits
 from minerva_services.bridges.ros_messages.frames import mount_of
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.event_factory import EventFactory
 from minerva_services.options import grouped, takes_options
 from minerva_services.physics.body import DriveCommand

@@ -13,19 +13,19 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import View, WorldInfo
 from minerva_services.bridges.ros2.client import PLACE, RobotClient, check_primitive, figures_of
-from minerva_services.bridges.ros2.definitions import (
+from minerva_services.bridges.ros2.driver import check_positive
+from minerva_services.bridges.ros2.layout import Ros2Network, check_name
+from minerva_services.bridges.ros2.network import Ros2Session
+from minerva_services.bridges.ros2.uses import missing_server
+from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages.definitions import (
     MessageEvents,
     ServiceType,
     built,
     checked_table,
     service_type,
 )
-from minerva_services.bridges.ros2.driver import check_positive
-from minerva_services.bridges.ros2.layout import Ros2Network, check_name
-from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Ros2Session
-from minerva_services.bridges.ros2.uses import missing_server
-from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.event_factory import EventFactory, event_type
 from minerva_services.options import takes_options
 

@@ -19,7 +19,6 @@ from minerva_bus.log.recordings import span
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
 from minerva_bus.world.services import Tick
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.driver import (
     STILL,
     Driver,
@@ -30,18 +29,19 @@ from minerva_services.bridges.ros2.driver import (
     driven,
 )
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import (
+from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
+from minerva_services.bridges.ros2.qos import DEFAULT
+from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses, with_qos
+from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
+from minerva_services.bridges.ros_messages.messages import (
     DETECTIONS,
     LASER_SCAN,
     ODOMETRY,
     TRANSFORMS,
     messages,
 )
-from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
-from minerva_services.bridges.ros2.qos import DEFAULT
-from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses, with_qos
-from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
-from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
 from minerva_services.bridging.bridge import Counting, log
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import Robot

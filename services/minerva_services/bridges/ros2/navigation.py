@@ -21,16 +21,21 @@ import numpy as np
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import View, WorldInfo
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.client import PLACE, RobotClient, check_primitive, figures_of
-from minerva_services.bridges.ros2.definitions import MessageEvents, built, register, service_type
 from minerva_services.bridges.ros2.driver import check_positive
 from minerva_services.bridges.ros2.graph import SEND_GOAL, Announced
 from minerva_services.bridges.ros2.layout import Ros2Network, check_name
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import Answer, Ros2Session
 from minerva_services.bridges.ros2.uses import missing_server
 from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.definitions import (
+    MessageEvents,
+    built,
+    register,
+    service_type,
+)
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.ros_messages.readings import place_of
 from minerva_services.bridging.bridge import SourceError, log
 from minerva_services.event_factory import event_type

@@ -22,9 +22,9 @@ import zenoh.ext
 from minerva_bus.errors import MisuseError
 from minerva_services.bridges.ros2.graph import NO_HASH, SERVER, TOKENS, Announced, RosGraph
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.qos import DEFAULT, HEARING, Qos
 from minerva_services.bridges.ros2.uses import TopicUse, is_of, mismatches
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridging.bridge import SourceError, log
 
 _HEARTBEAT_SECONDS: Final = 0.5

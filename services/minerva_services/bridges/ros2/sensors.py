@@ -14,22 +14,7 @@ from minerva_bus.grammar.types import Cells, Degrees, Metres
 from minerva_bus.log.recordings import Compensator, Recorded
 from minerva_bus.world.readings import Mount, Reading
 from minerva_bus.world.services import WorldInfo
-from minerva_services.bridges.ros2.definitions import MessageTopic
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import (
-    BATTERY,
-    COMPRESSED,
-    DETECTIONS,
-    FIX,
-    GRID,
-    IMAGE,
-    LASER_SCAN,
-    ODOMETRY,
-    POINTS,
-    RANGE,
-    TRANSFORMS,
-    messages,
-)
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import LASTING
 from minerva_services.bridges.ros2.uses import (
@@ -46,11 +31,26 @@ from minerva_services.bridges.ros_messages import (
     images,
     readings,
 )
+from minerva_services.bridges.ros_messages.definitions import MessageTopic
 from minerva_services.bridges.ros_messages.frames import (
     Matrix,
     UnplacedError,
     mount_of,
     mounting_of,
+)
+from minerva_services.bridges.ros_messages.messages import (
+    BATTERY,
+    COMPRESSED,
+    DETECTIONS,
+    FIX,
+    GRID,
+    IMAGE,
+    LASER_SCAN,
+    ODOMETRY,
+    POINTS,
+    RANGE,
+    TRANSFORMS,
+    messages,
 )
 from minerva_services.bridges.ros_messages.ranges import HeightBand, scan_of_points, scan_of_range
 from minerva_services.bridging import Bridge, Source, SourceError

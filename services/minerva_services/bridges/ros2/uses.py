@@ -16,8 +16,13 @@ from minerva_services.bridges.ros2.graph import (
     Announced,
 )
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import DETECTIONS, TRANSFORMS, TWIST, TWIST_STAMPED
 from minerva_services.bridges.ros2.qos import HEARING, LASTING, Qos, qos_of
+from minerva_services.bridges.ros_messages.messages import (
+    DETECTIONS,
+    TRANSFORMS,
+    TWIST,
+    TWIST_STAMPED,
+)
 
 _MAX_NAMED: Final = 5
 _STARTS: Final = {

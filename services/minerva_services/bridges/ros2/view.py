@@ -18,13 +18,13 @@ from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
 from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
 from minerva_services.bridges.ros2.uses import TopicUse, misfits, with_qos
 from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages import messages as types
+from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.ros_messages.readings import place_of
 from minerva_services.bridging.bridge import Counting, log
 from minerva_services.options import takes_options

@@ -22,10 +22,10 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.driver import check_positive
-from minerva_services.bridges.ros2.messages import POINTS, messages
 from minerva_services.bridges.ros2.qos import HEARING, qos_of
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.frames import Matrix
+from minerva_services.bridges.ros_messages.messages import POINTS, messages
 from minerva_services.bridges.ros_messages.ranges import points_of
 from minerva_services.bridges.ros_messages.readings import heading_of
 from minerva_services.event_factory import event_type
