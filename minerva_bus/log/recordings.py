@@ -21,6 +21,7 @@ from typing import Final, Protocol, TypeAlias
 
 from minerva_bus import portable
 from minerva_bus.errors import MinervaError
+from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.poses import HasPose, Pose, interpolated
 from minerva_bus.world.readings import Displacement, Odometry, Reading, Scan
 
@@ -45,7 +46,7 @@ class RecordingError(MinervaError):
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A reading, its sensor topic, and the time of recording in seconds.
+    """A reading with its sensor topic, or an event, and the time of recording in seconds.
 
     `stamp` is from the clock of the recorder, which may jump; the reading's `time` is from the
     clock of its sensor.
@@ -53,7 +54,7 @@ class Recorded:
 
     stamp: float
     topic: str
-    reading: Reading
+    reading: Reading | Event
 
 
 class Recording(Protocol):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import math
 import os
 from collections.abc import Callable
 from dataclasses import MISSING, fields
@@ -83,6 +84,13 @@ def check_rate(service: str, rate: float) -> None:
     """Raise MisuseError for a rate of views that is not possible."""
     if not 0 < rate <= 1000:
         raise MisuseError(f"{service}: rate is {rate:g}; expected up to 1000 views per second")
+
+
+def check_positive(service: str, name: str, value: float) -> float:
+    """The value of an option, if it is a finite number above 0. Raises MisuseError."""
+    if not (math.isfinite(value) and value > 0):
+        raise MisuseError(f"{service}: {name} is {value!r}; expected a number above 0")
+    return float(value)
 
 
 def require(service: str, module: str, library: str, extra: str) -> None:

@@ -224,6 +224,7 @@ def test_a_robot_that_is_off_fails_in_time():
         ({"PLight": LIGHT | {"event": "eLigt"}}, "no event type eLigt"),
         ({"PLight": LIGHT | {"data": {"ok": "succes"}}}, "it has no succes"),
         ({"PLight": LIGHT | {"data": {}}}, "needs ok"),
+        ({"PLight": LIGHT | {"data": {"ok": "message"}}}, "ok as bool, but message is text"),
         ({"PLight": LIGHT | {"timeout": 0}}, "timeout is 0"),
         ({"PLight": LIGHT | {"timeout": True}}, "timeout is True"),
         ({"PLight": LIGHT | {"request": {"date": 1}}}, "no field date; did you mean 'data'"),

@@ -1,5 +1,7 @@
 """Maps of a ROS 2 robot as events of a world."""
 
+from typing import Annotated
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ pytest.importorskip("rosbags")
 from minerva_agents.robot.vocabulary import eLaser
 from minerva_bus import Cells, Degrees, EventType, Metres, Vocabulary, WorldInfo
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.types import Unit
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import Ros2Session
@@ -90,9 +93,16 @@ def test_invalid_maps(options, why):
         grid_of(grid(**options))
 
 
-def test_a_world_without_such_an_event_is_reported():
-    with pytest.raises(MisuseError, match="has no event type eMap"):
-        Ros2("tcp/h:1", map="map").joined(WorldInfo("w", Vocabulary.of(eLaser), 0, 0.1))
+@pytest.mark.parametrize(
+    ("declared", "why"),
+    [
+        (eLaser, "has no event type eMap"),
+        (EventType("eMap", cell=Annotated[float, Unit("cm")]), "cell as real cm, but cell is real m"),
+    ],
+)  # fmt: skip
+def test_a_world_without_such_an_event_is_reported(declared, why):
+    with pytest.raises(MisuseError, match=why):
+        Ros2("tcp/h:1", map="map").joined(WorldInfo("w", Vocabulary.of(declared), 0, 0.1))
 
 
 eImu = EventType("eImu", angle=Degrees, turn=float, at=float)
@@ -101,6 +111,7 @@ IMU = {
     "type": "sensor_msgs/msg/Imu", "event": "eImu", "rate": 0.001,
     "data": {"angle": "orientation", "turn": "angular_velocity.z", "at": "header.stamp"},
 }  # fmt: skip
+ePoints = EventType("ePoints", points=tuple[float, ...])
 eSpeed = EventType("eSpeed", speed=float)
 SPEED = {"event": "eSpeed", "data": {"speed": "linear.x"}, "qos": "transient_local"}
 JOINTS = {"type": "sensor_msgs/msg/JointState", "event": "eJoints"}
@@ -156,6 +167,14 @@ def test_the_last_message_from_before_becomes_an_event():
         (JOINTS | {"qos": "transient"}, "qos is 'transient'; did you mean 'transient_local'"),
         (JOINTS | {"type": "sensor_msgs/msg/JointStat"}, "did you mean 'sensor_msgs/msg/JointState'"),
         (JOINTS | {"data": {"position": "positions"}}, "it has no positions"),
+        (JOINTS | {"data": {"position": "positions.0"}}, "it has no positions.0"),
+        (JOINTS | {"data": {"position": "header"}}, "header: it consists of stamp, frame_id"),
+        (
+            JOINTS | {"data": {"position": "name"}},
+            'as list of real, but name is list of text; declare position="list of text"',
+        ),
+        (JOINTS | {"data": {"position": "position.0"}}, "but position.0 is real; declare"),
+        (JOINTS | {"type": types.POINTS, "event": "ePoints"}, 'declare points="matrix"'),
         (JOINTS | {"rate": 0}, "rate is 0"),
         ({"type": "sensor_msgs/msg/Imu"}, "event is missing"),
         ("sensor_msgs/msg/Imu", "must be a table"),
@@ -163,4 +182,6 @@ def test_the_last_message_from_before_becomes_an_event():
 )  # fmt: skip
 def test_events_that_do_not_fit_are_reported(table, why):
     with pytest.raises(MisuseError, match=why):
-        Ros2("tcp/h:1", events={"js": table}).check(WorldInfo("w", Vocabulary.of(eJoints), 0, 0.1))
+        Ros2("tcp/h:1", events={"js": table}).check(
+            WorldInfo("w", Vocabulary.of(eJoints, ePoints), 0, 0.1)
+        )

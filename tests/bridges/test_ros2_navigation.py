@@ -325,9 +325,10 @@ def test_what_does_not_fit_is_reported():
     service = Ros2Navigation("tcp/h:7447", figure="PGaol")
     with pytest.raises(MisuseError, match="no primitive PGaol; did you mean 'PGoal'"):
         service.check(INFO)
-    lacking = Vocabulary.of(PGoal, EventType("eGoalFeedback"), EventType("eGoalResult", ned=str))
-    with pytest.raises(MisuseError, match="eGoalResult needs ned"):
-        Ros2Navigation("tcp/h:7447").check(replace(INFO, vocabulary=lacking))
+    for data, why in ({"ned": str}, "needs ned"), ({"end": int}, "end as int, but end is text"):
+        lacking = Vocabulary.of(PGoal, EventType("eGoalFeedback"), EventType("eGoalResult", **data))
+        with pytest.raises(MisuseError, match=f"eGoalResult .*{why}"):
+            Ros2Navigation("tcp/h:7447").check(replace(INFO, vocabulary=lacking))
 
 
 def test_doctor_tells_whether_a_robot_has_what_a_world_needs():

@@ -15,6 +15,7 @@ from minerva_bus import (
     Motion,
     Primitive,
     Reals,
+    Seconds,
     Transformation,
     Vocabulary,
     WorldInfo,
@@ -35,6 +36,8 @@ from tests.patience import eventually
 
 ROUTER = "tcp/h:7447"
 FLOAT32, FLOAT64, UINT8 = 7, 8, 2
+eCloud = EventType("eCloud", points=Reals, at=float)
+CLOUD = {"type": types.POINTS, "event": "eCloud", "data": {"at": "header.stamp"}}
 
 
 def cloud(points, kind=FLOAT32, order="<", padding=4, names="xyz", frame="laser"):
@@ -109,6 +112,38 @@ def test_a_bag_plays_points_as_a_network_does(tmp_path, suffix):
     assert (played.topic, sum(played.reading.ranges > 0)) == ("cloud", 1)
 
 
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_a_bag_makes_the_events_of_a_network(tmp_path, suffix):
+    points, fix = cloud([(2.0, 0.0, 0.5), (0.0, 1.5, 3.0)]), types.CLOCK
+    tables = {"depth": CLOUD | {"rate": 1.0}, "fix": {"type": fix, "event": "eFix"}}
+    passing = [(0.1 * step, "/depth", points) for step in range(15)]
+    placed = (0.0, "/tf_static", transforms(90.0))
+    clock = (2.0, "/fix", messages().make(fix, clock=messages().time(7_000_000_000)))
+    path = write_bag(tmp_path / f"points{suffix}", messages().store, [placed, *passing, clock])
+    world = WorldInfo("w", Vocabulary.of(eCloud, EventType("eFix", clock=Seconds)), 0, 0.1)
+    player, live = Rosbag(str(path), events=tables, speed=0.0), bridge(events=tables)
+    live.check(world)
+    with RunningBridge(player, world) as running:
+        running.wait_for(lambda: running.state == "ended", "the end")
+    first, second, last = running.emitted
+    # The second is a second after the first, by the clock of the bag.
+    assert first == second == live.reading("depth", encoded(types.POINTS, points))
+    assert (last.type, last.values, running.published) == ("eFix", (7.0,), [])
+    assert player.generates() == live.generates() == ("eCloud", "eFix")
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind", "why"),
+    [("dept", types.POINTS, "no topic dept; available: /depth"), ("depth", types.FIX, f"of {types.POINTS}; expected {types.FIX}")],
+)  # fmt: skip
+def test_events_of_topics_that_a_bag_does_not_have(tmp_path, topic, kind, why):
+    path = write_bag(
+        tmp_path / "points.db3", messages().store, [(0.0, "/depth", cloud([(1, 1, 1)]))]
+    )
+    with pytest.raises(RecordingError, match=why):
+        Rosbag(str(path), events={topic: CLOUD | {"type": kind}}).recording()
+
+
 def test_points_of_a_bag_without_transforms_say_so(tmp_path):
     path = write_bag(
         tmp_path / "points.db3", messages().store, [(0.0, "/points", cloud([(1, 1, 1)]))]
@@ -125,15 +160,13 @@ def test_clouds_that_are_none():
     assert made.report()["garbage"] == 4
 
 
-eCloud = EventType("eCloud", points=Reals, at=float)
 TAt = Transformation("TAt", Motion(x="x", y="y"), x=Metres, y=Metres)
 PPoint = Primitive("PPoint", Disc(0.03, "viridis(z, 0, 2)"), z=float)
 
 
 def of_points(message, reach=10.0, **table):
     """The points of the event of a cloud, and the bridge that makes it."""
-    table = {"type": types.POINTS, "event": "eCloud", "data": {"at": "header.stamp"}} | table
-    made = bridge(events={"depth": table}, points_range=reach)
+    made = bridge(events={"depth": CLOUD | table}, points_range=reach)
     made.check(WorldInfo("w", Vocabulary.of(eCloud), 0, 0.1))
     event = made.reading("depth", encoded(types.POINTS, message))
     return event and dict(zip(event.names, event.values, strict=True))["points"], made

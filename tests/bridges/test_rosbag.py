@@ -466,7 +466,8 @@ def test_missing_libraries_name_the_extra(tmp_path, monkeypatch):
 
 def test_topics_that_a_service_publishes(tmp_path):
     path = str(tmp_path)
-    assert Rosbag(path).publishes == ("battery", "image", "odometry", "position", "range", "scan")
+    every = ("battery", "image", "odometry", "position", "range", "scan", "sightings")
+    assert Rosbag(path).publishes == every
     assert Rosbag(path, topics={"/a": "front", "/b": "front"}).publishes == ("front",)
 
 

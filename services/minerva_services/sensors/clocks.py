@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
+from minerva_bus.grammar.events import Event
 from minerva_bus.log.recordings import STEP_SECONDS, PassOver, Recorded, RecordingClock
 
 STEPS_BACK: Final = "clock steps back"
@@ -69,6 +70,7 @@ def watched(
     sensors, recorder = ClockWatch(), RecordingClock()
     for recorded in readings:
         recorder.advance(recorded.stamp)
-        for what, line in sensors.problems(recorded.topic, recorded.reading.time, frame()):
-            pass_over(what, f"{path}: {line} ({recorder.seconds:.1f} s after the beginning)")
+        if not isinstance(recorded.reading, Event):
+            for what, line in sensors.problems(recorded.topic, recorded.reading.time, frame()):
+                pass_over(what, f"{path}: {line} ({recorder.seconds:.1f} s after the beginning)")
         yield recorded

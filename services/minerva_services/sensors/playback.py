@@ -14,6 +14,7 @@ from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import is_stream
+from minerva_bus.grammar.events import Event
 from minerva_bus.log.recordings import (
     Compensator,
     Recorded,
@@ -112,6 +113,12 @@ def checked_offset(seconds: float) -> float:
     return seconds
 
 
+def item_of(recorded: Recorded) -> SourceItem:
+    """What a bridge publishes of something recorded."""
+    reading = recorded.reading
+    return reading if isinstance(reading, Event) else (recorded.topic, reading)
+
+
 class Player:
     """A source that plays a recording."""
 
@@ -164,7 +171,7 @@ class Player:
             wait = begun + due - time.monotonic()
             if stop.wait(wait) if wait > 0 else stop.is_set():
                 return 0.0
-            yield item.topic, item.reading
+            yield item_of(item)
         if not number:
             offset = self._pace.offset
             after = f" after {offset:g} s; use a smaller offset" if offset else ""

@@ -12,14 +12,14 @@ from minerva_bus.grammar.types import Metres
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
-from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits, check_positive
+from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
 from minerva_services.bridges.ros2.uses import TopicUse, misfits
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.event_factory import EventFactory
-from minerva_services.options import grouped, takes_options
+from minerva_services.options import check_positive, grouped, takes_options
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import PhysicalGeometry, Robot
 from minerva_services.sensors.playback import checked_offset
@@ -90,7 +90,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
             checked_offset(time_offset),
             limits,
             tolerances,
-            check_positive("rate", rate),
+            check_positive("ros2", "rate", rate),
             qos,
         )
         _check_topics(self._options)

@@ -10,10 +10,10 @@ from typing import Any, Final, cast
 
 from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import View, WorldInfo
 from minerva_services.bridges.ros2.client import PLACE, RobotClient, check_primitive, figures_of
-from minerva_services.bridges.ros2.driver import check_positive
 from minerva_services.bridges.ros2.layout import Ros2Network, check_name
 from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.uses import missing_server
@@ -24,10 +24,11 @@ from minerva_services.bridges.ros_messages.definitions import (
     built,
     checked_table,
     service_type,
+    shape_of,
 )
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.event_factory import EventFactory, event_type
-from minerva_services.options import takes_options
+from minerva_services.options import check_positive, takes_options
 
 _KEYS: Final[Mapping[str, Any]] = {
     "service": str, "type": str, "definition": str, "request": Mapping,
@@ -60,7 +61,7 @@ _TYPES: Final[tuple[type, ...]] = (bool, int, float, str)
 class Call:
     """How figures of a symbol are requests: to which service, and what becomes of the answer.
 
-    `read` makes what events are made of from an answer, as in `example`; it raises CallError for an
+    `read` makes what events are made of from an answer, of this `shape`; it raises CallError for an
     answer that is a refusal.
     """
 
@@ -68,7 +69,7 @@ class Call:
     service: str
     type: ServiceType
     request: Any
-    example: Any
+    shape: Mapping[str, Any]
     read: Callable[[Any], Any]
     event: str
     data: Mapping[str, str]
@@ -76,7 +77,7 @@ class Call:
 
     def events(self, declared: EventType) -> MessageEvents:
         """Makes events of its answers. Raises MisuseError if the type does not fit."""
-        return MessageEvents(f"ros2_calls: calls.{self.symbol}", declared, self.data, self.example)
+        return MessageEvents(f"ros2_calls: calls.{self.symbol}", declared, self.data, self.shape)
 
 
 class CallError(MinervaError):
@@ -90,7 +91,7 @@ def call_of(symbol: str, given: Any, folder: str = "") -> Call:
     table = checked_table(where, given, _KEYS, _OF_PARAMETERS if is_parameter else _OF_SERVICES)
     common = {
         "symbol": symbol, "event": table["event"], "data": table.get("data", {}),
-        "timeout": check_positive(f"{where}: timeout", table.get("timeout", _TIMEOUT)),
+        "timeout": check_positive(where, "timeout", table.get("timeout", _TIMEOUT)),
     }  # fmt: skip
     if is_parameter:
         return _parameter(table["node"], table["parameter"], table.get("value"), common)
@@ -98,7 +99,7 @@ def call_of(symbol: str, given: Any, folder: str = "") -> Call:
     kind = service_type(table["type"], table.get("definition", ""), folder)
     return Call(
         service=table["service"], type=kind, request=table.get("request", {}),
-        example=built(kind.answer, {}), read=lambda answer: answer, **common,
+        shape=shape_of(kind.answer), read=lambda answer: answer, **common,
     )  # fmt: skip
 
 
@@ -106,6 +107,7 @@ def _parameter(node: str, name: str, value: Any, common: Mapping[str, Any]) -> C
     """Set a parameter of a node to a value, or get it without a value."""
     check_name("a node", node)
     about = {"node": node, "parameter": name}
+    shape = dict.fromkeys(about, Type("text"))
 
     def read_set(answer: Any) -> Any:
         if not answer.results or not answer.results[0].successful:
@@ -121,12 +123,12 @@ def _parameter(node: str, name: str, value: Any, common: Mapping[str, Any]) -> C
     if value is None:
         return Call(
             service=f"{node}/get_parameters", type=service_type(f"{_PARAMETERS}/GetParameters"),
-            request={"names": [name]}, example={**about, "value": 0}, read=read_got, **common,
+            request={"names": [name]}, shape={**shape, "value": None}, read=read_got, **common,
         )  # fmt: skip
     return Call(
         service=f"{node}/set_parameters", type=service_type(f"{_PARAMETERS}/SetParameters"),
         request={"parameters": [{"name": name, "value": _Parameter(value)}]},
-        example=about, read=read_set, **common,
+        shape=shape, read=read_set, **common,
     )  # fmt: skip
 
 

@@ -14,10 +14,10 @@ from enum import Enum
 from typing import Final
 
 from minerva_bus import portable
-from minerva_bus.errors import MisuseError
 from minerva_bus.log.recordings import needs_path, path_of
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan
+from minerva_services.options import check_positive
 from minerva_services.physics.body import DriveCommand
 
 _SPEED_GAIN: Final = 8.0
@@ -34,13 +34,6 @@ _MAX_HEADING_ERROR: Final = 12.0
 
 _CORNER_RADIUS: Final = 0.015
 """Distance in metres from a corner at which the robot may turn."""
-
-
-def check_positive(name: str, value: float) -> float:
-    """The value of an option, if it is a finite number above 0. Raises MisuseError."""
-    if not (math.isfinite(value) and value > 0):
-        raise MisuseError(f"ros2: {name} is {value!r}; expected a number above 0")
-    return float(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +63,7 @@ class MotorLimits:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            check_positive(field.name, getattr(self, field.name))
+            check_positive("ros2", field.name, getattr(self, field.name))
 
     def clipped(self, wanted: Velocity) -> Velocity:
         """The velocity, limited to the maximum."""
@@ -269,7 +262,7 @@ class DriveTolerances:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            check_positive(field.name, getattr(self, field.name))
+            check_positive("ros2", field.name, getattr(self, field.name))
 
 
 @dataclass(slots=True)

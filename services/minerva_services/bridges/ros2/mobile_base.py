@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeVar, cast
 
 from minerva_bus import portable
 from minerva_bus.log.recordings import span
@@ -34,7 +34,8 @@ from minerva_services.bridges.ros2.qos import DEFAULT
 from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses, with_qos
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages import messages as types
-from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
+from minerva_services.bridges.ros_messages.conversion import Conversion, LivePlaces
+from minerva_services.bridges.ros_messages.frames import UnplacedError
 from minerva_services.bridges.ros_messages.messages import (
     DETECTIONS,
     LASER_SCAN,
@@ -421,8 +422,8 @@ class SensorBuffers(Counting):
         self._notify = notify
         self.odometry_frame = "odom"
         self.scanned = False
-        self._base, self._mount, self._moved = base, mount, moved
-        self._frames = Frames()
+        self._moved, self._frames = moved, Frames()
+        self._conversion = Conversion("", LivePlaces(self._frames, base, mount))
         self._by_arrival = True
         self._scans = deque[Scan](maxlen=_MAX_READINGS)
         self._sightings = deque[Sightings](maxlen=_MAX_READINGS)
@@ -479,17 +480,14 @@ class SensorBuffers(Counting):
         self._moved(stamp, pose)
 
     def _take_scan(self, message: Any) -> None:
-        frame = message.header.frame_id
-        mounting = mounting_of(self._frames, self._base, frame, self._mount)
-        scan = self._timed(readings.scan_of(message, "", mounting))
+        scan = self._timed(cast("Scan", self._conversion.reading(LASER_SCAN, message)))
         scan = replace(scan, time=scan.time + self._time_offset)
         with self._lock:
             self._scans.append(scan)
         self.scanned = True
 
     def _take_detections(self, message: Any) -> None:
-        placed = self._frames.placed(self._base, message.header.frame_id)
-        sightings = self._timed(readings.sightings_of(message, "", placed))
+        sightings = self._timed(cast("Sightings", self._conversion.reading(DETECTIONS, message)))
         with self._lock:
             self._sightings.append(sightings)
 

@@ -20,9 +20,9 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.types import Type
 from minerva_bus.world.services import View, WorldInfo
 from minerva_services.bridges.ros2.client import PLACE, RobotClient, check_primitive, figures_of
-from minerva_services.bridges.ros2.driver import check_positive
 from minerva_services.bridges.ros2.graph import SEND_GOAL, Announced
 from minerva_services.bridges.ros2.layout import Ros2Network, check_name
 from minerva_services.bridges.ros2.network import Answer, Ros2Session
@@ -30,6 +30,9 @@ from minerva_services.bridges.ros2.uses import missing_server
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.definitions import (
+    DEGREES,
+    METRES,
+    SECONDS,
     MessageEvents,
     built,
     register,
@@ -39,7 +42,7 @@ from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.ros_messages.readings import place_of
 from minerva_services.bridging.bridge import SourceError, log
 from minerva_services.event_factory import event_type
-from minerva_services.options import takes_options
+from minerva_services.options import check_positive, takes_options
 
 _ACTION: Final = "nav2_msgs/action/NavigateToPose"
 _GOAL = "unique_identifier_msgs/UUID goal_id\ngeometry_msgs/PoseStamped pose\nstring behavior_tree"
@@ -70,6 +73,17 @@ RESULTS: Final = (
 )
 FEEDBACKS: Final = (_FEEDBACK_MESSAGE, "nav2_msgs/msg/FeedbackUntilKilted")
 """Types of the versions, the newest first. Their sizes differ."""
+
+_PLAIN: Final = ("bool", "int", "real", "text")
+"""Kinds of the figure's values that belong to a goal."""
+
+_PLACE_TYPES: Final = {"x": METRES, "y": METRES, "angle": DEGREES}
+_PROGRESS: Final = {
+    **{f"at_{name}": kind for name, kind in _PLACE_TYPES.items()},
+    "distance": METRES, "seconds": SECONDS, "remaining": SECONDS, "recoveries": Type("int"),
+}  # fmt: skip
+_RESULT: Final = {"end": Type("text"), "why": Type("text"), "code": Type("int")}
+"""Types of what events of feedback and results contain beside the goal."""
 
 _ENDS: Final = {4: "reached", 5: "canceled", 6: "aborted"}
 """States of a goal that has ended [action_msgs/GoalStatus]; 0 is a goal that is not known."""
@@ -156,9 +170,9 @@ class Ros2Navigation(RobotClient):
         self._robot, self._figure, self._action = robot, figure, action
         self._frame, self._behavior = frame, behavior
         self._feedback_event, self._result_event = feedback, result
-        self._every = check_positive("every", every)
-        self._timeout = check_positive("timeout", timeout)
-        self._silence = check_positive("silence", silence)
+        self._every = check_positive("ros2_navigation", "every", every)
+        self._timeout = check_positive("ros2_navigation", "timeout", timeout)
+        self._silence = check_positive("ros2_navigation", "silence", silence)
         self._wanted: NavigationGoal | None = None
         self._goal: NavigationGoal | None = None
         self._previous: NavigationGoal | None = None
@@ -177,19 +191,17 @@ class Ros2Navigation(RobotClient):
         navigation_messages()
         self._world = world
         check_primitive("ros2_navigation", world, self._figure)
-        own = world.vocabulary.primitives[self._figure].fields.names
-        goal = dict.fromkeys((*PLACE, *own), 0)
-        progress = dict.fromkeys(("distance", "seconds", "remaining", "recoveries"), 0)
-        at = {"at_x": 0.0, "at_y": 0.0, "at_angle": 0.0}
+        fields = world.vocabulary.primitives[self._figure].fields.all
+        own = {each.name: each.type for each in fields if each.type.kind in _PLAIN}
+        goal = {**_PLACE_TYPES, **own}
         self._feedback = None
         if self._feedback_event:
-            self._feedback = self._made(world, self._feedback_event, {**goal, **progress, **at})
-        result = {**goal, "end": "", "why": "", "code": 0}
-        self._result = self._made(world, self._result_event, result)
+            self._feedback = self._made(world, self._feedback_event, {**goal, **_PROGRESS})
+        self._result = self._made(world, self._result_event, {**goal, **_RESULT})
 
-    def _made(self, world: WorldInfo, name: str, example: Mapping[str, Any]) -> MessageEvents:
+    def _made(self, world: WorldInfo, name: str, shape: Mapping[str, Type]) -> MessageEvents:
         declared = event_type("ros2_navigation", world, name)
-        return MessageEvents("ros2_navigation", declared, {}, example)
+        return MessageEvents("ros2_navigation", declared, {}, shape)
 
     # --- the world ---
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any, ClassVar, Final, TypeAlias
+from typing import Any, ClassVar, Final
 
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.types import Cells, Degrees, Metres
 from minerva_bus.log.recordings import Compensator, Recorded
-from minerva_bus.world.readings import Mount, Reading
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import Ros2Session
-from minerva_services.bridges.ros2.qos import LASTING
+from minerva_services.bridges.ros2.qos import HEARING, LASTING, qos_of
 from minerva_services.bridges.ros2.uses import (
     EVENTS,
     TopicUse,
@@ -24,20 +23,10 @@ from minerva_services.bridges.ros2.uses import (
     transforms_uses,
     with_qos,
 )
-from minerva_services.bridges.ros_messages import (
-    Frames,
-    GarbageError,
-    SensorMount,
-    images,
-    readings,
-)
+from minerva_services.bridges.ros_messages import Frames, GarbageError
+from minerva_services.bridges.ros_messages.conversion import TOPICS, Conversion, LivePlaces
 from minerva_services.bridges.ros_messages.definitions import MessageTopic
-from minerva_services.bridges.ros_messages.frames import (
-    Matrix,
-    UnplacedError,
-    mount_of,
-    mounting_of,
-)
+from minerva_services.bridges.ros_messages.frames import UnplacedError, mount_of
 from minerva_services.bridges.ros_messages.messages import (
     BATTERY,
     COMPRESSED,
@@ -52,13 +41,12 @@ from minerva_services.bridges.ros_messages.messages import (
     TRANSFORMS,
     messages,
 )
-from minerva_services.bridges.ros_messages.ranges import HeightBand, scan_of_points, scan_of_range
+from minerva_services.bridges.ros_messages.ranges import HeightBand
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
-from minerva_services.event_factory import EventFactory
 from minerva_services.options import grouped, takes_options
 from minerva_services.sensors.clocks import SHARED_TOPIC, ClockWatch
-from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset
+from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset, item_of
 
 _MAX_QUEUED: Final = 100
 _MAX_BYTES: Final = 64 << 20
@@ -66,7 +54,6 @@ _MAX_BYTES: Final = 64 << 20
 
 _CHECK_SECONDS: Final = 0.25
 _LOST: Final = "lost on the way"
-Make: TypeAlias = Callable[[Any], Reading]
 
 
 class Ros2(Bridge):
@@ -134,31 +121,33 @@ class Ros2(Bridge):
         self.network, self._band = grouped(options, Ros2Network, HeightBand)
         self.source = f"the ROS 2 network at {router}"
         self._robot = robot
-        self._base = base
         self._mount = mount_of(mount)
         self._time_offset = checked_offset(time_offset)
         self._frames, self._clocks = Frames(), ClockWatch()
+        places = LivePlaces(self._frames, base, self._mount)
+        self._conversion = Conversion(robot, places, self._band)
         topics = {
-            "scan": scan, "odometry": odometry, "image": image, "compressed": compressed,
-            "battery": battery, "detections": detections, "points": points, "ranges": ranges,
-            "fix": fix, "map": map,
+            "scan": (scan, LASER_SCAN), "odometry": (odometry, ODOMETRY), "image": (image, IMAGE),
+            "compressed": (compressed, COMPRESSED), "battery": (battery, BATTERY),
+            "detections": (detections, DETECTIONS), "points": (points, POINTS),
+            "ranges": (ranges, RANGE), "fix": (fix, FIX),
         }  # fmt: skip
-        self._read = self._conversions()
-        self._uses = [
-            TopicUse(option, topics[option], message)
-            for message, (option, _, _) in self._read.items()
-            if topics[option]
-        ]
-        self.publishes = tuple(sorted({self._read[use.message][1] for use in self._uses}))
-        self._map_event = map_event if map else ""
+        uses = [TopicUse(option, *about) for option, about in topics.items() if about[0]]
+        self._options = {use.message: use.option for use in uses}
+        self.publishes = tuple(sorted({TOPICS[use.message] for use in uses}))
+        self._events = dict[str, MessageTopic]()
         if map:
-            self._uses.append(TopicUse("map", map, GRID, qos=LASTING))
-        self._others = {name: MessageTopic(name, table) for name, table in (events or {}).items()}
-        self._uses = with_qos(self._uses, qos)
-        self._uses += [
-            TopicUse(f"{EVENTS}{name}", name, each.kind, qos=each.qos)
-            for name, each in self._others.items()
-        ]
+            uses.append(TopicUse("map", map, GRID, qos=LASTING))
+            # Each map counts, because the last one may stay for long.
+            every = {"type": GRID, "event": map_event, "rate": sys.float_info.max}
+            self._events[GRID] = MessageTopic("ros2: map", every)
+        uses = with_qos(uses, qos)
+        for name, table in (events or {}).items():
+            where = f"ros2: {EVENTS}{name}"
+            topic = self._events[name] = MessageTopic(where, table)
+            asked = HEARING if topic.qos is None else qos_of(f"{where}: qos", topic.qos, HEARING)
+            uses.append(TopicUse(f"{EVENTS}{name}", name, topic.kind, qos=asked))
+        self._uses = uses
         # Invalid names must fail here, not in the thread that connects.
         for use in self._uses:
             self.network.name(use.topic)
@@ -167,35 +156,16 @@ class Ros2(Bridge):
         """The topics that it subscribes to."""
         return (*transforms_uses(self.network, needed=self._mount is None), *self._uses)
 
-    def _conversions(self) -> dict[str, tuple[str, str, Make]]:
-        """By message type: the option with the ROS topic, our topic, and the reading of one."""
-        robot = self._robot
-        return {
-            LASER_SCAN: ("scan", "scan", self._scan),
-            ODOMETRY: ("odometry", "odometry", partial(readings.odometry_of, robot=robot)),
-            IMAGE: ("image", "image", partial(self._image, images.image_of)),
-            COMPRESSED: ("compressed", "image", partial(self._image, images.file_of)),
-            BATTERY: ("battery", "battery", partial(readings.battery_of, robot=robot)),
-            DETECTIONS: ("detections", "sightings", self._sightings),
-            POINTS: ("points", "scan", self._points),
-            RANGE: ("ranges", "range", self._range),
-            FIX: ("fix", "position", partial(readings.position_of, robot=robot)),
-        }
-
     def check(self, world: WorldInfo) -> list[str]:
         """What fits no robot. Raises MisuseError without rosbags, or an event for maps."""
         messages()
-        if self._map_event:
-            data = {"cells": Cells, "cell": Metres, "x": Metres, "y": Metres, "angle": Degrees}
-            self._makes_map = EventFactory("ros2", world, self._map_event, **data)
-        for other in self._others.values():
-            other.check("ros2", world)
+        for topic in self._events.values():
+            topic.check(world)
         return [problem for _, problem in misfits(self.network, self.uses())]
 
     def generates(self) -> tuple[str, ...]:
         """The event types of maps and of other messages."""
-        others = (other.event for other in self._others.values())
-        return tuple(dict.fromkeys(filter(None, (self._map_event, *others))))
+        return tuple(dict.fromkeys(topic.event for topic in self._events.values()))
 
     def open(self) -> Source:
         """Raises SourceError if the network does not answer."""
@@ -229,57 +199,32 @@ class Ros2(Bridge):
         Invalid and unplaced messages are counted.
         """
         try:
-            if other := self._others.get(message):
-                return other.made(data, self._robot, self._placed, self._band.points_range)
+            if topic := self._events.get(message):
+                return self._event(topic, data)
             value = messages().decode(message, data)
             if message == TRANSFORMS:
                 self._frames.update(value)
                 return None
-            if message == GRID:
-                return self._map_event_of(value)
-            option, topic, make = self._read[message]
-            made = make(value)
+            option, made = self._options[message], self._conversion.reading(message, value)
             for what, line in self._clocks.problems(option, made.time, value.header.frame_id):
                 # Detections of several cameras each have the place of theirs.
                 if what != SHARED_TOPIC or message != DETECTIONS:
                     self.pass_over(what, f"{self.source}: {line}")
-            return topic, made
+            return TOPICS[message], made
         except UnplacedError:
             self.count("without a transform")
         except GarbageError as error:
             self.pass_over("garbage", f"{self.source}: a {message} skipped: {error}")
         return None
 
-    def _map_event_of(self, message: Any) -> Event:
-        grid = readings.grid_of(message)
-        return self._makes_map(grid.cells, grid.cell, *grid.corner, receivers=(self._robot,))
-
-    def _scan(self, message: Any) -> Reading:
-        return readings.scan_of(message, self._robot, self._mounting(message, self._mount))
-
-    def _image(self, make: Callable[..., Reading], message: Any) -> Reading:
-        known = self._frames.mounting(self._base, message.header.frame_id)
-        return make(message, self._robot, known or SensorMount())
-
-    def _sightings(self, message: Any) -> Reading:
-        return readings.sightings_of(message, self._robot, self._placed(message))
-
-    def _points(self, message: Any) -> Reading:
-        return scan_of_points(message, self._robot, self._placed(message), self._band)
-
-    def _range(self, message: Any) -> Reading:
-        return scan_of_range(message, self._robot, self._mounting(message, None))
-
-    def _placed(self, message: Any) -> Matrix:
-        return self._frames.placed(self._base, message.header.frame_id)
-
-    def _mounting(self, message: Any, given: Mount | None) -> SensorMount:
-        return mounting_of(self._frames, self._base, message.header.frame_id, given)
-
-
-def _items(ready: list[Recorded]) -> Iterator[SourceItem]:
-    for recorded in ready:
-        yield recorded.topic, recorded.reading
+    def _event(self, topic: MessageTopic, data: bytes) -> Event | None:
+        """The event of a message; None for those above the rate."""
+        now = time.monotonic()
+        if not topic.is_due(now):
+            return None
+        message = messages().decode(topic.kind, data)
+        reach, placed = self._band.points_range, self._conversion.places.placed
+        return topic.made(message, self._robot, placed, reach, now)
 
 
 class _Waiting:
@@ -363,7 +308,7 @@ class _Listening:
                 raise SourceError(f"{self._bridge.source} is lost")
             if not waiting:
                 # Delayed scans must not wait for odometry that has stopped arriving.
-                yield from _items(compensator.rest())
+                yield from map(item_of, compensator.rest())
                 yield None
             for message, data in waiting:
                 reading = self._bridge.reading(message, data)
@@ -371,7 +316,8 @@ class _Listening:
                     yield reading
                     continue
                 topic, measured = reading
-                yield from _items(compensator.add(Recorded(time.monotonic(), topic, measured)))
+                recorded = Recorded(time.monotonic(), topic, measured)
+                yield from map(item_of, compensator.add(recorded))
 
     def close(self) -> None:
         """Leave the network."""

@@ -8,7 +8,7 @@ itself are here; others come from the world file, or from a folder such as `/opt
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,16 +19,17 @@ import numpy as np
 from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.files import read_text
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import WorldInfo
-from minerva_services.bridges.ros2.driver import check_positive
-from minerva_services.bridges.ros2.qos import HEARING, qos_of
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.frames import Matrix
-from minerva_services.bridges.ros_messages.messages import POINTS, messages
+from minerva_services.bridges.ros_messages.messages import GRID, POINTS, messages
 from minerva_services.bridges.ros_messages.ranges import points_of
-from minerva_services.bridges.ros_messages.readings import heading_of
+from minerva_services.bridges.ros_messages.readings import grid_of, heading_of
 from minerva_services.event_factory import event_type
+from minerva_services.options import check_positive
 
 _KNOWN: Final = {
     "std_srvs/srv/Empty": "---",
@@ -204,6 +205,63 @@ def at(message: Any, path: str) -> Any:
     return value.tolist() if is_list else value
 
 
+SECONDS: Final = Type("real", "s")
+DEGREES: Final = Type("real", "deg")
+METRES: Final = Type("real", "m")
+"""Types of data whose units are known; those of fields of messages are not."""
+
+_KINDS: Final = {
+    "bool": "bool", "string": "text", "wstring": "text", "float32": "real", "float64": "real",
+}  # fmt: skip
+"""Kinds of types of values by basic type; all others are whole numbers."""
+
+
+def shape_of(message: str) -> Mapping[str, Any]:
+    """The fields of a message type: a `Type`, a list with the shape of its items, or a mapping."""
+    fields = messages().store.fielddefs[message][1]
+    return {name: _shape(*field) for name, field in fields if name != _EMPTY}
+
+
+def _shape(kind: Any, of: Any) -> Any:
+    if kind.name == "NAME":
+        return shape_of(of)
+    if kind.name == "BASE":
+        return Type(_KINDS.get(of[0], "int"))
+    element, _ = of
+    return [_shape(*element)]
+
+
+def _within(shape: Any, path: str) -> Any:
+    """The shape at a path; the first item of a list stands for all. Raises GarbageError."""
+    for step in path.split("."):
+        if isinstance(shape, list) and step.isdigit():
+            shape = cast("list[Any]", shape)[0]
+        elif isinstance(shape, Mapping) and step in shape:
+            shape = cast("Mapping[str, Any]", shape)[step]
+        elif shape is not None:
+            raise GarbageError(f"it has no {path}")
+    return shape
+
+
+def _type_of(shape: Any) -> Type:
+    """The type of the values of a shape, as `_plain` makes them. Raises GarbageError."""
+    if isinstance(shape, list):
+        return Type("list", item=_type_of(cast("list[Any]", shape)[0]))
+    if isinstance(shape, Mapping):
+        fields = cast("Mapping[str, Any]", shape)
+        if "nanosec" in fields or "w" in fields:
+            return SECONDS if "nanosec" in fields else DEGREES
+        raise GarbageError(f"it consists of {', '.join(fields)}; add the path of one to data")
+    return shape
+
+
+def _accepts(wanted: Type, made: Type) -> bool:
+    if wanted.item is not None and made.item is not None:
+        return _accepts(wanted.item, made.item)
+    fits = wanted.unit == made.unit or not (wanted.unit and made.unit)
+    return fits and (wanted.kind == made.kind or (wanted.kind, made.kind) == ("real", "int"))
+
+
 class MessageEvents:
     """Makes events of a type of the world from messages, or from mappings.
 
@@ -211,9 +269,12 @@ class MessageEvents:
     """
 
     def __init__(
-        self, where: str, declared: EventType, data: Mapping[str, str], example: Any
+        self, where: str, declared: EventType, data: Mapping[str, str], shape: Mapping[str, Any]
     ) -> None:
-        """`example` has the fields of all messages. Raises MisuseError for missing ones."""
+        """`shape` is that of all messages; None stands for values of any type.
+
+        Raises MisuseError for data that messages do not have, or have in another type.
+        """
         self._declared, self._paths = declared, dict(data)
         for name in data:
             if name not in declared.fields.names:
@@ -223,21 +284,21 @@ class MessageEvents:
                 )
         for field in declared.fields.all:
             path = self._paths.setdefault(field.name, field.name)
-            has_index = any(step.isdigit() for step in path.split("."))
             try:
-                at(example, path)
+                there = _within(shape, path)
             except GarbageError as error:
-                if field.name in data and not has_index:
+                if field.name in data:
                     raise MisuseError(
                         f"{where}: {field.name} of {declared.name}: {error}"
                     ) from None
-                if field.default is None and not has_index:
+                if field.default is None:
                     raise MisuseError(
                         f"{where}: {declared.name} needs {field.name}: {error}; add its path to"
                         " data, or a default to the vocabulary"
                     ) from None
-                if not has_index:
-                    del self._paths[field.name]
+                del self._paths[field.name]
+            else:
+                _check(where, declared, field, path, there)
 
     def __call__(self, message: Any, receivers: Sequence[str]) -> Event:
         """The event of a message for these agents. Raises GarbageError."""
@@ -246,6 +307,21 @@ class MessageEvents:
             return cast("Event", self._declared(**values, receivers=list(receivers)))
         except MinervaError as error:
             raise GarbageError(str(error)) from None
+
+
+def _check(where: str, declared: EventType, field: Field, path: str, shape: Any) -> None:
+    """Raise MisuseError if a datum cannot have the values of a shape."""
+    if shape is None:
+        return
+    try:
+        made = _type_of(shape)
+    except GarbageError as error:
+        raise MisuseError(f"{where}: {field.name} of {declared.name}: {path}: {error}") from None
+    if not _accepts(field.type, made):
+        raise MisuseError(
+            f"{where}: {declared.name} declares {field.name} as {field.type}, but {path} is {made};"
+            f' declare {field.name}="{made}", or add another path to data'
+        )
 
 
 def _plain(value: Any) -> Any:
@@ -261,57 +337,68 @@ _TOPIC_KEYS: Final[Mapping[str, Any]] = {
 }  # fmt: skip
 _RATE: Final = 10.0
 _CUBE: Final = 0.1
+_COMPUTED: Final[Mapping[str, Mapping[str, Type]]] = {
+    POINTS: {"points": Type("matrix")},
+    GRID: {
+        "cells": Type("cells"), "cell": METRES, "x": METRES, "y": METRES, "angle": DEGREES,
+    },
+}  # fmt: skip
+"""Data that messages of a type have beside their fields."""
 
 
 class MessageTopic:
     """A topic whose messages become events, from its table in a world file.
 
-    Raises MisuseError for other tables.
+    `where` begins its errors. Raises MisuseError for other tables.
     """
 
-    def __init__(self, topic: str, given: Any) -> None:
-        self._where = f"events.{topic}"
-        table = checked_table(f"ros2: {self._where}", given, _TOPIC_KEYS, ("type", "event"))
+    def __init__(self, where: str, given: Any) -> None:
+        self._where = where
+        table = checked_table(where, given, _TOPIC_KEYS, ("type", "event"))
         self.kind, self.event = str(table["type"]), str(table["event"])
+        self.qos: str | None = table.get("qos")
         self._definition, self._data = table.get("definition", ""), table.get("data", {})
-        rate = check_positive(f"{self._where}: rate", table.get("rate", _RATE))
-        self._seconds, self._due = 1.0 / rate, 0.0
-        self._cube = check_positive(f"{self._where}: cube", table.get("cube", _CUBE))
+        self._seconds = 1.0 / check_positive(where, "rate", table.get("rate", _RATE))
+        self._cube = check_positive(where, "cube", table.get("cube", _CUBE))
+        self._latest = -math.inf
         self._events: MessageEvents | None = None
-        qos = table.get("qos")
-        self.qos = HEARING if qos is None else qos_of(f"{self._where}: qos", qos, HEARING)
 
-    def check(self, service: str, world: WorldInfo) -> None:
+    def check(self, world: WorldInfo) -> None:
         """Raise MisuseError if the type of its messages or of its events does not fit."""
         if self._definition:
             register({self.kind: self._definition})
         known = messages().store.fielddefs
         if self.kind not in known:
             near = nearest(self.kind, list(known), '; give the text of its file as "definition"')
-            raise MisuseError(f"{service}: {self._where}: the type {self.kind} is not known{near}")
-        declared = event_type(service, world, self.event)
-        where = f"{service}: {self._where}"
-        example = built(self.kind, {})
-        if self.kind == POINTS:
-            example = {**vars(example), "points": ()}
-        self._events = MessageEvents(where, declared, self._data, example)
+            raise MisuseError(f"{self._where}: the type {self.kind} is not known{near}")
+        declared = event_type(self._where, world, self.event)
+        shape = {**shape_of(self.kind), **_COMPUTED.get(self.kind, {})}
+        self._events = MessageEvents(self._where, declared, self._data, shape)
+
+    def is_due(self, now: float) -> bool:
+        """Whether a message at this time is not above the rate."""
+        # A clock that steps back does not stop it.
+        return not self._latest <= now < self._latest + self._seconds
 
     def made(
-        self, data: bytes, agent: str, placed: Callable[[Any], Matrix], reach: float
-    ) -> Event | None:
-        """The event of a message; None for those above the rate. Raises GarbageError.
+        self, message: Any, agent: str, placed: Callable[[str], Matrix], reach: float, now: float
+    ) -> Event:
+        """The event of a message, which is the latest then. Raises GarbageError.
 
-        A point cloud has the data `points`: those within `reach` metres, as `placed` on the robot.
+        The points of a cloud are those within `reach` metres, as `placed` on the robot.
         """
-        now = time.monotonic()
-        if self._events is None or now < self._due:
-            return None
-        message = messages().decode(self.kind, data)
+        values = message
         if self.kind == POINTS:
-            points = points_of(message, placed(message), reach, self._cube)
-            message = {**vars(message), "points": points}
-        event = self._events(message, [agent])
-        self._due = now + self._seconds
+            points = points_of(message, placed(message.header.frame_id), reach, self._cube)
+            values = {**vars(message), "points": points}
+        elif self.kind == GRID:
+            grid = grid_of(message)
+            place = dict(zip(("x", "y", "angle"), grid.corner, strict=True))
+            values = {**vars(message), "cells": grid.cells, "cell": grid.cell, **place}
+        if self._events is None:
+            raise MisuseError(f"{self._where} was not checked")
+        event = self._events(values, [agent])
+        self._latest = now
         return event
 
 

@@ -54,13 +54,13 @@ class Frames:
             except ValueError as error:
                 invalid = invalid or f"{item.child_frame_id}: {error}"
                 continue
-            self._parents[_bare(item.child_frame_id)] = _bare(item.header.frame_id), matrix
+            self._parents[bare(item.child_frame_id)] = bare(item.header.frame_id), matrix
         if invalid:
             raise GarbageError(invalid)
 
     def matrix(self, base: str, frame: str) -> Matrix | None:
         """The transform from a frame to the base, 4 x 4; None if they are not connected."""
-        base, frame = _bare(base), _bare(frame)
+        base, frame = bare(base), bare(frame)
         # The base need not be the root of the tree; the first common ancestor connects both frames.
         above = dict(self._above(base))
         for name, matrix in self._above(frame):
@@ -83,33 +83,16 @@ class Frames:
         matrix = self.matrix(base, frame)
         if matrix is None:
             return None
-        ahead = 2 if _bare(frame).endswith(_OPTICAL) else 0
+        ahead = 2 if bare(frame).endswith(_OPTICAL) else 0
         angle = np.degrees(portable.atan2(matrix[1, ahead], matrix[0, ahead]))
         numbers = (matrix[0, 3], matrix[1, 3], angle)
         # Adding 0.0 turns -0.0 into 0.0.
         mount = Mount(*[round(float(number), _DIGITS) + 0.0 for number in numbers])
         return SensorMount(mount, flipped=bool(not ahead and matrix[2, 2] < 0))
 
-    def on_its_robot(self, frame: str) -> SensorMount:
-        """Mount of a sensor on the `base_link` above it, otherwise on the topmost frame."""
-        base = self._base_above(frame)
-        mounting = self.mounting(base, frame) if base != _bare(frame) else None
-        return mounting or SensorMount()
-
-    def placed_on_its_robot(self, frame: str) -> Matrix:
-        """The transform from a frame to that `base_link` or topmost frame. Raises UnplacedError."""
-        base = self._base_above(frame)
-        placed = self.matrix(base, frame)
-        # Heights of points are those above the base, which a sensor's own frame does not tell.
-        if placed is None or (
-            base == _bare(frame) and not base.rpartition("/")[2].startswith("base")
-        ):
-            raise UnplacedError(f"no transform from {frame} to {BASE} in /tf_static")
-        return placed
-
-    def _base_above(self, frame: str) -> str:
+    def base_above(self, frame: str) -> str:
         """The `base_link` above a frame, otherwise the topmost frame."""
-        above = [name for name, _ in self._above(_bare(frame))]
+        above = [name for name, _ in self._above(bare(frame))]
         return next((name for name in above if name.rpartition("/")[2] == BASE), above[-1])
 
     def _above(self, frame: str) -> Iterator[tuple[str, Matrix]]:
@@ -125,18 +108,9 @@ class Frames:
             matrix = product(upward, matrix)
 
 
-def _bare(frame: str) -> str:
+def bare(frame: str) -> str:
+    """A frame without the leading slash of ROS 1."""
     return frame.lstrip("/")
-
-
-def mounting_of(frames: Frames, base: str, frame: str, given: Mount | None) -> SensorMount:
-    """A sensor's mount: as given, or from its frame's transform. Raises UnplacedError."""
-    if given is not None:
-        return SensorMount(given)
-    mounting = frames.mounting(base, frame)
-    if mounting is None:
-        raise UnplacedError(f"no transform from {frame} to {base}")
-    return mounting
 
 
 def mount_of(text: str) -> Mount | None:

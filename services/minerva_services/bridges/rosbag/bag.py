@@ -2,45 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.log.recordings import PassOver, Recorded, RecordingError
 from minerva_bus.wording import install
-from minerva_bus.world.readings import Reading
-from minerva_services.bridges.ros_messages import (
-    Frames,
-    GarbageError,
-    SensorMount,
-    images,
-    readings,
-)
-from minerva_services.bridges.ros_messages.ranges import HeightBand, scan_of_points, scan_of_range
+from minerva_services.bridges.ros_messages import Frames, GarbageError
+from minerva_services.bridges.ros_messages.conversion import TOPICS, Conversion, RecordedPlaces
+from minerva_services.bridges.ros_messages.definitions import MessageTopic
+from minerva_services.bridges.ros_messages.messages import POINTS, messages
+from minerva_services.bridges.ros_messages.ranges import HeightBand
 from minerva_services.sensors.clocks import FirstSkip, watched
 from minerva_services.sensors.playback import MountOverride
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
-
-
-_POINTS: Final = "sensor_msgs/msg/PointCloud2"
-_READERS: Final[
-    Mapping[str, tuple[str, Callable[[Any, str, SensorMount, float | None], Reading]]]
-] = {
-    "sensor_msgs/msg/LaserScan": ("scan", readings.scan_of),
-    "nav_msgs/msg/Odometry": ("odometry", readings.odometry_of),
-    "sensor_msgs/msg/Image": ("image", images.image_of),
-    "sensor_msgs/msg/CompressedImage": ("image", images.file_of),
-    "sensor_msgs/msg/BatteryState": ("battery", readings.battery_of),
-    "sensor_msgs/msg/NavSatFix": ("position", readings.position_of),
-    "sensor_msgs/msg/Range": ("range", scan_of_range),
-}
-TOPICS: Final = {kind: topic for kind, (topic, _) in _READERS.items()} | {_POINTS: "scan"}
-"""Default topics by type name; rosbags uses the same names for ROS 1."""
 
 
 _TF_STATIC: Final = "tf_static"
@@ -53,10 +33,11 @@ _OTHER_TOPICS: Final = "topics of other types"
 
 @dataclass(frozen=True, slots=True)
 class PlayedTopic:
-    """A topic of the bag, and the topic of the world on which it is played."""
+    """A topic of the bag, and the topic of the world on which it is played, or its events."""
 
     connection: Connection
-    topic: str
+    topic: str = ""
+    events: MessageTopic | None = None
 
 
 @dataclass(slots=True)
@@ -64,7 +45,8 @@ class Bag:
     """An open bag. `topics` maps topics of the bag to those of the world.
 
     Without `topics`, the first topic by name of each kind of reading is played, and point clouds
-    only without laser scans. `band` is that of their points. Raises RecordingError.
+    only without laser scans. `events` are the topics whose messages become events instead. `band`
+    is that of points. Raises RecordingError.
     """
 
     path: Path
@@ -72,6 +54,7 @@ class Bag:
     robot: str = "r1"
     mounting: MountOverride = field(default_factory=MountOverride)
     topics: Mapping[str, str] = field(default_factory=dict[str, str])
+    events: Mapping[str, MessageTopic] = field(default_factory=dict[str, MessageTopic])
     band: HeightBand = field(default_factory=HeightBand)
     part: float = 0.0
     _reader: AnyReader = field(init=False)
@@ -79,11 +62,13 @@ class Bag:
     _played: Mapping[int, PlayedTopic] = field(init=False)
     _frames: Frames = field(init=False, default_factory=Frames)
     _frame: str = field(init=False, default="")
-
+    _conversion: Conversion = field(init=False)
     _skipped: FirstSkip = field(init=False)
 
     def __post_init__(self) -> None:
         self._skipped = FirstSkip(self.pass_over)
+        places = RecordedPlaces(self._frames, self.mounting.over)
+        self._conversion = Conversion(self.robot, places, self.band)
         self._reader = _opened(self.path)
         try:
             self._played = {topic.connection.id: topic for topic in self._chosen()}
@@ -110,8 +95,10 @@ class Bag:
             if message is None:
                 continue
             try:
-                yield self._recorded(message, self._played[connection.id], stamp * _NANOSECOND)
+                recorded = self._recorded(message, self._played[connection.id], stamp * _NANOSECOND)
                 is_empty = False
+                if recorded is not None:
+                    yield recorded
             except (
                 GarbageError,
                 AttributeError,
@@ -156,46 +143,65 @@ class Bag:
             )
         return None
 
-    def _recorded(self, message: Any, played: PlayedTopic, stamp: float) -> Recorded:
+    def _recorded(self, message: Any, played: PlayedTopic, stamp: float) -> Recorded | None:
+        """What a message becomes; None for those above the rate of their events."""
+        if played.events is not None:
+            if not played.events.is_due(stamp):
+                return None
+            reach, placed = self.band.points_range, self._conversion.places.placed
+            event = played.events.made(message, self.robot, placed, reach, stamp)
+            return Recorded(stamp, "", event)
         header = message.header
         self._frame = str(header.frame_id)
         # Some drivers leave the stamp at 0.
         time = header.stamp.sec + header.stamp.nanosec * _NANOSECOND or stamp
-        kind = _kind(played.connection)
-        if kind == _POINTS:
-            placed = self._frames.placed_on_its_robot(header.frame_id)
-            scan = scan_of_points(message, self.robot, placed, self.band, time)
-            return Recorded(stamp, played.topic, scan)
-        sensor = self._frames.on_its_robot(header.frame_id)
-        mounting = replace(sensor, mount=self.mounting.over(sensor.mount))
-        _, read = _READERS[kind]
-        return Recorded(stamp, played.topic, read(message, self.robot, mounting, time))
+        reading = self._conversion.reading(_kind(played.connection), message, time)
+        return Recorded(stamp, played.topic, reading)
 
     def _chosen(self) -> Iterator[PlayedTopic]:
         """The connections to play. Raises RecordingError."""
         known = {item.topic: _kind(item) for item in self._reader.connections}
-        chosen = self._named(known) if self.topics else self._first_ones(known)
+        events = dict(self._of_events(known))
+        rest = {topic: kind for topic, kind in known.items() if topic not in events}
+        chosen = self._named(known) if self.topics else self._first_ones(rest)
+        if not (chosen or events):
+            there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(known.items()))
+            raise RecordingError(
+                f"{self.path}: nothing to play; expected one of {', '.join(TOPICS)};"
+                f" available: {there or 'no topics'}"
+            )
         for connection in self._reader.connections:
-            if connection.topic in chosen and _kind(connection) in TOPICS:
-                yield PlayedTopic(connection, chosen[connection.topic])
+            name, kind = connection.topic, _kind(connection)
+            if name in events and kind == events[name].kind:
+                yield PlayedTopic(connection, events=events[name])
+            elif name in chosen and kind in TOPICS:
+                yield PlayedTopic(connection, chosen[name])
+
+    def _of_events(self, known: Mapping[str, str]) -> Iterator[tuple[str, MessageTopic]]:
+        """The topics whose messages become events; a leading slash may be missing."""
+        for topic, events in self.events.items():
+            name = next((each for each in known if each.strip("/") == topic.strip("/")), topic)
+            self._check_topic(name, known, (events.kind,))
+            yield name, events
+
+    def _check_topic(self, topic: str, known: Mapping[str, str], kinds: Collection[str]) -> None:
+        if topic not in known:
+            there = ", ".join(sorted(known)) or "none"
+            raise RecordingError(f"{self.path}: no topic {topic}; available: {there}")
+        if known[topic] not in kinds:
+            expected = f"expected {'one of ' if len(kinds) > 1 else ''}{', '.join(kinds)}"
+            raise RecordingError(f"{self.path}: {topic} is of {known[topic]}; {expected}")
 
     def _named(self, known: Mapping[str, str]) -> Mapping[str, str]:
         for topic in self.topics:
-            if topic not in known:
-                there = ", ".join(sorted(known)) or "none"
-                raise RecordingError(f"{self.path}: no topic {topic}; available: {there}")
-            if known[topic] not in TOPICS:
-                raise RecordingError(
-                    f"{self.path}: {topic} is of {known[topic]}; expected one of"
-                    f" {', '.join(TOPICS)}"
-                )
+            self._check_topic(topic, known, TOPICS)
         return self.topics
 
     def _first_ones(self, known: Mapping[str, str]) -> Mapping[str, str]:
         chosen: dict[str, str] = {}
 
         def rank(item: tuple[str, str]) -> tuple[bool, str]:
-            return item[1] == _POINTS, item[0]
+            return item[1] == POINTS, item[0]
 
         for topic, kind in sorted(known.items(), key=rank):
             if topic.lstrip("/") == _TF_STATIC:
@@ -211,12 +217,6 @@ class Bag:
                 self.pass_over(_SKIPPED_TOPICS, line)
             else:
                 chosen[topic] = here
-        if not chosen:
-            there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(known.items()))
-            raise RecordingError(
-                f"{self.path}: nothing to play; expected one of {', '.join(TOPICS)};"
-                f" available: {there or 'no topics'}"
-            )
         return chosen
 
     def _learn_mounts(self) -> None:
@@ -268,13 +268,12 @@ def _open_without_services(part: Any, open_part: Callable[[], None]) -> None:
 def _opened(path: Path) -> AnyReader:
     try:
         from rosbags.highlevel import AnyReader  # late: optional dependency (extra "ros")
-        from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise RecordingError(
             f"{path}: bags need rosbags; install it with: {install('ros')}"
         ) from None
     try:
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+        reader = AnyReader([path], default_typestore=messages().store)
         for part in reader.readers:
             part.open = partial(_open_without_services, part, part.open)
         reader.open()

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.world.services import WorldInfo
+from minerva_services.bridges.ros_messages.conversion import TOPICS
+from minerva_services.bridges.ros_messages.definitions import MessageTopic
 from minerva_services.bridges.ros_messages.ranges import HeightBand
-from minerva_services.bridges.rosbag.bag import TOPICS, Bag
+from minerva_services.bridges.rosbag.bag import Bag
 from minerva_services.options import grouped, takes_options
 from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
@@ -26,6 +29,7 @@ class Rosbag(Playing, when="freely"):
           point clouds become a `scan`, too.
         time_offset: seconds added to the times of scans if the lidar's clock differs from that of
           odometry.
+        events: topics whose messages become events, with the tables of `ros2`.
 
     """
 
@@ -38,19 +42,35 @@ class Rosbag(Playing, when="freely"):
         robot: str = "r1",
         topics: Mapping[str, Any] | None = None,
         time_offset: float = 0.0,
+        events: Mapping[str, Any] | None = None,
         **further: Any,
     ) -> None:
         groups = grouped(further, PlaybackPace, MountOverride, HeightBand)
         pace, self._mounting, self._band = groups
         super().__init__(file, pace, time_offset)
         self._robot, self._topics = robot, _checked(topics)
+        self._events = {
+            name: MessageTopic(f"rosbag: events.{name}", table)
+            for name, table in (events or {}).items()
+        }
         if self._topics:
             # Topics differ between worlds, so the instance attribute hides the class's.
             self.publishes = tuple(sorted(set(self._topics.values())))
 
+    def check(self, world: WorldInfo) -> None:
+        """Raises MisuseError if the events do not fit the world, or their messages."""
+        for topic in self._events.values():
+            topic.check(world)
+
+    def generates(self) -> tuple[str, ...]:
+        """The event types of messages."""
+        return tuple(dict.fromkeys(topic.event for topic in self._events.values()))
+
     def recording(self) -> Bag:
-        path, passed = Path(self.source), self.pass_over
-        return Bag(path, passed, self._robot, self._mounting, self._topics, self._band)
+        return Bag(
+            Path(self.source), self.pass_over,
+            self._robot, self._mounting, self._topics, self._events, self._band,
+        )  # fmt: skip
 
 
 def _checked(topics: Any) -> Mapping[str, str]:
