@@ -20,6 +20,7 @@ from pathlib import Path
 from tools import blocks
 from tools.acceptance.bags import ROSBAG2
 from tools.acceptance.codec import MSGPACK
+from tools.acceptance.federates import HELICS
 from tools.acceptance.messaging import PAHO
 from tools.acceptance.models import REFERENCE_FMUS
 from tools.acceptance.positions import GPSD, PYNMEAGPS
@@ -30,7 +31,17 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "acceptance.md"
 _END = "<!-- end of scores -->"
 SUITES = {
-    suite.name: suite for suite in (MSGPACK, MCAP, GPSD, PYNMEAGPS, ROSBAG2, REFERENCE_FMUS, PAHO)
+    suite.name: suite
+    for suite in (
+        MSGPACK,
+        MCAP,
+        GPSD,
+        PYNMEAGPS,
+        ROSBAG2,
+        REFERENCE_FMUS,
+        PAHO,
+        HELICS,
+    )
 }
 
 
