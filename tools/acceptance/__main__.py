@@ -21,6 +21,7 @@ from tools import blocks
 from tools.acceptance.bags import ROSBAG2
 from tools.acceptance.codec import MSGPACK
 from tools.acceptance.federates import HELICS
+from tools.acceptance.maps import NAV2
 from tools.acceptance.messaging import PAHO
 from tools.acceptance.models import REFERENCE_FMUS
 from tools.acceptance.positions import GPSD, PYNMEAGPS
@@ -41,6 +42,7 @@ SUITES = {
         REFERENCE_FMUS,
         PAHO,
         HELICS,
+        NAV2,
     )
 }
 
