@@ -37,6 +37,7 @@ EXTRAS: Final = {
     "neighbours": (("scipy",), "the service neighbours"),
     "fast": (("numba",), "compiled methods and spaces"),
     "space": (("rapier3d", "trimesh"), "bodies in three dimensions"),
+    "wasm": (("rapier3d", "wasmtime"), "bodies with the same bits on all processors"),
     "tls": (("cryptography",), "certificates for remote members"),
     "profile": (("pyinstrument",), "flame graphs of members"),
     "mcp": (("mcp", "jsonschema"), "worlds for assistants"),

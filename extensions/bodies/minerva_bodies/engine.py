@@ -61,8 +61,10 @@ class Engine:
 
     """
 
+    library: Any = rapier3d
+
     def __init__(self, gravity: float, dt: float, threads: int, removes: bool = False) -> None:
-        self._world = rapier.PhysicsWorld(gravity=(0.0, 0.0, -gravity))
+        self._world = self.library.PhysicsWorld(gravity=(0.0, 0.0, -gravity))
         self._world.integration_parameters.dt = dt
         self._world.set_num_threads(threads)
         self._removes = removes
@@ -88,12 +90,12 @@ class Engine:
         pose, parts = plain
         kind = _kind_of(name, parts)
         build = {
-            DYNAMIC: rapier.RigidBody.dynamic,
-            FIXED: rapier.RigidBody.fixed,
-            KINEMATIC: rapier.RigidBody.kinematic_position_based,
+            DYNAMIC: self.library.RigidBody.dynamic,
+            FIXED: self.library.RigidBody.fixed,
+            KINEMATIC: self.library.RigidBody.kinematic_position_based,
         }[kind]()
         x, y, z, w, i, j, k, *speeds = row or (*pose, *[0.0] * 6, 0.0)
-        build = build.position(_isometry((x, y, z, w, i, j, k)))
+        build = build.position(_isometry(self.library, (x, y, z, w, i, j, k)))
         if kind == DYNAMIC:
             build = build.linvel(tuple(speeds[:3])).angvel(tuple(speeds[3:6]))
             build = build.sleeping(bool(speeds[6]))
@@ -128,10 +130,11 @@ class Engine:
         for solid in solids:
             self._owners[self._world.add_collider(solid, handle)] = name
         if kind != _kind_of(name, self.solids(name)):
+            types = self.library.RigidBodyType
             body.body_type = {
-                DYNAMIC: rapier.RigidBodyType.DYNAMIC,
-                FIXED: rapier.RigidBodyType.FIXED,
-                KINEMATIC: rapier.RigidBodyType.KINEMATIC_POSITION_BASED,
+                DYNAMIC: types.DYNAMIC,
+                FIXED: types.FIXED,
+                KINEMATIC: types.KINEMATIC_POSITION_BASED,
             }[kind]
         # For the commands of this frame, which precede the step.
         body.recompute_mass_properties_from_colliders(self._world.colliders)
@@ -162,14 +165,16 @@ class Engine:
         handles = [self._joined(name, who) for who in ids]
         # In the frames of the bodies where they are now.
         frames = [self._pose(handle).inverse().then(Rigid(*place)) for handle in handles]
-        joint = self._world.impulse_joints.insert(*handles, _joint(kind, frames, numbers))
+        joint = self._world.impulse_joints.insert(
+            *handles, _joint(self.library, kind, frames, numbers)
+        )
         self.joints[name] = joint, [kind, ids, place, numbers, [list(f.numbers) for f in frames]]
 
     def rejoin(self, name: str, plain: list[Any]) -> None:
         """Create a joint again in the frames of its bodies."""
         kind, ids, _, numbers, frames = plain
         handles = [self._joined(name, who) for who in ids]
-        joint = _joint(kind, [Rigid(*frame) for frame in frames], numbers)
+        joint = _joint(self.library, kind, [Rigid(*frame) for frame in frames], numbers)
         self.joints[name] = self._world.impulse_joints.insert(*handles, joint), plain
 
     def drive(self, name: str, numbers: list[float]) -> None:
@@ -255,7 +260,7 @@ class Engine:
                 # A part of the way in each step, or else it would hurry and rest in turns.
                 pose = begin.toward(end, (number + 1) / substeps).numbers
                 body = self._world.rigid_bodies[self.bodies[name]]
-                body.set_next_kinematic_position(_isometry(pose))
+                body.set_next_kinematic_position(_isometry(self.library, pose))
             self._world.step()
             lost = sorted(self._names[handle.index] for handle in self._world.quarantine.bodies)
             if lost and not self._removes:
@@ -460,27 +465,27 @@ class Engine:
             .friction(friction)
             .restitution(restitution)
             .sensor(bool(sensor))
-            .collision_groups(_groups(int(group)))
-            .position(_isometry(at.numbers))
+            .collision_groups(_groups(self.library, int(group)))
+            .position(_isometry(self.library, at.numbers))
         )
 
     def _shape(self, name: str, form: str, sizes: list[Any], moved: float) -> Any:
         if form == "terrain":
-            return rapier.Collider.trimesh(*ground(*sizes))
+            return self.library.Collider.trimesh(*ground(*sizes))
         if form != "mesh":
             return {
-                "box": rapier.Collider.cuboid,
-                "ball": rapier.Collider.ball,
-                "capsule": rapier.Collider.capsule_z,
-                "cylinder": rapier.Collider.cylinder,
-                "cone": rapier.Collider.cone,
+                "box": self.library.Collider.cuboid,
+                "ball": self.library.Collider.ball,
+                "capsule": self.library.Collider.capsule_z,
+                "cylinder": self.library.Collider.cylinder,
+                "cone": self.library.Collider.cone,
             }[form](*sizes)
         points, triangles = load_mesh(sizes[0])
         points = points * sizes[1]
         if name and moved == DYNAMIC:
             check_closed(sizes[0], (points, triangles))
-            return rapier.Collider.convex_hull(points)
-        return rapier.Collider.trimesh(points, triangles)
+            return self.library.Collider.convex_hull(points)
+        return self.library.Collider.trimesh(points, triangles)
 
 
 def _kind_of(name: str, parts: list[Any]) -> float:
@@ -492,12 +497,12 @@ def _kind_of(name: str, parts: list[Any]) -> float:
     return float(kinds.pop())
 
 
-def _isometry(numbers: Sequence[float]) -> Any:
+def _isometry(rapier: Any, numbers: Sequence[float]) -> Any:
     x, y, z, w, i, j, k = numbers
     return rapier.Isometry3((x, y, z), rapier.Rotation3(w, i, j, k))
 
 
-def _groups(group: int) -> Any:
+def _groups(rapier: Any, group: int) -> Any:
     """Solids of a group meet all but each other."""
     if not group:
         return rapier.InteractionGroups.all()
@@ -518,7 +523,7 @@ def _along(kind: str, numbers: list[float]) -> Rigid:
     return Rigid.quaternion(0, 0, 0, *((1 + x, 0, -z, y) if x > -1 else (0, 0, 1, 0)))
 
 
-def _joint(kind: str, frames: Sequence[Rigid], numbers: list[float]) -> Any:
+def _joint(rapier: Any, kind: str, frames: Sequence[Rigid], numbers: list[float]) -> Any:
     """A joint in the frames of two bodies, whose x axes become the joint's axis."""
     low, high, target, stiffness, speed, damping = numbers[3:]
     along = _along(kind, numbers)
@@ -529,7 +534,7 @@ def _joint(kind: str, frames: Sequence[Rigid], numbers: list[float]) -> Any:
         "prismatic": masks.LOCKED_PRISMATIC_AXES,
         "spherical": masks.LOCKED_SPHERICAL_AXES,
     }[kind]
-    left, right = [_isometry(frame.then(along).numbers) for frame in frames]
+    left, right = [_isometry(rapier, frame.then(along).numbers) for frame in frames]
     built = rapier.GenericJointBuilder(locked).local_frame1(left).local_frame2(right)
     unit = 1.0 if kind == "prismatic" else math.pi / 180
     free = {

@@ -24,6 +24,8 @@ from minerva_services.options import require
 POSE = ("x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "wx", "wy", "wz")
 """What an event of a pose may have: metres, a quaternion, m/s and rad/s."""
 JOINT = ("joint", "first", "second", "position", "velocity")
+WASM = "wasm"
+ENGINES = ("rapier3d", WASM)
 CONTACT = ("other", "impulse", "begins", "ends", "first", "last")
 
 
@@ -52,6 +54,8 @@ class RigidBodies(Device, Generator, coupled=True):
         every: frames between views; frames without one have no commands.
         substeps: steps of physics in a frame.
         threads: of physics; results do not depend on them.
+        engine: "rapier3d", or "wasm" for Rapier as WebAssembly, which computes the same bits on
+            every processor, in one thread and without rays for lidars and distance sensors.
         renew: frames after which the space is made again from its saved state, which bounds what a
             successor has to repeat; contacts lose their memory then.
         who: name of the parameter with the id of a body's agent.
@@ -72,10 +76,23 @@ class RigidBodies(Device, Generator, coupled=True):
         every: int = 1,
         substeps: int = 1,
         threads: int = 1,
+        engine: str = "rapier3d",
         renew: int = 300,
         who: str = "who",
     ) -> None:
         require("bodies", "rapier3d", "rapier3d", "space")
+        if engine not in ENGINES:
+            raise BodiesError(f"bodies: engine is {engine!r}; expected {' or '.join(ENGINES)}")
+        if engine == WASM:
+            require("bodies", "wasmtime", "wasmtime", "wasm")
+            if threads > 1 or lidar or distance:
+                raise BodiesError(
+                    "bodies: the engine wasm has one thread and no rays; leave out threads, lidar"
+                    ' and distance, or use engine="rapier3d"'
+                )
+            from minerva_bodies.wasm import read_code
+
+            read_code()
         require("bodies", "numpy", "numpy", "space")
         numbers = {"every": every, "substeps": substeps, "threads": threads, "renew": renew}
         for option, value in numbers.items():
@@ -89,7 +106,7 @@ class RigidBodies(Device, Generator, coupled=True):
         self._pose, self._contact, self._joint, self._lost = pose, contact, joint, lost
         self._senses = {"lidar": lidar, "imu": imu, "distance": distance}
         self._sensors = list[Sensor]()
-        self._renew, self._who = renew, who
+        self._engine_name, self._renew, self._who = engine, renew, who
         self._shown = -1
         self._next: dict[str, Any] = {}
         self._base: dict[str, Any] = {}
@@ -120,8 +137,11 @@ class RigidBodies(Device, Generator, coupled=True):
         self._keep()
 
     def _new(self) -> Any:
-        from minerva_bodies.engine import Engine  # Needs the library, which `check` does not.
-
+        # Their modules need the libraries, which `check` does not.
+        if self._engine_name == WASM:
+            from minerva_bodies.wasm import WasmEngine as Engine
+        else:
+            from minerva_bodies.engine import Engine
         dt, removes = self._dt / self._substeps, bool(self._lost)
         return Engine(self._gravity, dt, self._threads, removes)
 
