@@ -68,13 +68,13 @@ class Totals:
     def add(self, sums: Mapping[str, float]) -> None:
         """Count one frame's sums: microseconds by part, and bytes.
 
-        Waiting times of single members are omitted: a histogram for each member would be too much.
+        Amounts of single members are omitted: a histogram for each member would be too much.
         """
         self.frames += 1
         self.bytes_in += int(sums.get("bytes in", 0))
         self.bytes_out += int(sums.get("bytes out", 0))
         for name, amount in sums.items():
-            if name not in _BYTES and not name.startswith("wait for "):
+            if name not in _BYTES and not name.startswith(("wait for ", "bytes of ")):
                 self.phases.setdefault(name, Durations()).add(_MICRO * amount)
 
     def count(self, events: Iterable[AnyEvent]) -> None:

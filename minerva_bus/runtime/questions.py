@@ -213,13 +213,19 @@ def status_of(running: WorldRun, since: int = 0) -> WorldStatus:
     """State of a world, with the log entries since a number."""
     algorithm, pace, hz = running.algorithm, running.pace, running.status.hz
     measured = dict(running.metrics.measured())
-    waits = {
-        name.removeprefix("wait for "): measured.pop(name)
-        for name in sorted(measured)
-        if name.startswith("wait for ")
-    }
+    waits, sizes = [
+        {
+            name.removeprefix(prefix): measured.pop(name)
+            for name in sorted(measured)
+            if name.startswith(prefix)
+        }
+        for prefix in ("wait for ", "bytes of ")
+    ]
     waiting = tuple(algorithm.waiting_for())
-    members = [_member(entry, waits.get(entry.name, 0.0)) for entry in algorithm.members]
+    members = [
+        _member(entry, waits.get(entry.name, 0.0), sizes.get(entry.name, 0.0))
+        for entry in algorithm.members
+    ]
     return WorldStatus(
         world=algorithm.world.name,
         frame=algorithm.frame,
@@ -254,7 +260,7 @@ def status_of(running: WorldRun, since: int = 0) -> WorldStatus:
     )
 
 
-def _member(member: MemberEntry, wait: float) -> MemberStatus:
+def _member(member: MemberEntry, wait: float, sent: float) -> MemberStatus:
     hello = member.hello
     if hello is None:
         return MemberStatus(member.name, member.state.value, expected=member.expected)
@@ -274,6 +280,7 @@ def _member(member: MemberEntry, wait: float) -> MemberStatus:
         expected=member.expected,
         joins=member.joins,
         wait=wait,
+        sent=sent,
         figures={**member.figures, **({"dropped": member.dropped} if member.dropped else {})},
     )
 

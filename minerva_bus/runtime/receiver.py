@@ -339,6 +339,8 @@ class Receiver:
         member, data = message
         if self._metrics.on:
             self._metrics.add("bytes in", len(data))
+            if self._members.knows(member):
+                self._metrics.add(f"bytes of {member}", len(data))
         # Most replies to a tick are empty: equal bytes need neither limits nor decoding, which
         # would cost a world of a thousand members several milliseconds a frame.
         if data == self._transport.empty_reply and member in self._algorithm.now.in_flight.pending:

@@ -15,9 +15,10 @@ class MemberStatus:
     """The state of a member.
 
     `joins` is the number of processes of this name that have joined, including restarts. `wait` is
-    the mean time for which a frame waits for its replies, in microseconds. `figures` are metrics
-    that the member reports itself, such as the number of items `dropped`. `outlook` is what the
-    world does if a frame waits for the member any longer; empty if none waits.
+    the mean time for which a frame waits for its replies, in microseconds, and `sent` the mean size
+    of its messages in a frame, in bytes. `figures` are metrics that the member reports itself, such
+    as the number of items `dropped`. `outlook` is what the world does if a frame waits for the
+    member any longer; empty if none waits.
     """
 
     name: str
@@ -35,6 +36,7 @@ class MemberStatus:
     expected: bool = False
     joins: int = 0
     wait: float = 0.0
+    sent: float = 0.0
     outlook: str = ""
     figures: Mapping[str, bool | int | float | str] = field(
         default_factory=dict[str, bool | int | float | str]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +18,7 @@ from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.operator import MemberStatus, WorldStatus
 from minerva_bus.world.services import Participation
 
 ENDING: Final = ".mmd"
@@ -28,6 +29,7 @@ class EventEntry:
     """An event type; `rank` is its place in the order of a frame's events, from 1.
 
     `data`: the type of each datum. `people`: whether people may publish it (`minerva pub`).
+    `rate`: events per second in a running world; None if it is not asked.
     """
 
     name: str
@@ -35,6 +37,7 @@ class EventEntry:
     visual: bool
     data: dict[str, str]
     people: bool = False
+    rate: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +62,8 @@ class ProcessEntry:
 
     `what`: the service's class, `agents` or the command. `role`: `generator`, `device`, `host` or
     `command`; a generator may draw, too. `hosts`: kinds of agents. `when`: when it takes part in
-    frames, as its class declares it. `reads`, `writes`: sensor topics.
+    frames, as its class declares it. `reads`, `writes`: sensor topics. `rate`: bytes per second
+    that the processes send in a running world; None if it is not asked.
     """
 
     name: str
@@ -74,6 +78,7 @@ class ProcessEntry:
     writes: tuple[str, ...] = ()
     when: str = ""
     elsewhere: bool = False
+    rate: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +100,15 @@ class Graph:
     kinds: tuple[KindEntry, ...]
     until: str = ""
     give_up: str = ""
+
+    def with_rates(self, status: WorldStatus) -> Graph:
+        """The graph with the rates of a running world, which `Operator.status` measures."""
+        events = [replace(each, rate=status.events.get(each.name, 0.0)) for each in self.events]
+        processes = [
+            replace(process, rate=status.hz * sum(member.sent for member in _of(process, status)))
+            for process in self.processes
+        ]
+        return replace(self, events=tuple(events), processes=tuple(processes))
 
     def publishers(self, event_type: str) -> list[str]:
         """Processes and kinds of agents that publish an event type; `people` with `pub`."""
@@ -141,6 +155,12 @@ class Graph:
 
     def _repr_markdown_(self) -> str:
         return f"```mermaid\n{self.mermaid()}```"
+
+
+def _of(process: ProcessEntry, status: WorldStatus) -> list[MemberStatus]:
+    """The members of a table of processes: NAME, or NAME-1, NAME-2 and so on."""
+    names = {process.name, *(f"{process.name}-{n}" for n in range(1, process.count + 1))}
+    return [member for member in status.members if member.name in names]
 
 
 def check_writable(path: Path) -> None:
@@ -269,15 +289,17 @@ def _lines(graph: Graph) -> Iterator[str]:
 
 
 def _tags(event: EventEntry) -> str:
-    return ", pub" if event.people else ""
+    rate = "" if event.rate is None else f"<br>{event.rate:,.0f}/s"
+    return (", pub" if event.people else "") + rate
 
 
 def _process(graph: Graph, process: ProcessEntry) -> Iterator[str]:
     node, label = _id("p", process.name), _text(_process_label(process))
+    rate = "" if process.rate is None else f"<br>sends {process.rate / 1000:,.1f} kB/s"
     if not process.hosts:
-        yield f'    {node}["{label}<br>{_text(", ".join(_process_notes(process)))}"]'
+        yield f'    {node}["{label}<br>{_text(", ".join(_process_notes(process)))}{rate}"]'
     else:
-        yield f'    subgraph {node}["{label}"]'
+        yield f'    subgraph {node}["{label}{rate}"]'
         for kinds in graph.alike(process):
             yield f'        {_kind(process, kinds)}["{_text(_kinds_label(kinds))}"]'
         yield "    end"

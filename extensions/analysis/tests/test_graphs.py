@@ -13,6 +13,7 @@ from minerva_analysis.emitted import emitted_by
 from minerva_analysis.graphs import mermaid
 from minerva_bus import Agent, EventType, Generator, MinervaError, World, each, on, view
 from minerva_bus.launch.installed import installed_worlds
+from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from tests.runtime.running import minerva
@@ -204,3 +205,12 @@ def test_odd_names_are_escaped():
     made = graph(world)
     check_mermaid(made)
     assert 'subgraph p_p_2e_1_7e_x["p.1~x"]' in mermaid(made)
+
+
+def test_a_running_world_adds_its_rates():
+    sent = {"foxes": 20.0, "rabbits-1": 50.0, "rabbits-2": 75.0, "rabbits-9x": 1.0}
+    members = tuple([MemberStatus(name, "present", sent=size) for name, size in sent.items()])
+    status = WorldStatus("meadow", 1, 0.1, "tick", hz=20.0, members=members, events={"eRain": 9.6})
+    text = graph("meadow").with_rates(status).mermaid()
+    for line in ('eRain, pub<br>10/s"', 'eBite<br>0/s"', 'rabbits ×2<br>sends 2.5 kB/s"'):
+        assert line in text

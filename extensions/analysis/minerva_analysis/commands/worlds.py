@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from minerva_bus.cli.options import Force, Json, Takes, WorldArgument, examples, grouped, options_of
+from minerva_bus.cli.options import (
+    Connect,
+    Force,
+    Json,
+    Takes,
+    WorldArgument,
+    WorldTarget,
+    examples,
+    grouped,
+    options_of,
+)
 from minerva_bus.settings.world_settings import Overrides
+
+if TYPE_CHECKING:
+    from minerva_bus.world.operator import WorldStatus
 
 TOPIC: Final = "Run"
 
 
+MEASURE_SECONDS: Final = 1.0
+"""Time for a running world to measure its rates, which begins with the first question."""
+
+
 @examples(
     "minerva graph robot --output robot.mmd",
+    "minerva graph robot --live",
     "minerva graph garden.toml --view web --json",
 )
 @grouped
@@ -25,6 +43,10 @@ def graph(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="A .mmd file; default: standard output.")
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Add the rates of the running world of this name.")
+    ] = False,
+    connect: Connect = "",
     json: Json = False,
     force: Force = False,
 ) -> None:
@@ -32,7 +54,8 @@ def graph(
 
     It is Mermaid text, which GitHub and many editors draw. Event types are in the order of a frame.
     The world is read, not run: this runs the Python code that the world file names, but no frame.
-    Its own options are options here too.
+    Its own options are options here too. With --live, the running world says how many events of
+    each type its frames have, and how many bytes each process sends.
     """
     from minerva_analysis.graphs import check_writable, graph_of
     from minerva_bus.cli.output import print_json, print_result
@@ -41,10 +64,25 @@ def graph(
     given = Overrides(options_of(context.args), overrides.settings, overrides.views)
     if output is not None:
         check_writable(output)
-    made = graph_of(read_world(world, given))
+    file = read_world(world, given)
+    made = graph_of(file)
+    if live or connect:
+        made = made.with_rates(_measured(connect, file.world.name))
     if output is not None:
         made.save(output)
     if json:
         print_json(made.plain())
     else:
         print_result(made.mermaid().rstrip() if output is None else str(output))
+
+
+def _measured(connect: str, world: str) -> WorldStatus:
+    """The state of a running world with its rates. Raises MinervaError if it does not answer."""
+    import time
+
+    from minerva_bus.cli.places import client
+
+    with client(WorldTarget(connect=connect, world=world)) as running:
+        running.operator.status()
+        time.sleep(MEASURE_SECONDS)
+        return running.operator.status()
