@@ -143,12 +143,12 @@ class Server:
 
     server = Ros2Session.server
 
-    def call(self, service, kind, data, seconds, answer):
+    def call(self, service, kind, data, seconds, answer, qos):
         about = self.server(service, kind)
         type_hash = about.type_hash if about else ""
         self.keys[service.rpartition("/")[2]] = self.network.key_of(service, kind, type_hash)
 
-    def subscribe(self, topic, message, receive):
+    def subscribe(self, topic, message, receive, qos):
         self.keys[topic.rpartition("/")[2]] = self.network.pattern(topic, message)
 
 

@@ -5,10 +5,10 @@ import pytest
 pytest.importorskip("rosbags")
 
 from minerva_bus.errors import MisuseError
-from minerva_services.bridges.ros2 import Ros2, Ros2Robot, Ros2View
+from minerva_services.bridges.ros2 import Ros2, Ros2Navigation, Ros2Robot, Ros2View, sensors
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import Ros2Session
-from minerva_services.bridges.ros2.qos import HEARING, Qos, qos_of
+from minerva_services.bridges.ros2.qos import HEARING, KEEP_ALL, Qos, announced_qos, asked_qos
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridging.testing import RunningBridge
@@ -25,12 +25,14 @@ WORDS = {
     "transient_local": (Qos(lasting=True), LASTING_QOS),
     "best_effort": (HEARING, "2::,10:,:,:,,"),
     "42": (Qos(reliable=False, depth=42), "2::,:,:,:,,"),
+    # [jazzy liveliness_utils.cpp 193, 307-314]
+    "sensor_data keep_all": (Qos(reliable=False, depth=KEEP_ALL), "2::2,:,:,:,,"),
 }
 
 
 @pytest.mark.parametrize("text", WORDS)
 def test_words_of_ros(text):
-    assert (qos_of("qos", text, HEARING), qos_of("qos", text, HEARING).token) == WORDS[text]
+    assert (asked_qos("qos", text, HEARING), asked_qos("qos", text, HEARING).token) == WORDS[text]
 
 
 @pytest.mark.parametrize(
@@ -38,7 +40,7 @@ def test_words_of_ros(text):
     [
         ("", "expected a profile"), ("  ", "expected"), ("best effort", "best_effort"),
         ("transientlocal", "'transient_local'"), ("reliable best_effort", "expected"),
-        ("10 20", "expected"), ("0", "expected"), ("-1", "expected"), ("1e3", "expected"),
+        ("10 20", "expected"), ("keep_all 5", "expected"), ("keepall", "'keep_all'"), ("0", "expected"), ("-1", "expected"), ("1e3", "expected"),
         ("9" * 5000, "expected"), ("٣", "expected"), ("reliable sensor_data", "expected"),
         ("SENSOR_DATA", "expected"), (5, "expected"), ({"depth": 5}, "expected"),
     ],
@@ -49,7 +51,14 @@ def test_other_words_are_refused_with_what_is_expected(text, hint):
     assert len(str(raised.value)) < 350
 
 
-@pytest.mark.parametrize("service", [Ros2, Ros2Robot, Ros2View])
+def test_who_keeps_all_is_shown():
+    for text, layout in ((":1:2,:,:,:,,", "rmw_zenoh"), (":1:1:1,10", "dds")):
+        assert str(announced_qos(text, layout)) == "transient_local keep_all"
+    for text, layout in ((":1:1,5:,:,:,,", "rmw_zenoh"), (":1:1:0,10", "dds")):
+        assert str(announced_qos(text, layout)) == "transient_local"
+
+
+@pytest.mark.parametrize("service", [Ros2, Ros2Robot, Ros2View, Ros2Navigation])
 def test_the_table_names_topics_that_are_used(service):
     for given, hint in (({"skan": "default"}, "'skan'"), ("sensor_data", "table"), ([], "table")):
         with pytest.raises(MisuseError, match=hint):
@@ -68,6 +77,18 @@ def test_a_robot_that_offers_less_is_reported(announce):
     assert "or add best_effort to qos.scan" in reliable["scan"]
     lasting = problems(Ros2(ROUTER, qos={"scan": "transient_local"}, **layout), *there)
     assert "add volatile to qos.scan" in lasting["scan"]
+    moving = [*there, announce("MP", "/tf", types.TRANSFORMS)]
+    asked = problems(Ros2(ROUTER, qos={"tf": "transient_local"}, **layout), *moving)
+    assert "add volatile to qos.tf" in asked["tf"]
+
+
+def test_transforms_that_a_robot_repeats_need_not_last():
+    there = [rmw(*SCAN), rmw("MP", "/tf_static", types.TRANSFORMS, SENSOR_QOS)]
+    robot = {"odometry": "", "battery": ""}
+    assert "add volatile to qos.tf_static" in problems(Ros2(ROUTER, **robot), *there)["tf"]
+    asked = {"tf_static": "sensor_data"}
+    assert problems(Ros2(ROUTER, qos=asked, **robot), *there) == {}
+    assert Ros2Robot(ROUTER, qos=asked).uses()[0].qos == Qos(reliable=False, depth=5)
 
 
 def test_a_robot_that_asks_for_more_than_it_is_sent_is_reported():
@@ -105,6 +126,16 @@ def test_a_driver_counts_and_serves_the_subscription_of_its_quality():
                 return running.published
 
             running.wait_for(arrives, "a scan")
+
+
+def test_what_waits_without_a_limit_is_bounded_by_its_memory(monkeypatch):
+    monkeypatch.setattr(sensors, "_MAX_BYTES", 250_000)
+    for depth, kept in ((KEEP_ALL, 1000), (0, 100), (7, 7)):
+        listening = sensors._Listening(None, Ros2(ROUTER))
+        receive = listening.receiver("js", depth)
+        for _ in range(2000):
+            receive(bytes(50))
+        assert len(listening.taken(0)) == kept
 
 
 def test_depth_is_how_many_last_messages_a_late_subscriber_receives():

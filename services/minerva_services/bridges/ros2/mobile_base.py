@@ -117,7 +117,7 @@ class BaseOptions:
             TopicUse("clock", topics.clock, types.CLOCK, sends=True, qos=DEFAULT),
         )  # fmt: skip
         mounts = transforms_uses(self.network, needed=self.mount is None and bool(topics.scan))
-        return (*mounts, *with_qos([use for use in uses if use.topic], self.qos))
+        return tuple(with_qos([*mounts, *(use for use in uses if use.topic)], self.qos))
 
 
 class MobileBase:

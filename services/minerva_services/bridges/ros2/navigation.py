@@ -26,7 +26,8 @@ from minerva_services.bridges.ros2.client import PLACE, RobotClient, check_primi
 from minerva_services.bridges.ros2.graph import SEND_GOAL, Announced
 from minerva_services.bridges.ros2.layout import Ros2Network, check_name
 from minerva_services.bridges.ros2.network import Answer, Ros2Session
-from minerva_services.bridges.ros2.uses import missing_server
+from minerva_services.bridges.ros2.qos import DEFAULT
+from minerva_services.bridges.ros2.uses import TopicUse, missing_server, with_qos
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.definitions import (
@@ -143,6 +144,7 @@ class Ros2Navigation(RobotClient):
         every: seconds between two events of feedback.
         timeout: seconds for an answer to a goal, or to its cancellation.
         silence: seconds without feedback after which a goal is canceled and lost.
+        qos: the quality of service of `feedback`, and of the services for a `goal`.
 
     """
 
@@ -161,12 +163,18 @@ class Ros2Navigation(RobotClient):
         every: float = 0.5,
         timeout: float = 5.0,
         silence: float = 30.0,
+        qos: Mapping[str, Any] | None = None,
         **network: Any,
     ) -> None:
         super().__init__(Ros2Network(router, **network), "minerva_navigation", draws)
         check_name("an action", action)
         self.network.name(action)
         self._goals = f"{action}/{SEND_GOAL}", f"{_ACTION}_SendGoal"
+        uses = [
+            TopicUse("goal", *self._goals, sends=True, qos=DEFAULT),
+            TopicUse("feedback", f"{action}/_action/feedback", _FEEDBACK_MESSAGE),
+        ]
+        self._of_goal, self._of_feedback = with_qos(uses, qos)
         self._robot, self._figure, self._action = robot, figure, action
         self._frame, self._behavior = frame, behavior
         self._feedback_event, self._result_event = feedback, result
@@ -269,8 +277,8 @@ class Ros2Navigation(RobotClient):
         return [self._goals]
 
     def opened(self, session: Ros2Session) -> None:
-        session.subscribe(f"{self._action}/_action/feedback", _FEEDBACK_MESSAGE,
-                          partial(self.do, self._on_feedback))  # fmt: skip
+        use = self._of_feedback
+        session.subscribe(use.topic, use.message, partial(self.do, self._on_feedback), use.qos)
 
     def advance(self, session: Ros2Session | None) -> Iterator[Event]:
         now = time.monotonic()
@@ -312,7 +320,7 @@ class Ros2Navigation(RobotClient):
         goal.state, goal.until = "sent", now + self._timeout
         data = messages().encode("nav2_msgs/msg/Goal", request)
         answer = partial(self.do, self._on_accepted, goal)
-        session.call(*self._goals, data, self._timeout, answer)
+        session.call(*self._goals, data, self._timeout, answer, self._of_goal.qos)
 
     def _on_accepted(self, goal: NavigationGoal, data: bytes | None, problem: str) -> None:
         if goal is not self._goal or goal.state != "sent":
@@ -366,7 +374,8 @@ class Ros2Navigation(RobotClient):
             request = messages().make("nav2_msgs/msg/Asked", goal_id=_uuid(goal.id))
             data = messages().encode("nav2_msgs/msg/Asked", request)
             service, answer = f"{self._action}/_action/get_result", partial(self._on_result, goal)
-            asks[0].call(service, f"{_ACTION}_GetResult", data, _DAY, partial(self.do, answer))
+            about = f"{_ACTION}_GetResult", data, _DAY, partial(self.do, answer)
+            asks[0].call(service, *about, self._of_goal.qos)
         elif now - goal.heard > self._silence:
             self._cancel_by_id(goal)
             self._end(goal, "lost", f"no feedback for {self._silence:g} s")
@@ -445,7 +454,7 @@ class Ros2Navigation(RobotClient):
         request = built(kind.request, {"goal_info": {"goal_id": {"uuid": list(goal.id)}}})
         data = messages().encode(kind.request, request)
         service = f"{self._action}/_action/cancel_goal"
-        session.call(service, kind.name, data, self._timeout, answer)
+        session.call(service, kind.name, data, self._timeout, answer, self._of_goal.qos)
 
     def _absent(self, session: Ros2Session | None) -> str:
         if session is None:

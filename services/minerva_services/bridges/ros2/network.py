@@ -22,7 +22,7 @@ import zenoh.ext
 from minerva_bus.errors import MisuseError
 from minerva_services.bridges.ros2.graph import NO_HASH, SERVER, TOKENS, Announced, RosGraph
 from minerva_services.bridges.ros2.layout import Attachment, Ros2Network, gid_of
-from minerva_services.bridges.ros2.qos import DEFAULT, HEARING, Qos
+from minerva_services.bridges.ros2.qos import DEFAULT, HEARING, KEEP_ALL, MAX_DEPTH, Qos
 from minerva_services.bridges.ros2.uses import TopicUse, is_of, mismatches
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridging.bridge import SourceError, log
@@ -281,7 +281,8 @@ class Ros2Session:
         pattern = self.network.pattern(topic, message)
         # A publisher of /tf_static may start later than this subscription.
         history = zenoh.ext.HistoryConfig(
-            detect_late_publishers=True, max_samples=qos.depth or None
+            detect_late_publishers=True,
+            max_samples=qos.depth if 0 < qos.depth < KEEP_ALL else None,
         )
         recovery = zenoh.ext.RecoveryConfig(heartbeat=True, periodic_queries=None)
         declare = self._session.declare_subscriber
@@ -299,9 +300,13 @@ class Ros2Session:
 
     def publisher(self, topic: str, message: str, qos: Qos = DEFAULT) -> TopicPublisher:
         """A publisher. Raises SourceError if the session is lost."""
-        cache = zenoh.ext.CacheConfig(qos.depth or 1)
+        cache = zenoh.ext.CacheConfig(min(qos.depth or 1, MAX_DEPTH))
         kind = zenoh.Reliability.RELIABLE if qos.reliable else zenoh.Reliability.BEST_EFFORT
-        declare = partial(self._session.declare_publisher, reliability=kind)
+        # As in rmw_zenoh: who keeps all waits for a slow network, all others drop for it.
+        waits = qos.reliable and qos.depth == KEEP_ALL
+        full = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
+        quality = {"reliability": kind, "congestion_control": full}
+        declare = partial(self._session.declare_publisher, **quality)
         # Subscribers learn from it that they have missed a message, and get it from the cache.
         heartbeat = zenoh.ext.MissDetectionConfig(
             sporadic_heartbeat=_HEARTBEAT_SECONDS, heartbeat=None
@@ -309,7 +314,7 @@ class Ros2Session:
         if qos.lasting:
             declare = partial(
                 zenoh.ext.declare_advanced_publisher,
-                self._session, cache=cache, publisher_detection=True, reliability=kind,
+                self._session, cache=cache, publisher_detection=True, **quality,
                 sample_miss_detection=heartbeat if qos.reliable else None,
             )  # fmt: skip
         network, name = self.network, f"/{self.network.name(topic)}"
@@ -337,7 +342,7 @@ class Ros2Session:
 
     def call(
         self, service: str, kind: str, data: bytes, seconds: float,
-        answer: Answer,
+        answer: Answer, qos: Qos = DEFAULT,
     ) -> None:  # fmt: skip
         """Send a request to a service of a type, which has `seconds` to answer.
 
@@ -353,7 +358,7 @@ class Ros2Session:
                 return
             type_hash = server.type_hash
             self._requests += 1
-            gid = self._client(service, kind, type_hash)
+            gid = self._client(service, kind, type_hash, qos)
             attachment = Attachment(self._requests, time.time_ns(), gid).packed()
         try:
             self._session.get(
@@ -365,10 +370,10 @@ class Ros2Session:
         except zenoh.ZError as error:
             raise SourceError(f"{service} cannot be called: {error}") from None
 
-    def _client(self, service: str, kind: str, type_hash: str) -> bytes:
+    def _client(self, service: str, kind: str, type_hash: str, qos: Qos) -> bytes:
         """The gid of this session's client of a service, which is announced when it is new."""
         if (service, type_hash) not in self._clients:
-            token = self._token("SC", service, kind, DEFAULT, type_hash)
+            token = self._token("SC", service, kind, qos, type_hash)
             self._announce(token)
             self._clients[service, type_hash] = gid_of(token)
         return self._clients[service, type_hash]

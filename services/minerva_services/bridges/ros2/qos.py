@@ -8,7 +8,10 @@ from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
 
-_MAX_DEPTH: Final = 1000
+MAX_DEPTH: Final = 1000
+KEEP_ALL: Final = 1 << 31
+"""A depth without a limit."""
+
 _UNWRITTEN_DEPTH: Final = 42
 """The default of rmw_zenoh, which tokens do not contain."""
 
@@ -21,6 +24,7 @@ _WORDS: Final[Mapping[str, Mapping[str, Any]]] = {
     "best_effort": {"reliable": False},
     "transient_local": {"lasting": True},
     "volatile": {"lasting": False},
+    "keep_all": {"depth": KEEP_ALL},
 }
 """Profiles and policies of ROS 2."""
 
@@ -30,7 +34,7 @@ class Qos:
     """What a publisher offers or a subscription asks for.
 
     `lasting` is transient local: also the messages from before. `depth` is how many messages are
-    kept; 0 leaves that to this program.
+    kept, or KEEP_ALL; 0 leaves that to this program.
     """
 
     reliable: bool = True
@@ -39,15 +43,19 @@ class Qos:
 
     def __str__(self) -> str:
         """Its words that differ from ROS 2's default."""
-        words = [] if self.reliable else ["best_effort"]
-        return " ".join([*words, "transient_local"] if self.lasting else words)
+        words = {
+            "best_effort": not self.reliable, "transient_local": self.lasting,
+            "keep_all": self.depth == KEEP_ALL,
+        }  # fmt: skip
+        return " ".join(word for word, differs in words.items() if differs)
 
     @property
     def token(self) -> str:
         """Its part of a token of rmw_zenoh, which contains only what differs from the default."""
         depth = self.depth or (1 if self.lasting else 10)
-        kept = "" if depth == _UNWRITTEN_DEPTH else depth
-        return f"{'' if self.reliable else 2}:{1 if self.lasting else ''}:,{kept}:,:,:,,"
+        kept = "" if depth in (_UNWRITTEN_DEPTH, KEEP_ALL) else depth
+        history = f"{2 if depth == KEEP_ALL else ''},{kept}"
+        return f"{'' if self.reliable else 2}:{1 if self.lasting else ''}:{history}:,:,:,,"
 
 
 DEFAULT: Final = Qos()
@@ -62,16 +70,20 @@ Drivers of cameras measure only while somebody subscribes. It makes no differenc
 def announced_qos(text: str, layout: str) -> Qos:
     """The quality of service in a token; rmw_zenoh and DDS number its parts differently."""
     dds = layout == "dds"
-    reliability, durability = [*text.split(":"), "", "", ""][1 if dds else 0 :][:2]
-    return Qos(reliability != ("0" if dds else "2"), durability == "1")
+    reliability, durability, history = [*text.split(":"), "", "", "", ""][1 if dds else 0 :][:3]
+    keeps_all = history.partition(",")[0] == ("1" if dds else "2")
+    reliable = reliability != ("0" if dds else "2")
+    return Qos(reliable, durability == "1", KEEP_ALL if keeps_all else 0)
 
 
-def qos_of(where: str, text: Any, usual: Qos) -> Qos:
+def asked_qos(where: str, text: Any, usual: Qos) -> Qos:
     """The quality of service in words such as "sensor_data" or "reliable transient_local 10".
 
-    The first may be a profile, of which others replace parts. What no word says is as `usual`.
-    Raises MisuseError.
+    The first may be a profile, of which others replace parts. What no word says is as `usual`, and
+    all of it for None. Raises MisuseError.
     """
+    if text is None:
+        return usual
     words = text.split() if isinstance(text, str) else []
     said, parts = set[str](), dict[str, Any]()
     for word in words or [""]:
@@ -88,11 +100,11 @@ def qos_of(where: str, text: Any, usual: Qos) -> Qos:
 
 
 def _depth(word: str) -> Mapping[str, Any]:
-    is_number = word.isascii() and word.isdecimal() and 1 <= int(word[:9]) <= _MAX_DEPTH
+    is_number = word.isascii() and word.isdecimal() and 1 <= int(word[:9]) <= MAX_DEPTH
     return {"depth": int(word)} if is_number else {}
 
 
 _WANTED: Final = (
     "expected a profile (default, sensor_data, services_default, parameters) or none, then reliable"
-    f" or best_effort, volatile or transient_local, and a depth from 1 to {_MAX_DEPTH}"
+    f" or best_effort, volatile or transient_local, and keep_all or a depth from 1 to {MAX_DEPTH}"
 )

@@ -15,7 +15,7 @@ from minerva_bus.log.recordings import Compensator, Recorded
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import Ros2Session
-from minerva_services.bridges.ros2.qos import HEARING, LASTING, qos_of
+from minerva_services.bridges.ros2.qos import HEARING, LASTING, asked_qos
 from minerva_services.bridges.ros2.uses import (
     EVENTS,
     TopicUse,
@@ -51,6 +51,9 @@ from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset, ite
 _MAX_QUEUED: Final = 100
 _MAX_BYTES: Final = 64 << 20
 """Maximum of a topic's queued messages: their number and size; the oldest are dropped."""
+
+_OVERHEAD: Final = 200
+"""Bytes of memory of a message beside its own."""
 
 _CHECK_SECONDS: Final = 0.25
 _LOST: Final = "lost on the way"
@@ -132,9 +135,10 @@ class Ros2(Bridge):
             "detections": (detections, DETECTIONS), "points": (points, POINTS),
             "ranges": (ranges, RANGE), "fix": (fix, FIX),
         }  # fmt: skip
-        uses = [TopicUse(option, *about) for option, about in topics.items() if about[0]]
-        self._options = {use.message: use.option for use in uses}
-        self.publishes = tuple(sorted({TOPICS[use.message] for use in uses}))
+        sensors = [TopicUse(option, *about) for option, about in topics.items() if about[0]]
+        self._options = {use.message: use.option for use in sensors}
+        self.publishes = tuple(sorted({TOPICS[use.message] for use in sensors}))
+        uses = [*transforms_uses(self.network, needed=self._mount is None), *sensors]
         self._events = dict[str, MessageTopic]()
         if map:
             uses.append(TopicUse("map", map, GRID, qos=LASTING))
@@ -145,7 +149,7 @@ class Ros2(Bridge):
         for name, table in (events or {}).items():
             where = f"ros2: {EVENTS}{name}"
             topic = self._events[name] = MessageTopic(where, table)
-            asked = HEARING if topic.qos is None else qos_of(f"{where}: qos", topic.qos, HEARING)
+            asked = asked_qos(f"{where}: qos", topic.qos, HEARING)
             uses.append(TopicUse(f"{EVENTS}{name}", name, topic.kind, qos=asked))
         self._uses = uses
         # Invalid names must fail here, not in the thread that connects.
@@ -154,7 +158,7 @@ class Ros2(Bridge):
 
     def uses(self) -> tuple[TopicUse, ...]:
         """The topics that it subscribes to."""
-        return (*transforms_uses(self.network, needed=self._mount is None), *self._uses)
+        return tuple(self._uses)
 
     def check(self, world: WorldInfo) -> list[str]:
         """What fits no robot. Raises MisuseError without rosbags, or an event for maps."""
@@ -238,13 +242,13 @@ class _Waiting:
     def add(self, number: int, data: bytes) -> int:
         """Add a message; returns how many others were dropped for it."""
         self._messages.append((number, data))
-        self._bytes += len(data)
+        self._bytes += len(data) + _OVERHEAD
         dropped = 0
         while len(self._messages) > 1 and (
             len(self._messages) > self._most or self._bytes > _MAX_BYTES
         ):
             _, oldest = self._messages.popleft()
-            self._bytes -= len(oldest)
+            self._bytes -= len(oldest) + _OVERHEAD
             dropped += 1
         return dropped
 

@@ -16,7 +16,7 @@ from minerva_services.bridges.ros2.graph import (
     Announced,
 )
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.qos import HEARING, LASTING, Qos, qos_of
+from minerva_services.bridges.ros2.qos import HEARING, LASTING, Qos, asked_qos
 from minerva_services.bridges.ros_messages.messages import (
     DETECTIONS,
     TRANSFORMS,
@@ -50,6 +50,11 @@ class TopicUse:
     suffix: str = ""
     instead: str = ""
 
+    @property
+    def name(self) -> str:
+        """Its name in the table `qos`."""
+        return f"{self.option}{self.suffix}"
+
     def set_to(self, topic: str) -> str:
         """What to write into a world file for a topic."""
         if self.option.startswith(EVENTS):
@@ -67,11 +72,10 @@ def with_qos(uses: Iterable[TopicUse], given: Mapping[str, Any] | None) -> list[
         raise MisuseError(f'ros2: qos is {given!r:.60}; expected a table, {{scan = "sensor_data"}}')
     table, changed = dict(given or {}), list[TopicUse]()
     for use in uses:
-        words = table.pop(use.option, None)
-        qos = use.qos if words is None else qos_of(f"qos.{use.option}", words, use.qos)
+        qos = asked_qos(f"qos.{use.name}", table.pop(use.name, None), use.qos)
         changed.append(replace(use, qos=qos))
     for name in table:
-        names = [use.option for use in changed if not use.option.startswith(EVENTS)]
+        names = [use.name for use in changed]
         near = nearest(name, names, f"it may have {', '.join(names)}")
         raise MisuseError(f"ros2: qos has {name!r}, which is no topic that is used{near}")
     return changed
@@ -239,7 +243,7 @@ def _several(wanted: str, there: list[Announced], use: TopicUse) -> str:
 
 def _other_qos(wanted: str, there: list[Announced], use: TopicUse) -> str:
     """What the subscriptions ask for, but the publishers do not offer."""
-    qos = f"{use.option}.qos" if use.option.startswith(EVENTS) else f"qos.{use.option}"
+    qos = f"{use.option}.qos" if use.option.startswith(EVENTS) else f"qos.{use.name}"
     for name, weak, strong, why in _POLICIES:
         ours, theirs = getattr(use.qos, name), [getattr(each.qos, name) for each in there]
         if use.sends and not ours and any(theirs):
@@ -248,10 +252,9 @@ def _other_qos(wanted: str, there: list[Announced], use: TopicUse) -> str:
                 f" add {strong} to {qos}"
             )
         if not use.sends and ours and not any(theirs):
-            other = "" if use.message == TRANSFORMS else f", or add {weak} to {qos}"
             return (
                 f"{wanted} is published as {weak}, not {strong}, so {why};"
-                f" make its publisher {strong}{other}"
+                f" make its publisher {strong}, or add {weak} to {qos}"
             )
     return ""
 
