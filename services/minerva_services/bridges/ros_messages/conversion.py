@@ -48,7 +48,7 @@ TOPICS: Final[Mapping[str, str]] = {
 """Topics of the world by message type; rosbags uses the same names of types for ROS 1."""
 
 
-class Places(Protocol):
+class SensorPlaces(Protocol):
     """Where the sensors of a robot are. Its methods raise UnplacedError."""
 
     def mounting(self, kind: str, frame: str) -> SensorMount:
@@ -109,7 +109,7 @@ class Conversion:
     """Makes readings of a robot from messages. `band` is that of points."""
 
     robot: str
-    places: Places
+    places: SensorPlaces
     band: HeightBand = field(default_factory=HeightBand)
 
     def reading(self, kind: str, message: Any, time: float | None = None) -> Reading:
