@@ -19,6 +19,7 @@ GUIDES = ("docs/start/", "docs/tutorials/", "docs/howto/", "extensions/")
 """Pages whose blocks are one session: the reader writes the files and types on in the same folder."""
 ASKS = re.compile(
     r"minerva (attach|bridge|echo|list|logs|metrics|pause|pub|rate|resume|step|stop|top)\b"
+    r"|minerva graph .*--live"
 )
 """Commands that need a running world, unless an option names another one."""
 
