@@ -103,12 +103,6 @@ class RobotGeometry(SpaceGeometry):
         self.solid(*solid)
         self.pose, self._base, self._inner, self._commands = outside
 
-    def _blocks(self, cells: NDArray[np.int16]) -> list[tuple[int, int, int, int]]:
-        last = RobotGeometry._walls
-        if last is None or not (last[0] is cells or np.array_equal(last[0], cells)):
-            last = RobotGeometry._walls = cells, blocks(cells)
-        return last[1]
-
     def _robot(self, figure: FigureNode, name: str, radius: float) -> None:
         """α: a vehicle and its command."""
         if not name or "\n" in name or "\t" in name:
