@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,47 @@ _DEPTH_RANGE = 100.0
 
 MARGIN = 0.06
 """Share of the picture that stays free at each of its edges."""
+
+
+class SceneCamera(Protocol):
+    """What a scene is drawn through."""
+
+    @property
+    def eye(self) -> Floats:
+        """Position in metres, (3,)."""
+        ...
+
+    def metre(self, height: int) -> float:
+        """Pixels per metre at a distance of one metre, for a picture of this height."""
+        ...
+
+    def matrix(self, aspect: float) -> Floats:
+        """From (x, y, z, 1) to OpenGL's clip coordinates, (4, 4); `aspect` is width / height."""
+        ...
+
+
+def perspective(
+    axes: Floats, eye: Floats, slopes: tuple[float, float], depths: tuple[float, float]
+) -> Floats:
+    """From (x, y, z, 1) to OpenGL's clip coordinates, (4, 4).
+
+    Args:
+        axes: unit vectors to the right, up and forward, (3, 3).
+        eye: position in metres, (3,).
+        slopes: half the width and half the height of what is seen at a distance of one metre.
+        depths: the nearest and the farthest depth that is drawn, metres.
+
+    """
+    near, far = depths
+    look = np.eye(4)
+    # OpenGL's camera looks along its negative z axis.
+    look[:3, :3] = axes * [[1.0], [1.0], [-1.0]]
+    look[:3, 3] = -look[:3, :3] @ eye
+    lens = np.zeros((4, 4))
+    lens[0, 0], lens[1, 1] = 1 / slopes[0], 1 / slopes[1]
+    lens[2, 2], lens[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
+    lens[3, 2] = -1.0
+    return lens @ look
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +101,8 @@ class OrbitCamera:
 
     def matrix(self, aspect: float) -> Floats:
         """From (x, y, z, 1) to OpenGL's clip coordinates, (4, 4); `aspect` is width / height."""
-        axes, near, far = self.axes, self.distance / _DEPTH_RANGE, self.distance * _DEPTH_RANGE
-        look = np.eye(4)
-        # OpenGL's camera looks along its negative z axis.
-        look[:3, :3] = axes * [[1.0], [1.0], [-1.0]]
-        look[:3, 3] = -look[:3, :3] @ self.eye
-        lens = np.zeros((4, 4))
-        lens[0, 0], lens[1, 1] = 1 / (self._slope * aspect), 1 / self._slope
-        lens[2, 2], lens[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
-        lens[3, 2] = -1.0
-        return lens @ look
+        depths = self.distance / _DEPTH_RANGE, self.distance * _DEPTH_RANGE
+        return perspective(self.axes, self.eye, (self._slope * aspect, self._slope), depths)
 
     def project(self, points: Floats, width: int, height: int) -> Floats:
         """Pixels (n, 2) of points (n, 3), y down; NaN behind the camera."""

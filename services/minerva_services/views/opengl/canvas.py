@@ -6,6 +6,7 @@ from typing import Any
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_services.views.window.painter import Pixels
@@ -105,6 +106,12 @@ class RenderTarget:
         data = np.frombuffer(self._finished.read(components=3, alignment=1), np.uint8)
         # OpenGL's first row is the bottom one.
         return np.ascontiguousarray(data.reshape(height, width, 3)[::-1])
+
+    def depths(self) -> NDArray[np.float32]:
+        """The depth buffer of the last picture without smooth edges, 0 to 1: (height, width)."""
+        width, height = self.size
+        data = self._plain.read(components=1, attachment=-1, dtype="f4", alignment=1)
+        return np.frombuffer(data, np.float32).reshape(height, width)[::-1]
 
     def release(self) -> None:
         """Free the memory."""

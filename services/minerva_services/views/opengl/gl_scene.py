@@ -10,7 +10,7 @@ import numpy as np
 from minerva_services.geometry.picture import Copies, Discs, Picture, Texts, Tiles
 from minerva_services.views.layout import round_step
 from minerva_services.views.opengl import shaders
-from minerva_services.views.opengl.camera import Floats, OrbitCamera
+from minerva_services.views.opengl.camera import Floats, SceneCamera
 from minerva_services.views.opengl.copies import CopyMeshes
 from minerva_services.views.opengl.drums import Drums
 from minerva_services.views.opengl.extent import SceneBox
@@ -131,8 +131,17 @@ class GLScene:
         """Draw a ring around a disc; None removes it."""
         self._ring.take([ring(spot, self._level)] if spot is not None else [])
 
-    def draw(self, camera: OrbitCamera, size: tuple[int, int]) -> None:
-        """Draw to the current target; shadows are drawn separately before."""
+    def draw(
+        self, camera: SceneCamera, size: tuple[int, int], *, surroundings: bool = True
+    ) -> None:
+        """Draw to the current target; shadows are drawn separately before.
+
+        Args:
+            camera: what it is drawn through.
+            size: of the picture, pixels.
+            surroundings: whether there are a ground and a sky around the picture's things.
+
+        """
         self._write(camera, size)
         gl = self._gl
         self._shade.depth.use(SHADE)
@@ -147,9 +156,10 @@ class GLScene:
         gl.enable_only(moderngl.DEPTH_TEST)
         self._ribbons.draw()
         self._ring.draw()
-        # Large surfaces last, because most of them is already covered.
-        self._lay_ground()
-        self._backdrop.render(moderngl.TRIANGLES, vertices=3)
+        if surroundings:
+            # Large surfaces last, because most of them is already covered.
+            self._lay_ground()
+            self._backdrop.render(moderngl.TRIANGLES, vertices=3)
         self._shine_through()
 
     def _shine_through(self) -> None:
@@ -163,7 +173,7 @@ class GLScene:
         gl.fbo.depth_mask = True
         gl.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
 
-    def shadows(self, camera: OrbitCamera, size: tuple[int, int]) -> None:
+    def shadows(self, camera: SceneCamera, size: tuple[int, int]) -> None:
         """Draw the shadow map."""
         self._write(camera, size)
         self._shade.begin()
@@ -185,7 +195,7 @@ class GLScene:
         self._ground["step"] = round_step(extent.span / 8)
         self._square.draw(self._ground)
 
-    def _write(self, camera: OrbitCamera, size: tuple[int, int]) -> None:
+    def _write(self, camera: SceneCamera, size: tuple[int, int]) -> None:
         width, height = size
         corners = self._extent.corners
         # Pins and discs are taller than the extent; the shadow map must contain what casts shadows.
