@@ -375,7 +375,7 @@ def _readings(of: DeclaredField) -> FieldCodec:
     return FieldCodec("[reading]", read, write)
 
 
-_DEPTHS: Final = {"rgb8": 3, "mono8": 1}
+_DEPTHS: Final = {"rgb8": 3, "mono8": 1, "32FC1": 4}
 
 
 def plain_reading(reading: Reading) -> list[Any]:

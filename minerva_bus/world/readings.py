@@ -91,14 +91,15 @@ class Sightings:
     time: float
 
 
-ENCODINGS: Final = ("jpeg", "png", "rgb8", "mono8")
+ENCODINGS: Final = ("jpeg", "png", "rgb8", "mono8", "32FC1")
 
 
 @dataclass(frozen=True, slots=True)
 class Image:
     """A camera image: the bytes of a JPEG or PNG file, or rows of pixels from the top.
 
-    `encoding` is "jpeg", "png", "rgb8" (3 bytes a pixel) or "mono8" (1 byte a pixel).
+    `encoding` is "jpeg", "png", "rgb8" (3 bytes a pixel), "mono8" (1 byte a pixel) or "32FC1" (a
+    depth: metres along the optical axis as float32, little endian; infinite where nothing is).
     """
 
     robot: str

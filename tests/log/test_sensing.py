@@ -42,6 +42,7 @@ ALL = {
     "foxglove.LaserScan": Scan("r1", RANGES, -30.0, 15.0, 8.0, 0.25, 0.1, 0.0, 90.0),
     "foxglove.CompressedImage": Image("r1", b"\xff\xd8jpeg", "jpeg", 4, 3, 0.5, Mount(0.2)),
     "foxglove.RawImage": Image("r1", bytes(range(18)), "rgb8", 3, 2, 0.5),
+    "foxglove.RawImage ": Image("r1", bytes(24), "32FC1", 3, 2, 0.5),
     "foxglove.PoseInFrame": Odometry("r1", 1.0, 2.0, 90.0, 0.5, 10.0, 0.75),
     "foxglove.LocationFix": Position("r1", 50.0, 14.5, 200.0, 3.0, 1.0),
     "foxglove.LocationFix ": Position("r1", 50.0, 14.5, None, None, 1.0),

@@ -52,6 +52,8 @@ def readings(number, time):
     pixels = bytes(range(number, number + 18))
     yield "scan", Scan("r1", ranges, -30.0, 20.0, 8.0, time, 0.1, 0.0, 90.0)
     yield "image", Image("r1", pixels, "rgb8", 3, 2, time, Mount(0.2))
+    depths = np.array([[0.5, np.inf, 2.0], [number, np.nan, 1.0]], "<f4").tobytes()
+    yield "depth", Image("r1", depths, "32FC1", 3, 2, time)
     yield "photo", Image("r1", png(number), "png", 4, 3, time)
     yield "odometry", Odometry("r1", 1.0 + number, 2.0, 90.0, 0.5, 10.0, time)
     yield "battery", Battery("r1", 0.5, 12.0, time)

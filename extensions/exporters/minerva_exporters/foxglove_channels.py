@@ -234,7 +234,7 @@ def _mounted(mount: Mount) -> Mapping[str, Any]:
     return pose_of(mount.x, mount.y, mount.angle)
 
 
-_STEPS: Final = {"rgb8": 3, "mono8": 1}
+_STEPS: Final = {"rgb8": 3, "mono8": 1, "32FC1": 4}
 
 
 def _image(image: Image, about: dict[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -184,6 +184,9 @@ def _image(image: Image) -> rr.AsComponents:
 
     if image.encoding in ("jpeg", "png"):
         return rr.EncodedImage(contents=image.data, media_type=f"image/{image.encoding}")
+    if image.encoding == "32FC1":
+        depths = np.frombuffer(image.data, "<f4").reshape(image.height, image.width)
+        return rr.DepthImage(depths, meter=1.0)
     depth = 3 if image.encoding == "rgb8" else 1
     pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, depth)
     return rr.Image(pixels)

@@ -71,20 +71,20 @@ def _scan(scan: Scan, header: Any) -> Any:
     )
 
 
-_CHANNELS: Final = {"rgb8": 3, "mono8": 1}
+_PIXEL_BYTES: Final = {"rgb8": 3, "mono8": 1, "32FC1": 4}
 
 
 def _image(image: Image, header: Any) -> tuple[str, Any]:
     data = np.frombuffer(image.data, np.uint8)
-    channels = _CHANNELS.get(image.encoding)
-    if channels is None:
+    pixel = _PIXEL_BYTES.get(image.encoding)
+    if pixel is None:
         compressed = messages().make(
             types.COMPRESSED, header=header, format=image.encoding, data=data
         )
         return types.COMPRESSED, compressed
     raw = messages().make(
         types.IMAGE, header=header, height=image.height, width=image.width,
-        encoding=image.encoding, is_bigendian=0, step=channels * image.width, data=data,
+        encoding=image.encoding, is_bigendian=0, step=pixel * image.width, data=data,
     )  # fmt: skip
     return types.IMAGE, raw
 

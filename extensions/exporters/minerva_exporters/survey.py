@@ -119,6 +119,8 @@ def _add(made: Survey, path: Path, frames: RecordFrames, every: int) -> None:
 
 def _learn(made: Survey, topic: str, reading: Reading) -> None:
     """Note the layout of a sensor's data. Raises MisuseError if it has another one elsewhere."""
+    if isinstance(reading, Image) and reading.encoding == "32FC1":
+        return  # The images of a dataset are files of 8 bits.
     if isinstance(reading, Image):
         layout: object = (reading.height, reading.width, 1 if reading.encoding == "mono8" else 3)
         known: dict[str, object] = made.images  # pyright: ignore[reportAssignmentType]

@@ -68,6 +68,8 @@ def grey_of(image: Image) -> Grey:
     """The grey pixels of a reading. Raises NoImage."""
     if image.encoding in ("jpeg", "png"):
         return decoded(image.data)
+    if image.encoding == "32FC1":
+        raise NoImage("depths have no colours")
     depth = 3 if image.encoding == "rgb8" else 1
     pixels = np.frombuffer(image.data, np.uint8)
     if pixels.size != image.width * image.height * depth:
