@@ -8,6 +8,7 @@ from minerva_bus.public_names import imported_at_first_use
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from minerva_bodies.cameras import Camera
     from minerva_bodies.forms import (
         Ball,
         Box,
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
         Joint,
         Matter,
         Mesh,
+        Poster,
         Terrain,
         euler,
         quaternion,
@@ -26,7 +28,10 @@ if TYPE_CHECKING:
     from minerva_bodies.sensors import Distance, Imu, Lidar
 
 _HOMES = {
-    "forms": "Ball Box Capsule Command Cone Cylinder Joint Matter Mesh Terrain euler quaternion",
+    "cameras": "Camera",
+    "forms": (
+        "Ball Box Capsule Command Cone Cylinder Joint Matter Mesh Poster Terrain euler quaternion"
+    ),
     "rigid": "Rigid",
     "sensors": "Distance Imu Lidar",
 }
@@ -35,6 +40,7 @@ __getattr__ = imported_at_first_use(__name__, _HOMES)
 __all__ = [
     "Ball",
     "Box",
+    "Camera",
     "Capsule",
     "Command",
     "Cone",
@@ -45,6 +51,7 @@ __all__ = [
     "Lidar",
     "Matter",
     "Mesh",
+    "Poster",
     "Rigid",
     "Terrain",
     "euler",

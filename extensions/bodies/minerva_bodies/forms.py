@@ -36,6 +36,9 @@ DYNAMIC, FIXED, KINEMATIC = 0.0, 1.0, 2.0
 JOINTS = ("fixed", "revolute", "prismatic", "spherical")
 AXIAL = ("revolute", "prismatic")
 """Joints with a position along or about their axis, which a motor can move."""
+POSTER, CAMERA = "poster", "camera"
+UNFELT = (POSTER, CAMERA)
+"""Forms that nothing collides with and no ray meets: a picture, and what takes pictures."""
 COMMANDS = ("force", "torque", "impulse", "twist", "velocity", "spin")
 """Commands in the order in which a body carries them out, each a vector of three numbers."""
 
@@ -181,6 +184,28 @@ def Terrain(
     """A ground from a matrix of heights in centimetres; row r, column c at (r·cell, c·cell)."""
     spatial = ("terrain", *matter.measures, heights, cell)
     return Raster(heights, cell, colors=colors, meanings=meanings, spatial=spatial)
+
+
+def Poster(
+    cells: str,
+    cell: Measure,
+    colors: tuple[tuple[int, str], ...] = ((0, "#000000"), (1, "#ffffff")),
+    *,
+    meanings: tuple[str, ...] = (),
+) -> Raster:
+    """A picture of squares that stands around the origin and faces along x; physics ignores it.
+
+    Row 0 of the matrix is the uppermost, and column 0 is at the left for who looks at it. In the
+    plane, it lies on the ground.
+
+    Args:
+        cells: name of the parameter with the matrix.
+        cell: side of a square, metres.
+        colors: the least value of each colour, as in `Raster`; "" for squares without one.
+        meanings: texts of the legend.
+
+    """
+    return Raster(cells, cell, colors=colors, meanings=meanings, spatial=(POSTER, cells, cell))
 
 
 def euler(

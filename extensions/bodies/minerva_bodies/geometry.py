@@ -19,7 +19,15 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from minerva_bodies.errors import BodiesError
-from minerva_bodies.forms import COMMANDS, DYNAMIC, JOINTS, KINEMATIC, MATERIAL, SIZES
+from minerva_bodies.forms import (
+    COMMANDS,
+    DYNAMIC,
+    JOINTS,
+    KINEMATIC,
+    MATERIAL,
+    SIZES,
+    UNFELT,
+)
 from minerva_bodies.rigid import Rigid
 from minerva_bodies.sensors import SENSORS, Sensor
 from minerva_bus.grammar.appearance import Measure, Motion, Spatial
@@ -134,7 +142,7 @@ class SpaceGeometry(Geometry):
         """α of a solid or a joint."""
         primitive = self._vocabulary.primitives.get(figure.symbol)
         spatial = primitive.shape.spatial if primitive is not None and primitive.shape else ()
-        if not spatial:
+        if not spatial or spatial[0] in UNFELT:
             return
         owner = str(figure.parameters.get(self._who, "")) or self._owner
         if owner.startswith("~"):
@@ -217,8 +225,10 @@ class SpaceGeometry(Geometry):
         levels = list(columns.levels())
         primitive = self._vocabulary.primitives.get(levels[-1].symbol)
         spatial = primitive.shape.spatial if primitive is not None and primitive.shape else ()
-        if not spatial or spatial[0] in (*JOINTS, *SENSORS) or spatial[4] == KINEMATIC:
-            return not spatial
+        if not spatial or spatial[0] in UNFELT:
+            return True
+        if spatial[0] in (*JOINTS, *SENSORS) or spatial[4] == KINEMATIC:
+            return False
         owners = next(
             (level.column(self._who) for level in levels if self._who in level.names), None
         )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bodies.errors import BodiesError
-from minerva_bodies.forms import JOINTS, MATERIAL, SIZES
+from minerva_bodies.forms import CAMERA, JOINTS, MATERIAL, POSTER, SIZES
 from minerva_bodies.geometry import moved, value_of
 from minerva_bodies.meshes import ground
 from minerva_bodies.rigid import Rigid, product
@@ -36,6 +36,7 @@ from minerva_services.geometry.picture import (
     RepeatedText,
     Solid,
 )
+from minerva_services.geometry.volumes import color_ranges, mask_rectangles
 
 MANY = 1000
 """Number of copies from which round solids have few sides."""
@@ -75,8 +76,8 @@ class SpacePictures(PictureGeometry):
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
         self.rigid = Rigid()
-        # The last terrains, of which a view shows the same matrix again and again.
-        self._grounds: dict[int, tuple[Any, list[tuple[Solid, Color]]]] = {}
+        # Of the last terrains and posters, whose matrices a view shows again and again.
+        self._known: dict[tuple[int, Raster, float], tuple[Any, list[tuple[Solid, Color]]]] = {}
 
     def other_transformation(
         self, transformation: TransformationNode
@@ -99,14 +100,14 @@ class SpacePictures(PictureGeometry):
             super().shape(shape, figure)
             return
         form, *measures = shape.spatial
-        if form in (*JOINTS, *SENSORS):
+        if form in (*JOINTS, *SENSORS, CAMERA):
             return
         self.drawn.add(figure.symbol)
         name = self.names[figure.symbol]
         rest = str(figure.parameters[name]) if name else "", self.owner
         if isinstance(shape, Raster):
             cells, cell = figure.parameters[shape.cells], value_of(shape.cell, figure, self.owner)
-            for solid, color in self._ground(shape, cells, cell):
+            for solid, color in self._surfaces(shape, cells, cell):
                 self.items.append(_Row(solid, self.rigid.numbers, (1.0,) * 3, color, *rest))
             return
         values = [value_of(each, figure, self.owner) for each in measures[MATERIAL:]]
@@ -159,20 +160,22 @@ class SpacePictures(PictureGeometry):
             for key, parts in packed.items()
         ]
 
-    def _ground(self, raster: Raster, cells: Any, cell: float) -> list[tuple[Solid, Color]]:
-        known = self._grounds.get(id(cells))
+    def _surfaces(self, raster: Raster, cells: Any, cell: float) -> list[tuple[Solid, Color]]:
+        key = id(cells), raster, cell
+        known = self._known.get(key)
         if known is None:
-            while len(self._grounds) >= _MAX_GROUNDS:
-                del self._grounds[next(iter(self._grounds))]
+            while len(self._known) >= _MAX_KNOWN:
+                del self._known[next(iter(self._known))]
+            make = _squares if raster.spatial[0] == POSTER else _ground
             # With its matrix, or another one could get its id.
-            known = self._grounds[id(cells)] = cells, list(_ground(raster, cells, cell))
+            known = self._known[key] = cells, list(make(raster, cells, cell))
         return known[1]
 
 
 _MOTIONS = ("euler", "quaternion")
 _SCALED = ("box", "ball", "cylinder", "cone")
 """Forms of which all solids are copies of one."""
-_MAX_GROUNDS = 8
+_MAX_KNOWN = 64
 
 
 def _scaled(form: str, sizes: Sequence[Any]) -> tuple[_Key, tuple[Any, ...]]:
@@ -257,3 +260,20 @@ def _ground(raster: Raster, cells: Any, cell: float) -> Generator[tuple[Solid, C
         shown = triangles[(heights >= least) & (heights < end)]
         if color and len(shown):
             yield solid_of(points, shown), rgb(color)
+
+
+def _squares(raster: Raster, cells: Any, cell: float) -> Generator[tuple[Solid, Color]]:
+    """A poster as a solid of each colour: a rectangle for each run of equal squares."""
+    rows, columns = np.shape(cells)
+    numbers = color_ranges(np.asarray(cells), raster.colors)
+    for number, (_, color) in enumerate(raster.colors, start=1):
+        row, column, down, right = mask_rectangles(numbers == number).T
+        if not color or not len(row):
+            continue
+        left, above = (column - columns / 2) * cell, (rows / 2 - row) * cell
+        beyond, below = left + right * cell, above - down * cell
+        corners = [(left, below), (beyond, below), (beyond, above), (left, above)]
+        points = np.stack([np.column_stack((0.0 * y, y, z)) for y, z in corners], axis=1)
+        first = 4 * np.arange(len(row), dtype=np.uint32)[:, None, None]
+        faces = first + np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+        yield solid_of(points.reshape(-1, 3), faces.reshape(-1, 3)), rgb(color)

@@ -31,7 +31,7 @@ from minerva_bus import portable
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import FigureNode, TransformationNode
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.world.readings import Scan, Sightings
+from minerva_bus.world.readings import Odometry, Scan, Sightings
 from minerva_bus.world.services import Tick, View, WorldInfo
 from minerva_services.physics.body import DriveCommand, DriveOutcome
 from minerva_services.physics.encounters import Contact, Point
@@ -278,6 +278,7 @@ class Rovers(Physics):
         draws: the visual event type of the views.
         pose: the event type of poses of other bodies; "" for none.
         contact: the event type of contacts; "" for none.
+        poses: topic of `Odometry` with the poses of robots as they are; "" for none.
         beams: number of beams of each robot's laser.
         fov: the laser's field of view in degrees, centred on the heading.
         range_max: the laser's range in metres.
@@ -313,6 +314,7 @@ class Rovers(Physics):
         draws: str = "eRepresent",
         pose: str = "",
         contact: str = "",
+        poses: str = "",
         beams: int = 90,
         fov: float = 360.0,
         range_max: float = 8.0,
@@ -361,7 +363,9 @@ class Rovers(Physics):
             camera_miss,
             camera_mistake,
         )
-        self.draws = (draws,)
+        self.draws, self._poses = (draws,), poses
+        if poses:
+            self.publishes = (*self.publishes, poses)
         angles = np.radians(self._first + self._step * np.arange(beams))
         cos, sin = portable.cos_sin(angles)
         self._beam_axes = np.column_stack((cos, sin, np.zeros(beams)))
@@ -390,7 +394,13 @@ class Rovers(Physics):
     def generate(self, tick: Tick) -> Iterable[Any]:
         """Drive, then measure; nothing before the first view."""
         self._others = list[AnyEvent]()
-        return [*super().generate(tick), *self._others]
+        events = [*super().generate(tick), *self._others]
+        if self._poses and self._shown is not None:
+            for name in self._seen:
+                at = self._pose(name)
+                pose = Odometry(name, at.x, at.y, at.angle, 0.0, 0.0, tick.time)
+                tick.publish(self._poses, pose)
+        return events
 
     def _drive(self, tick: Tick) -> Mapping[str, DriveOutcome]:
         rolls = list[list[Any]]()
@@ -420,13 +430,16 @@ class Rovers(Physics):
         return Scan(name, ranges, self._first, self._step, reach, tick.time)
 
     def _sightings(self, name: str, tick: Tick) -> Sightings:
-        at = self._space.pose(name)
-        ahead = at.turned(1.0, 0.0, 0.0)
-        pose = Pose(at.x, at.y, math.degrees(portable.atan2(ahead[1], ahead[0])))
+        pose = self._pose(name)
         ray = partial(self._space.free, name, self._height)
         visible = camera(pose, self._markers, self._camera_fov, self._camera_range, ray)
         measured = self._errors.recognised(name, visible, tuple(self._markers), tick)
         return Sightings(name, measured, tick.time)
+
+    def _pose(self, name: str) -> Pose:
+        at = self._space.pose(name)
+        ahead = at.turned(1.0, 0.0, 0.0)
+        return Pose(at.x, at.y, math.degrees(portable.atan2(ahead[1], ahead[0])))
 
     def save(self) -> Mapping[str, Any]:
         """The space some frames ago and what happened since, and totals."""

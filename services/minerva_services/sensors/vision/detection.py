@@ -53,6 +53,22 @@ def dictionary_of(name: str) -> str:
     return match
 
 
+def marker_cells(dictionary: str, number: int) -> NDArray[np.int16]:
+    """The squares of a marker to print: 0 black and 1 white, rows from the top.
+
+    Around its black border is a white one, without which no detector recognises it. `dictionary` is
+    as in `dictionary_of`. Raises MisuseError for a number that the dictionary lacks.
+    """
+    aruco: Any = opencv().aruco
+    name = dictionary_of(dictionary)
+    words = aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{name}"))
+    count = len(words.bytesList)
+    if not 0 <= number < count:
+        raise MisuseError(f"vision: {name} has no marker {number}; expected 0 to {count - 1}")
+    drawn = aruco.generateImageMarker(words, number, words.markerSize + 2)
+    return np.pad(drawn // 255, 1, constant_values=1).astype(np.int16)
+
+
 def detector(dictionary: str) -> Detect:
     """A detector for the markers of one dictionary. Raises MisuseError without OpenCV."""
     aruco: Any = opencv().aruco
