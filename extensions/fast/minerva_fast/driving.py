@@ -6,6 +6,7 @@ if a table has too little room for newborns, and after long loops, so that Ctrl-
 
 from __future__ import annotations
 
+import inspect
 import os
 import threading
 from collections.abc import Callable
@@ -24,23 +25,16 @@ PURPOSE: Final = "rules of a space"
 
 
 class Loop:
-    """A function of `places` over the rows of a table, compiled when it first runs.
+    """A function of `places` over the rows of a table, compiled when it first runs."""
 
-    Args:
-        function: takes arrays and numbers.
-        types: those of its arguments, as names of `library`.
-        result: the type of its result.
-
-    """
-
-    def __init__(self, function: Callable[..., Any], *types: str, result: str = "void") -> None:
+    def __init__(self, function: Callable[..., Any]) -> None:
         self.name = function.__name__
         self._function = function
-        given = ", ".join([f"a{number}" for number in range(len(types))])
+        given = ", ".join(inspect.signature(function).parameters)
         self._text = (
             "from minerva_fast.library import *\n\n"
-            f"function = loop({self.name!r})\n\n"
-            f"@kernel({'types.' * (result == 'void')}{result}({', '.join(types)}))\n"
+            f"function, signature = loop({self.name!r})\n\n"
+            "@kernel(signature)\n"
             f"def run({given}):\n    return function({given})\n"
         )
         self._compiled: Kernel | None = None

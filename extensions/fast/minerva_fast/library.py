@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import math
 from types import FunctionType
-from typing import Any, Final
+from typing import Any, Final, get_type_hints
 
 import numpy as np
 from numba import (  # (names of generated modules)
-    boolean,  # noqa: F401
-    float64,  # noqa: F401
+    boolean,
+    float64,
     int16,  # noqa: F401
     int64,
     njit,
@@ -35,7 +35,16 @@ from minerva_fast import draws, places
 from minerva_fast.draws import EXACT
 from minerva_fast.functions import OF_MATH
 from minerva_fast.machine_code import NUMBA_OPTIONS
-from minerva_fast.places import CellGrid, Edges, FieldGrid, FieldRows, LatticeRows  # noqa: F401
+from minerva_fast.places import (
+    CellGrid,  # noqa: F401
+    Columns,
+    Edges,  # noqa: F401
+    FieldRows,  # noqa: F401
+    Ints,
+    LatticeRows,  # noqa: F401
+    Links,
+    Numbers,
+)
 
 # Python calls kernels only, so others need no wrapper for it, and none needs one for C.
 _INNER: Final = {**NUMBA_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -54,8 +63,17 @@ _TOP: Final = 9223372036854775808.0
 
 
 def kernel(signature: Any) -> Any:
-    """Compile a kernel for one signature, and keep the machine code beside its module."""
-    return njit(signature, cache=True, nogil=True, no_cfunc_wrapper=True, **NUMBA_OPTIONS)
+    """Compile a kernel for one signature, and keep the machine code beside its module.
+
+    It does not look at the types of its arguments, which takes longer than a small rule.
+    """
+
+    def entry(function: FunctionType) -> Any:
+        options = {**NUMBA_OPTIONS, "cache": True, "nogil": True, "no_cfunc_wrapper": True}
+        (made,) = njit(signature, **options)(function).overloads.values()
+        return made.entry_point
+
+    return entry
 
 
 def read_only(item: Any) -> Any:
@@ -63,9 +81,31 @@ def read_only(item: Any) -> Any:
     return types.Array(item, 1, "A", readonly=True)
 
 
-def cells(item: Any, dimensions: int, only_read: bool) -> Any:
+def cells(item: Any, dimensions: int = 1, only_read: bool = False) -> Any:
     """The type of an array of a space."""
     return types.Array(item, dimensions, "C", readonly=only_read)
+
+
+_TYPES: Final[dict[Any, Any]] = {
+    int: int64,
+    float: float64,
+    bool: boolean,
+    type(None): types.void,
+    Ints: cells(int64),
+    Numbers: cells(float64),
+    Links: cells(int64, 2),
+    Columns: cells(float64, 2),
+}
+
+
+def typed(hint: Any, only_read: bool = False) -> Any:
+    """The type of an annotation; `only_read`: no number of a table changes, or of its positions."""
+    if hint in _TYPES:
+        return _TYPES[hint]
+    parts = {name: typed(part) for name, part in get_type_hints(hint).items()}
+    for name in {"values", "x", "y"} & parts.keys() if only_read else ():
+        parts[name] = parts[name].copy(readonly=True)
+    return types.NamedTuple([*parts.values()], hint)
 
 
 # --- indices and ints: an instruction and a branch, without a call ---
@@ -394,8 +434,10 @@ def of_space(name: str) -> Any:
 
 
 def loop(name: str) -> Any:
-    """A loop over the rows of a table, as part of a kernel."""
-    return once(_calling_forms(getattr(places, name)))
+    """A loop over the rows of a table, as part of a kernel, and its signature."""
+    function = getattr(places, name)
+    hints = get_type_hints(function)
+    return once(_calling_forms(function)), typed(hints.pop("return"))(*map(typed, hints.values()))
 
 
 def _within(function: Any, least: float, most: float) -> Any:

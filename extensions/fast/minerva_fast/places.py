@@ -37,6 +37,8 @@ class CellGrid(NamedTuple):
 
 Numbers: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
+Columns: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
+Links: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.int64]]
 
 
 def sure(index: int) -> int:
@@ -45,11 +47,11 @@ def sure(index: int) -> int:
 
 
 class LatticeRows(NamedTuple):
-    """What machine code sees of a table in a lattice, besides its columns."""
+    """What machine code sees of a table in a lattice."""
 
-    values: Numbers
-    links: Ints
-    places: Ints
+    values: Columns
+    links: Links
+    places: Links
     counts: Ints
     births: Ints
     cell: Ints
@@ -289,16 +291,16 @@ class FieldGrid(NamedTuple):
 
 
 class FieldRows(NamedTuple):
-    """What machine code sees of a table in a field, besides its columns.
+    """What machine code sees of a table in a field.
 
     The table `before` of a rule has its rows by cell, so that a search reads memory in its order:
     those of a cell are `sorted[starts[cell]:starts[cell + 1]]`, at `sorted_x` and `sorted_y`. In a
     table whose rows move these arrays are empty.
     """
 
-    values: Numbers
-    links: Ints
-    places: Ints
+    values: Columns
+    links: Links
+    places: Links
     counts: Ints
     births: Ints
     cell: Ints
@@ -560,39 +562,33 @@ EXACT: Final = 2.0**52
 """From here on, reals have no fraction."""
 
 
-def enter(
-    values: Numbers, cell: Ints, links: Ints, places: Ints, counts: Ints, births: Ints
-) -> int:
+def enter(table: LatticeRows) -> int:
     """Admit all rows of a lattice, and build the lists of its cells, unless it is to have none.
 
     Returns ENTERED, UNBORN if an id is not below `births`, or OUTSIDE if a cell does not exist.
     """
-    for i in range(counts[ROWS]):
-        if values[0, i] >= births[0]:
+    for i in range(table.counts[ROWS]):
+        if table.values[0, i] >= table.births[0]:
             return UNBORN
-        if cell[i] < 0 or cell[i] >= places.shape[1]:
+        if table.cell[i] < 0 or table.cell[i] >= table.places.shape[1]:
             return OUTSIDE
-        links[ALIVE, i] = 1
-    if counts[VACANT] != UNLISTED:
-        enlist(cell, links, places, counts)
+        table.links[ALIVE, i] = 1
+    if table.counts[VACANT] != UNLISTED:
+        enlist(table.cell, table.links, table.places, table.counts)
     return ENTERED
 
 
-def locate(
-    values: Numbers, cell: Ints, links: Ints, births: Ints, x: Numbers, y: Numbers,
-    width: float, height: float, across: int, down: int,
-) -> int:  # fmt: skip
+def locate(table: FieldRows) -> int:
     """Admit all rows of a field, whose cells are those of their positions; ENTERED or UNBORN."""
-    field = FieldGrid(width, height, False, across, down)
-    for i in range(len(x)):
-        if values[0, i] >= births[0]:
+    for i in range(table.counts[ROWS]):
+        if table.values[0, i] >= table.births[0]:
             return UNBORN
-        cell[i] = cell_of(field, x[i], y[i])
-        links[ALIVE, i] = 1
+        table.cell[i] = cell_of(table.field, table.x[i], table.y[i])
+        table.links[ALIVE, i] = 1
     return ENTERED
 
 
-def enlist(cell: Ints, links: Ints, places: Ints, counts: Ints) -> None:
+def enlist(cell: Ints, links: Links, places: Links, counts: Ints) -> None:
     """Build the lists of all cells; the rows of a cell are in the order of the table."""
     for place in range(places.shape[1]):
         places[FIRST, place] = -1
@@ -612,42 +608,30 @@ def enlist(cell: Ints, links: Ints, places: Ints, counts: Ints) -> None:
     counts[VACANT] = vacant
 
 
-def settle(
-    values: Numbers, links: Ints, places: Ints, counts: Ints, births: Ints, cell: Ints,
-    nearby: Ints, dx: Numbers, dy: Numbers, starts: Ints, rows: Ints, sorted_x: Numbers,
-    sorted_y: Numbers, width: float, height: float, periodic: bool, across: int, down: int,
-) -> None:  # fmt: skip
+def settle(table: FieldRows) -> None:
     """Enter all rows into the lists of the cells of their positions."""
-    x, y, field = values[X], values[Y], FieldGrid(width, height, periodic, across, down)
-    # The table of a rule, for which move_to is compiled anyway.
-    table = FieldRows(
-        values, links, places, counts, births, cell, nearby, dx, dy,
-        starts, rows, sorted_x, sorted_y, x, y, field,
-    )  # fmt: skip
-    for i in range(counts[ROWS]):
-        if links[ALIVE, i]:
-            move_to(table, i, cell_of(field, x[i], y[i]))
+    for i in range(table.counts[ROWS]):
+        if table.links[ALIVE, i]:
+            move_to(table, i, cell_of(table.field, table.x[i], table.y[i]))
 
 
 def sort_by_cell(
-    places: Ints, links: Ints, x: Numbers, y: Numbers,
-    starts: Ints, rows: Ints, sorted_x: Numbers, sorted_y: Numbers,
-) -> None:  # fmt: skip
+    table: FieldRows, starts: Ints, rows: Ints, sorted_x: Numbers, sorted_y: Numbers
+) -> None:
     """Write the rows of all lists, with their positions, one cell after another."""
     count = 0
-    for cell in range(places.shape[1]):
+    for cell in range(table.places.shape[1]):
         starts[cell] = count
-        i = places[FIRST, cell]
+        i = table.places[FIRST, cell]
         while i >= 0:
-            rows[count], sorted_x[count], sorted_y[count] = i, x[i], y[i]
-            count, i = count + 1, links[NEXT, i]
-    starts[places.shape[1]] = count
+            rows[count], sorted_x[count], sorted_y[count] = i, table.x[i], table.y[i]
+            count, i = count + 1, table.links[NEXT, i]
+    starts[table.places.shape[1]] = count
 
 
 def sharing(
-    x: Numbers, y: Numbers, width: float, height: float, across: int, down: int, step: int,
-    known: Numbers, times: Ints,
-) -> int:  # fmt: skip
+    x: Numbers, y: Numbers, field: FieldGrid, step: int, known: Numbers, times: Ints
+) -> int:
     """The pairs of rows that share a cell, among each `step`-th row, each pair counted twice.
 
     `known` and `times` are a hash table of cells with room for more cells than there are rows.
@@ -657,7 +641,8 @@ def sharing(
         times[slot] = 0
     pairs = 0
     for i in range(0, len(x), step):
-        cell = whole(x[i] / width * across) * down + whole(y[i] / height * down)
+        column = whole(x[i] / field.width * field.across)
+        cell = column * field.down + whole(y[i] / field.height * field.down)
         slot = int(abs(cell)) % len(times) if abs(cell) < EXACT else 0
         while times[slot] and known[slot] != cell:
             slot = slot + 1 if slot + 1 < len(times) else 0

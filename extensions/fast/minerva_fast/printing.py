@@ -117,14 +117,14 @@ def lines_of_helpers(method: Method) -> Iterator[Line]:
 def _arguments(program: Program) -> Iterator[tuple[str, str]]:
     """The types and names of the parameters of a kernel, in order, after `start`."""
     yield "read_only(int64)", "rows"
-    yield "cells(uint8, 1, False)", "outcomes"
+    yield "cells(uint8)", "outcomes"
     for name in ("counts", "progress", "saved"):
-        yield "cells(int64, 1, False)", name
-    yield "cells(uint64, 1, False)", "words"
+        yield "cells(int64)", name
+    yield "cells(uint64)", "words"
     written = {attribute.name for attribute in program.writes}
     for each in program.reads:
         kind = each.kind.machine
-        own = f"cells({kind}, 1, False)"
+        own = f"cells({kind})"
         yield own if each.name in written else f"read_only({kind})", f"c_{each.name}"
     for slot in program.data:
         yield f"read_only({slot.kind.machine})", f"d_{slot.name}"
@@ -132,10 +132,10 @@ def _arguments(program: Program) -> Iterator[tuple[str, str]]:
         kind, name = slot.kind.machine, "ids" if slot.name == "id" else f"g_{slot.name}"
         yield f"read_only({kind})" if slot.name in ("id", "sender") else kind, name
     for each in program.lists:
-        yield f"cells({each.kind.machine}, 1, False)", each.text
+        yield f"cells({each.kind.machine})", each.text
     for index, output in enumerate(program.outputs):
         for name, kind in cells(output):
-            yield f"cells({kind.machine}, 1, False)", f"o{index}_{name}"
+            yield f"cells({kind.machine})", f"o{index}_{name}"
 
 
 def _row(program: Program, body: Sequence[Line]) -> Iterator[str]:

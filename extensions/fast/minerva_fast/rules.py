@@ -38,7 +38,6 @@ from minerva_fast.places import (
     TOO_MANY,
     CellGrid,
     Edges,
-    FieldGrid,
     beside,
     copy,
     go_to,
@@ -49,7 +48,7 @@ from minerva_fast.printing import (
     printed_functions,
 )
 from minerva_fast.statements import Results, Statements, stored
-from minerva_fast.tables import BEFORE, InField, Inhabitants, columns_of, loops_of_table
+from minerva_fast.tables import BEFORE, Inhabitants, columns_of, loops_of_table
 from minerva_fast.values import (
     STEP,
     Chance,
@@ -269,22 +268,6 @@ _DTYPES: Final[Mapping[ValueKind, Any]] = {
     ValueKind.REAL: np.float64,
 }
 _MATRICES: Final = ((Cells, "int16"), (Reals, "float64"))
-_INDEX: Final = (
-    "cells(int64, 2, False)", "cells(int64, 2, False)", "cells(int64, 1, False)",
-    "cells(int64, 1, False)", "cells(int64, 1, False)", "cells(int64, 1, False)",
-)  # fmt: skip
-"""The types of a table's arrays from `links` to `nearby`."""
-_IN_FIELD: Final = (
-    "cells(float64, 1, False)", "cells(float64, 1, False)", "cells(int64, 1, False)",
-    "cells(int64, 1, False)", "cells(float64, 1, False)", "cells(float64, 1, False)",
-)  # fmt: skip
-"""Those from `dx` to `sorted_y`."""
-_SHAPES: Final = {
-    CellGrid: ("int64", "int64", "boolean"),
-    FieldGrid: ("float64", "float64", "boolean", "int64", "int64"),
-    Edges: ("cells(int64, 1, False)", "cells(int64, 1, False)"),
-}
-"""The types of the arguments for shapes and graphs."""
 
 
 @dataclass(frozen=True)
@@ -337,8 +320,8 @@ class RuleParameter:
             return Items(text, kind, f"len({text})", 0, self.name, "", item, fixed, own)
         return None if self.number else RuleGrid(f"g_{self.name}", self.type)
 
-    def types(self, *, only_read: bool) -> Sequence[str]:
-        """The types of the arguments that it consists of, as names of `library`.
+    def machine(self, *, only_read: bool) -> tuple[str, str]:
+        """The argument for it: its type, of names of `library`, and its name.
 
         Args:
             only_read: whether machine code must change no number of it, so that it may have the
@@ -346,45 +329,25 @@ class RuleParameter:
 
         """
         if self.table is not None:
-            field = issubclass(self.table, InField)
-            extra = (*_IN_FIELD, *_SHAPES[FieldGrid]) if field else _SHAPES[CellGrid]
-            return [f"cells(float64, 2, {only_read})", *_INDEX, *extra]
+            return f"typed({self.table.rows.__name__}, {only_read})", f"t_{self.name}"
         if self.item:
-            return [f"cells({self.item}, 1, {only_read})"]
-        if self.draws:
-            return []
-        return _SHAPES.get(self.type) or [_NUMBERS[self.type].machine]
-
-    def made(self, given: Sequence[str]) -> Iterator[tuple[str, str]]:
-        """The variables that a rule may use of it, with their texts; `given` are its arguments."""
-        name = self.name
+            return f"cells({self.item}, 1, {only_read})", f"m_{self.name}"
         if self.number:
-            yield f"v_{name}", given[0]
-        elif self.item:
-            yield f"m_{name}", given[0]
-        elif self.table is None and not self.draws:
-            end = ", -1" * (self.type is CellGrid)
-            yield f"g_{name}", f"{self.type.__name__}({', '.join(given)}{end})"
-        elif self.table is not None:
-            yield from self._made_table(self.table, given)
+            return _NUMBERS[self.type].machine, f"v_{self.name}"
+        return ("cells(uint64)" if self.draws else f"typed({self.type.__name__})"), f"g_{self.name}"
 
-    def _made_table(
-        self, table: type[Inhabitants], given: Sequence[str]
-    ) -> Iterator[tuple[str, str]]:
-        name, rows = self.name, table.names.index
-        for column in columns_of(table):
-            yield f"c_{name}_{column}", f"{given[0]}[{rows(column)}]"
-        if issubclass(table, InField):
-            x, y = (f"c_{name}_{each}" for each in table.position)
-            yield f"g_{name}", f"FieldGrid({', '.join(given[-5:])})"
-            yield f"t_{name}", f"FieldRows({', '.join(given[:-5])}, {x}, {y}, g_{name})"
-        else:
-            yield f"g_{name}", f"CellGrid({', '.join(given[-3:])}, -1)"
-            yield f"t_{name}", f"LatticeRows({', '.join(given[:-3])}, g_{name})"
-        yield f"links_{name}", given[1]
-        yield f"n_{name}", given[3]
-        for column, text in zip(("cell", *table.searched), given[5:], strict=False):
-            yield f"c_{name}_{column}", text
+    def parts(self) -> Iterator[tuple[str, str]]:
+        """The variables that a rule may use of a table, with their texts."""
+        if self.table is None:
+            return
+        name, rows = self.name, f"t_{self.name}"
+        for column in columns_of(self.table):
+            yield f"c_{name}_{column}", f"{rows}.values[{self.table.names.index(column)}]"
+        for column in ("cell", *self.table.searched):
+            yield f"c_{name}_{column}", f"{rows}.{column}"
+        yield f"g_{name}", f"{rows}.{self.table.rows._fields[-1]}"
+        yield f"links_{name}", f"{rows}.links"
+        yield f"n_{name}", f"{rows}.counts"
 
 
 def parameters_of(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:
@@ -488,37 +451,23 @@ def _loop(
     made: SpaceRule, method: Method, only_read: set[str], given: Sequence[str], counted: bool
 ) -> Iterator[str]:
     """The loop over the rows of a rule."""
-    heads, types, variables = list[str](), list[str](), dict[str, str]()
-    for number, parameter in enumerate(made.parameters):
-        arguments = parameter.types(only_read=parameter.name in only_read)
-        names = [f"a{number}_{part}" for part in range(len(arguments))]
-        heads += names
-        types += arguments
-        variables |= dict(parameter.made(names))
-    lists = [*method.lists.values()]
-    heads += [each.text for each in lists]
-    types += [f"cells({each.kind.machine}, 1, False)" for each in lists]
-    first = ["int64", "int64", *["cells(int64, 1, False)"] * 2, "cells(uint64, 1, False)"]
+    arguments = [p.machine(only_read=p.name in only_read) for p in made.parameters]
+    arguments += [(f"cells({each.kind.machine})", each.text) for each in method.lists.values()]
+    types, names = zip(*arguments, strict=True)
+    first = "int64", "int64", "cells(int64)", "cells(int64)", "cells(uint64)"
     yield f"@kernel(int64({', '.join([*first, *types])}))"
-    yield f"def run({', '.join(['begin', 'end', 'rows', 'progress', 'words', *heads])}):"
+    yield f"def run({', '.join(['begin', 'end', 'rows', 'progress', 'words', *names])}):"
     activation = [*_activation(made, method, given, counted)]
-    yield from _used(variables, activation)
+    # Only what is used: numba takes long for each column.
+    used = set(re.findall(r"\w+", " ".join(activation)))
+    for parameter in made.parameters:
+        yield from [f"{STEP}{name} = {text}" for name, text in parameter.parts() if name in used]
     if made.order is SHUFFLED:
         yield from [f"{STEP}if begin == 0:", f"{STEP * 2}shuffle(words, rows)"]
     yield f"{STEP}for k in range(begin, end):"
     for line in indented(activation):
         yield STEP + str(line)
     yield f"{STEP}return end"
-
-
-def _used(variables: Mapping[str, str], lines: Sequence[str]) -> list[str]:
-    """The assignments of the variables that lines use; numba takes long for each column."""
-    used, made = set(re.findall(r"\w+", " ".join(lines))), list[str]()
-    for name, text in reversed([*variables.items()]):
-        if name in used:
-            used |= set(re.findall(r"\w+", text))
-            made.insert(0, f"{STEP}{name} = {text}")
-    return made
 
 
 def _activation(

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MinervaError, MisuseError, nearest
+from minerva_bus.grammar.types import Unfit, to_cells, to_reals
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
 from minerva_fast.draws import ALL, PLACE, Draws, Guarded, interpreted, interpreting, new_progress
@@ -173,7 +174,7 @@ class _Started:
     rule: SpaceRule
     count: int
     rows: NDArray[np.int64]
-    before: Opened | list[Any]
+    before: Opened | NDArray[Any] | None
 
 
 class OpenedSpace:
@@ -267,7 +268,7 @@ class OpenedSpace:
         subject = started.rule.subject
         for parameter in started.rule.tables:
             self._table(parameter).reserve(started.rule.room)
-        arguments = [self._all_arguments(started, shared=True) for _ in range(parts)]
+        arguments = [self._arguments(started, shared=True) for _ in range(parts)]
 
         run_rows = started.rule.compiled()
 
@@ -283,7 +284,7 @@ class OpenedSpace:
             self._table(subject).moved = True
 
     def _start(self, rule: SpaceRule) -> _Started:
-        before = self._snapshot(rule) if rule.sees_before else []
+        before = self._snapshot(rule) if rule.sees_before else None
         count = self._count(rule.subject)
         rows = np.arange(count if rule.order is SHUFFLED else 0)
         return _Started(rule, count, rows, before)
@@ -298,7 +299,7 @@ class OpenedSpace:
             if rule.as_python:
                 begin = rule.interpret(*given, self._seen_by_python(started))
             else:
-                begin = rule.compiled()(*given, *self._all_arguments(started))
+                begin = rule.compiled()(*given, *self._arguments(started))
 
     def close(self) -> None:
         """Write everything back to the space and its stream."""
@@ -309,79 +310,64 @@ class OpenedSpace:
 
     def _count(self, subject: RuleParameter) -> int:
         if subject.table is not None:
-            return int(self._table(subject).arrays["counts"][ROWS])
+            return int(self._table(subject).rows.counts[ROWS])
         return self._attribute(subject).size
 
-    def _snapshot(self, rule: SpaceRule) -> Opened | list[Any]:
+    def _snapshot(self, rule: SpaceRule) -> Opened | NDArray[Any]:
         subject = rule.subject
         if subject.table is not None:
             return self._table(subject).snapshot()
         self._attribute(subject)
-        return [self._matrices.as_it_is(subject.name)]
+        return self._matrices.as_it_is(subject.name)
 
-    def _all_arguments(self, started: _Started, *, shared: bool = False) -> list[Any]:
-        """The arguments of a rule after its draws; `shared` for a thread of an independent one."""
-        arguments: list[Any] = []
-        subject = started.rule.subject
-        for parameter in started.rule.parameters:
-            if parameter.name == BEFORE:
-                before = started.before
-                arguments += before if isinstance(before, list) else before.arguments(shared=shared)
-            elif parameter.table is not None:
-                table = self._table(parameter)
-                # An independent rule does not read the lists of its subject.
-                if not (shared and parameter is subject):
-                    table.enlist()
-                arguments += table.arguments(shared=shared)
-            elif parameter.number:
-                arguments.append(self._number(parameter))
-            else:
-                arguments += self._arguments(parameter, started.rule)
-        return [*arguments, *started.rule.lists()]
+    def _arguments(self, started: _Started, *, shared: bool = False) -> list[Any]:
+        """The arguments of a rule, and its lists; `shared` for a thread of an independent one."""
+        given = [self._argument(p, started, shared=shared) for p in started.rule.parameters]
+        return [*given, *started.rule.lists()]
 
-    def _arguments(self, parameter: RuleParameter, rule: SpaceRule) -> list[Any]:
-        """The arguments for a parameter that is neither a table nor a number."""
+    def _argument(self, parameter: RuleParameter, started: _Started, *, shared: bool) -> Any:
+        """The argument for a parameter, as machine code sees it."""
+        name, rule = parameter.name, started.rule
+        if name == BEFORE:
+            before = started.before
+            return before.argument(shared=shared) if isinstance(before, Opened) else before
+        if parameter.table is not None:
+            table = self._table(parameter)
+            # An independent rule does not read the lists of its subject.
+            if not (shared and parameter is rule.subject):
+                table.enlist()
+            return table.argument(shared=shared)
+        if parameter.number:
+            return self._number(parameter)
         if parameter.draws:
-            return []
+            return self._draws
         if parameter.type is CellGrid:
-            return [*self._lattice[:3]]
+            return self._lattice
         if parameter.type is Edges:
-            return [*self._opened_edges(parameter)]
+            return self._opened_edges(parameter)
         self._attribute(parameter)
-        only_read = parameter.name in rule.checked.only_read
-        matrices = self._matrices
-        return [(matrices.to_read if only_read else matrices.to_change)(parameter.name)]
+        only_read = name in rule.checked.only_read
+        return (self._matrices.to_read if only_read else self._matrices.to_change)(name)
 
     def _seen_by_python(self, started: _Started) -> list[Any]:
         """The arguments of a rule that runs as Python."""
-        arguments: list[Any] = []
+        seen: list[Any] = []
         for parameter in started.rule.parameters:
-            name = parameter.name
-            if parameter.draws:
-                arguments.append(self._draws)
-            elif parameter.number:
-                arguments.append(self._number(parameter))
-            elif parameter.type is CellGrid:
-                arguments.append(self._lattice)
-            elif parameter.type is Edges:
-                edges = zip(Edges._fields, self._opened_edges(parameter), strict=True)
-                arguments.append(Edges(*[_guarded(f"{name}.{part}", a) for part, a in edges]))
-            elif parameter.table is not None:
-                table = started.before if name == BEFORE else self._table(parameter)
+            name, given = parameter.name, self._argument(parameter, started, shared=False)
+            if parameter.table is not None:
+                table = started.before if name == BEFORE else self._tables[name]
                 assert isinstance(table, Opened)
-                if name != BEFORE:
-                    table.enlist()
-                arguments.append(table.table(name))
-            elif name == BEFORE:
-                assert isinstance(started.before, list)
-                arguments.append(_guarded(name, started.before[0]))
-            else:
-                (array,) = self._arguments(parameter, started.rule)
+                given = table.table(name)
+            elif parameter.type is Edges:
+                edges = zip(Edges._fields, given, strict=True)
+                given = Edges(*[_guarded(f"{name}.{part}", array) for part, array in edges])
+            elif parameter.item:
                 if name in started.rule.checked.only_read:
-                    array = array.view()
-                    array.flags.writeable = False
-                arguments.append(_guarded(name, array))
-        return arguments
+                    given = given.view()
+                    given.flags.writeable = False
+                given = _guarded(name, given)
+            seen.append(given)
+        return seen
 
     def _number(self, parameter: RuleParameter) -> Any:
         """The number for a parameter, passed to `run` or of the space."""
@@ -436,9 +422,21 @@ class OpenedSpace:
                 " declare it in the class, or pass a number to `run`"
             )
         value: Any = getattr(self._space, parameter.name)
-        if parameter.array and not isinstance(value, np.ndarray):
-            raise MisuseError(f"{self._space.kind.name}.{parameter.name} must be a matrix")
-        return value  # pyright: ignore[reportUnknownVariableType]
+        if not parameter.array:
+            return value
+        dtype, convert = (
+            (np.int16, to_cells) if parameter.item == "int16" else (np.float64, to_reals)
+        )
+        plain = type(value) is np.ndarray and value.flags.c_contiguous and value.flags.aligned
+        if plain and value.dtype == dtype:
+            return value  # pyright: ignore[reportUnknownVariableType]
+        # The method may have assigned what only becomes such a matrix in the string.
+        try:
+            matrix = convert(value)
+        except Unfit as unfit:
+            raise MisuseError(f"{self._space.kind.name}.{parameter.name} must be {unfit}") from None
+        setattr(self._space, parameter.name, matrix)
+        return matrix
 
 
 def _guarded(name: str, array: Any) -> Any:

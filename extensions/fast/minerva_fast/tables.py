@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from dataclasses import field as dataclass_field
 from inspect import get_annotations
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, TypeAlias
@@ -39,6 +38,8 @@ from minerva_fast.places import (
     VACANT,
     CellGrid,
     FieldGrid,
+    FieldRows,
+    LatticeRows,
     X,
     Y,
     enlist,
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from minerva_fast.space import Space
 
 
+_SHAPES: Final = {"lattice": CellGrid, "field": FieldGrid}
 BEFORE: Final = "before"
 """The parameter with the state of the subject before the rule."""
 _MOVES: Final = {
@@ -66,9 +68,6 @@ Column: TypeAlias = NDArray[np.float64]
 """A declared name of a table, shape (n,)."""
 Rows: TypeAlias = NDArray[np.int64]
 
-INDEX: Final = ("values", "links", "places", "counts", "births", "cell")
-"""Arrays of every table in a rule, before its columns (minerva_fast.places)."""
-
 
 class Inhabitants:
     """Base of tables; `OnLattice` and `InField` give their inhabitants a position.
@@ -77,12 +76,10 @@ class Inhabitants:
     """
 
     position: ClassVar[tuple[str, ...]] = ()
-    extra: ClassVar[tuple[str, ...]] = ()
-    """Other arrays and structures that a rule sees, after the columns."""
-    sorted_rows: ClassVar[tuple[str, ...]] = ()
-    """Those of a table that does not change, in the order of its cells."""
+    rows: ClassVar[type[LatticeRows] | type[FieldRows]] = LatticeRows
+    """What machine code sees, of which the last is the shape of the space."""
     searched: ClassVar[tuple[str, ...]] = ("nearby",)
-    """Those with what the last search has found."""
+    """The arrays with what the last search has found."""
 
     names: ClassVar[tuple[str, ...]] = ()
     """The rows of the matrix."""
@@ -97,7 +94,7 @@ class Inhabitants:
         if "position" in vars(cls):
             return
         own = [name for name in get_annotations(cls) if not name.startswith("_")]
-        taken = {*INDEX, *cls.position, *cls.extra, "id"}
+        taken = {*cls.rows._fields, "id"}
         if wrong := sorted(taken & set(own)):
             raise MisuseError(f"{cls.__name__}.{wrong[0]} is taken: every table has it")
         inherited = [name for name in cls.names if name not in ("id", *cls.position)]
@@ -166,8 +163,8 @@ class Inhabitants:
                 fixed=fixed.format(table=name),
                 own=own and slot == ROWS,
             )
-        shape = FieldGrid if "x" in cls.position else CellGrid
-        return {**made, cls.extra[-1]: RuleGrid(f"g_{name}", shape)}
+        shape = "field" if "field" in cls.rows._fields else "lattice"
+        return {**made, shape: RuleGrid(f"g_{name}", _SHAPES[shape])}
 
     @classmethod
     def check(cls, matrix: Reals) -> None:
@@ -183,32 +180,21 @@ class OnLattice(Inhabitants):
     """Inhabitants in cells of a lattice; any number may share a cell."""
 
     position = ("cell",)
-    extra = ("nearby", "lattice")
     nearby: Rows
     lattice: CellGrid
 
 
 class InField(Inhabitants):
-    """Inhabitants at positions (x, y) of a continuous field.
-
-    The table `before` of a rule has its rows by cell, so that a search reads memory in its order:
-    those of a cell are `sorted[starts[cell]:starts[cell + 1]]`, at `sorted_x` and `sorted_y`. In a
-    table whose rows move these arrays are empty.
-    """
+    """Inhabitants at positions (x, y) of a continuous field."""
 
     position = ("x", "y")
-    sorted_rows: ClassVar[tuple[str, ...]] = ("starts", "sorted", "sorted_x", "sorted_y")
-    extra = ("nearby", "dx", "dy", *sorted_rows, "field")
+    rows = FieldRows
     searched = ("nearby", "dx", "dy")
     x: Column
     y: Column
     nearby: Rows
     dx: Column
     dy: Column
-    starts: Rows
-    sorted: Rows
-    sorted_x: Column
-    sorted_y: Column
     field: FieldGrid
 
 
@@ -275,34 +261,8 @@ def is_constant(matrix: NDArray[Any]) -> bool:
     return plain and not matrix.flags.writeable
 
 
-_INTS: Final = "cells(int64, 1, False)"
-_TABLE: Final = "cells(int64, 2, False)"
-_REALS: Final = "cells(float64, 1, False)"
-_MATRIX: Final = "cells(float64, 2, False)"
-_SIDES: Final = ("float64", "float64")
-_CELLS: Final = ("int64", "int64")
-_SORTED: Final = (_INTS, _INTS, _REALS, _REALS)
-ENTER: Final = Loop(enter, _MATRIX, _INTS, _TABLE, _TABLE, _INTS, _INTS, result="int64")
-LOCATE: Final = Loop(
-    locate, _MATRIX, _INTS, _TABLE, _INTS, _REALS, _REALS, *_SIDES, *_CELLS, result="int64"
-)
-ENLIST: Final = Loop(enlist, _INTS, _TABLE, _TABLE, _INTS)
-SETTLE: Final = Loop(
-    settle,
-    _MATRIX,
-    _TABLE,
-    _TABLE,
-    *[_INTS] * 4,
-    *[_REALS] * 2,
-    *_SORTED,
-    *_SIDES,
-    "boolean",
-    *_CELLS,
-)
-SORT: Final = Loop(sort_by_cell, _TABLE, _TABLE, _REALS, _REALS, *_SORTED)
-SHARING: Final = Loop(
-    sharing, _REALS, _REALS, *_SIDES, *_CELLS, "int64", _REALS, _INTS, result="int64"
-)
+ENTER, LOCATE, ENLIST, SETTLE = Loop(enter), Loop(locate), Loop(enlist), Loop(settle)
+SORT, SHARING = Loop(sort_by_cell), Loop(sharing)
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
@@ -312,29 +272,22 @@ _MOST_CELLS: Final = 16
 """Cells per inhabitant, if they are smaller."""
 _SAMPLE: Final = 4096
 
-_UNSORTED: Final[dict[str, NDArray[Any]]] = dict(
-    zip(InField.sorted_rows, (*np.empty((2, 0), np.int64), *np.empty((2, 0))), strict=True)
-)
-"""Of a table whose rows move."""
-
 
 @dataclass(slots=True)
 class Opened:
-    """The arrays of one table during a frame; `old` is its matrix in the string.
+    """One table during a frame; `old` is its matrix in the string.
 
     `listed` is whether its rows are in the lists of their cells, which many rules do not need, and
-    `moved` whether rows have moved since they were entered. `passed` are the arguments of rules,
-    and `used` is whether rules have had them, and may have changed them.
+    `moved` whether rows have moved since they were entered. `used` is whether rules have had the
+    rows, and may have changed them.
     """
 
     kind: type[Inhabitants]
     old: Reals
-    arrays: dict[str, NDArray[Any]]
-    shape: CellGrid | FieldGrid
+    rows: LatticeRows | FieldRows
     listed: bool = False
     moved: bool = False
     used: bool = False
-    passed: list[Any] = dataclass_field(default_factory=list[Any])
 
     @staticmethod
     def of(
@@ -364,156 +317,135 @@ class Opened:
         """
         kind.check(matrix)
         count = matrix.shape[1]
-        values = np.empty((len(matrix), _with_room(count, room)))
+        capacity, shape = _with_room(count, room), lattice
+        values = np.empty((len(matrix), capacity))
         values[:, :count] = matrix
-        shape = lattice
         if issubclass(kind, InField):
-            shape = _field(extent, lattice.periodic, *values[X : Y + 1, :count])
-        opened = Opened(kind, matrix, {"births": births, "values": values}, shape)
-        opened._allocate(count, vacant)
+            shape = _field(extent, lattice.periodic, *matrix[X : Y + 1])
+        size = _size(shape)
+        counts = np.array([count, size if vacant is None else vacant, 0, 0, 0])
+        links, places = np.empty((3, capacity), np.int64), np.empty((3, size), np.int64)
+        cell, none = np.empty(capacity, np.int64), np.empty(0, np.int64)
+        rows = LatticeRows(values, links, places, counts, births, cell, none, lattice)
+        if isinstance(shape, FieldGrid):
+            reals = np.empty(0)
+            rows = FieldRows(
+                *rows[:-1], reals, reals, none, none, reals, reals, reals, reals, shape
+            )
+        opened = Opened(kind, matrix, _with(rows))
         opened._enter()
         return opened
 
-    def _allocate(self, count: int, vacant: int | None) -> None:
-        capacity, cells = self.arrays["values"].shape[1], _cells(self.shape)
-        self.arrays |= {
-            "places": np.empty((3, cells), np.int64),
-            "counts": np.array([count, cells if vacant is None else vacant, 0, 0, 0]),
-            "links": np.empty((3, capacity), np.int64),
-            "cell": np.empty(capacity, np.int64),
-        }
+    @property
+    def shape(self) -> CellGrid | FieldGrid:
+        """The cells of the lattice or field."""
+        return self.rows[-1]
 
     def _enter(self) -> None:
-        arrays, cells = self.arrays, self.arrays["cell"]
-        if isinstance(self.shape, FieldGrid):
-            width, height, _, across, down = self.shape
-            entered = LOCATE(
-                *self._named("values cell links births"),
-                *self._places(),
-                width,
-                height,
-                across,
-                down,
-            )
-        else:
-            cells[: self.old.shape[1]] = self.old[1]
-            entered = ENTER(*self._named("values cell links places counts births"))
+        rows, count = self.rows, self.old.shape[1]
+        if isinstance(rows, LatticeRows):
+            rows.cell[:count] = self.old[1]
             self.listed = True
+        entered = (ENTER if self.listed else LOCATE)(rows)
         if entered == UNBORN:
-            largest, births, count = self.old[0].max(), arrays["births"][0], self.old.shape[1]
             raise MisuseError(
-                f"{self.kind.__name__}: the id {largest:.0f} is not below the space's `births`"
-                f" ({births:.0f}), from which newborns get their ids; set births={count} or more"
+                f"{self.kind.__name__}: the id {self.old[0].max():.0f} is not below the space's"
+                f" `births` ({rows.births[0]:.0f}), from which newborns get their ids; set"
+                f" births={count} or more"
             )
         if entered == OUTSIDE:
             raise MisuseError(
-                f"{self.kind.__name__}: cells are numbers from 0 to {_cells(self.shape) - 1}"
+                f"{self.kind.__name__}: cells are numbers from 0 to {_size(self.shape) - 1}"
                 f" in a lattice of {self.shape.width} x {self.shape.height}"
             )
 
-    def _named(self, names: str) -> list[NDArray[Any]]:
-        return [self.arrays[name] for name in names.split()]
-
     def reserve(self, births: int) -> None:
         """Make room for newborns."""
-        count, capacity = int(self.arrays["counts"][ROWS]), len(self.arrays["cell"])
+        count, capacity = int(self.rows.counts[ROWS]), len(self.rows.cell)
         if capacity - count >= births:
             return
         capacity = _with_room(count, births)
+        wider: dict[str, NDArray[Any]] = {}
         for name in ("values", "links", "cell"):
-            old = self.arrays[name]
-            wide = np.empty((*old.shape[:-1], capacity), old.dtype)
-            wide[..., :count] = old[..., :count]
-            self.arrays[name] = wide
-        self.passed = []
+            old: NDArray[Any] = getattr(self.rows, name)
+            wider[name] = np.empty((*old.shape[:-1], capacity), old.dtype)
+            wider[name][..., :count] = old[..., :count]
+        self.rows = _with(self.rows, **wider)
 
     def snapshot(self) -> Opened:
         """The current state, which does not change, in read-only arrays of `values`."""
         values = self.old
         if self.used or not is_constant(values):
-            values = self.arrays["values"].copy()
+            values = self.rows.values.copy()
             values.flags.writeable = False
+        copied = ["cell", "counts", "births"]
         arrays = {"values": values}
-        if isinstance(self.shape, CellGrid):
-            copied = [name for name in self.arrays if name != "values"]
+        if isinstance(self.rows, LatticeRows):
+            copied += ["links", "places"]
         else:
             # Its rows are sorted instead of in lists.
             arrays |= {"links": np.empty((3, 0), np.int64), "places": np.empty((3, 0), np.int64)}
             arrays |= self._sorted()
-            copied = ["cell", "counts", "births"]
-        arrays |= {name: self.arrays[name].copy() for name in copied}
-        return replace(self, arrays=arrays, passed=[])
+        arrays |= {name: getattr(self.rows, name).copy() for name in copied}
+        return replace(self, rows=_with(self.rows, **arrays))
 
     def _sorted(self) -> dict[str, NDArray[Any]]:
         """The rows of each cell in the order of its list; none if no rule searches for rows."""
-        places, count = self.arrays["places"], int(self.arrays["counts"][ROWS])
-        if self.arrays["counts"][VACANT] == UNLISTED:
-            return _UNSORTED
+        count, places = int(self.rows.counts[ROWS]), self.rows.places
+        if self.rows.counts[VACANT] == UNLISTED:
+            return {}
         self.enlist()
-        starts, rows = np.empty(places.shape[1] + 1, np.int64), np.empty(count, np.int64)
-        at = np.empty((2, count))
-        SORT(places, self.arrays["links"], *self._places(), starts, rows, *at)
-        return dict(zip(self.kind.sorted_rows, (starts, rows, *at), strict=True))
-
-    def _places(self) -> tuple[Column, Column]:
-        """The positions of all rows in a field."""
-        x, y = self.arrays["values"][X : Y + 1, : int(self.arrays["counts"][ROWS])]
-        return x, y
+        starts, order = np.empty(places.shape[1] + 1, np.int64), np.empty(count, np.int64)
+        x, y = np.empty((2, count))
+        SORT(self.rows, starts, order, x, y)
+        return {"starts": starts, "sorted": order, "sorted_x": x, "sorted_y": y}
 
     def enlist(self) -> None:
         """Enter all rows into the lists of the cells where they are."""
-        unlisted = self.arrays["counts"][VACANT] == UNLISTED
-        if unlisted or (self.listed and not self.moved):
+        rows = self.rows
+        if rows.counts[VACANT] == UNLISTED:
             return
         if not self.listed:
-            ENLIST(*self._named("cell links places counts"))
+            ENLIST(rows.cell, rows.links, rows.places, rows.counts)
             self.listed = True
         if self.moved:
-            SETTLE(*self.arguments())
+            SETTLE(rows)
             self.moved = False
 
-    def arguments(self, *, shared: bool = False) -> list[Any]:
-        """The arrays and numbers of the kind's tuple, in the order of its fields.
+    def argument(self, *, shared: bool = False) -> LatticeRows | FieldRows:
+        """The rows for a rule.
 
         With `shared`, for a thread, what searches write is its own, and rows that move are entered
         into lists by `enlist`.
         """
         self.used = True
-        if shared:
-            counts = self.arrays["counts"].copy()
-            counts[LATER] = 1
-            return replace(self, arrays={**self.arrays, "counts": counts}, passed=[]).arguments()
-        if not self.passed:
-            capacity = len(self.arrays["cell"])
-            nearby, shape = np.empty(capacity, np.int64), self.shape
-            extra = [nearby, *shape[:3]]
-            if isinstance(shape, FieldGrid):
-                sorted_rows = [self.arrays.get(name, _UNSORTED[name]) for name in _UNSORTED]
-                extra = [nearby, *np.empty((2, capacity)), *sorted_rows, *shape]
-            self.passed = [*[self.arrays[name] for name in INDEX], *extra]
-        return self.passed
+        if not shared:
+            return self.rows
+        counts = self.rows.counts.copy()
+        counts[LATER] = 1
+        return _with(self.rows, counts=counts)
 
     def table(self, name: str) -> SimpleNamespace:
         """What a rule sees that runs as Python; `name` is the parameter."""
-        arrays = dict(zip((*INDEX, *self.kind.extra), self.arguments(), strict=False))
+        rows = self.argument()
+        seen: dict[str, Any] = rows._asdict()
         for row, column in enumerate(self.kind.names):
             if column not in ("id", "cell"):
-                arrays[column] = arrays["values"][row]
-        counts = arrays["counts"]
+                seen[column] = rows.values[row]
         slots = dict.fromkeys(self.kind.names, ROWS) | dict.fromkeys(self.kind.searched, FOUND)
         for column, slot in slots.items():
             if column != "id":
-                arrays[column] = Guarded(f"{name}.{column}", arrays[column], counts, slot)
-        return SimpleNamespace(**arrays | {self.kind.extra[-1]: self.shape})
+                seen[column] = Guarded(f"{name}.{column}", seen[column], rows.counts, slot)
+        return SimpleNamespace(**seen)
 
     def close(self) -> Reals:
         """The matrix of the remaining rows and of newborns, in their order; ends its use here."""
-        counts, values = self.arrays["counts"], self.arrays["values"]
+        counts, values = self.rows.counts, self.rows.values
         count = int(counts[ROWS])
-        if "cell" in self.kind.position:
-            values[1, :count] = self.arrays["cell"][:count]
+        if isinstance(self.rows, LatticeRows):
+            values[1, :count] = self.rows.cell[:count]
         if counts[GONE]:
-            alive = self.arrays["links"][ALIVE, :count].nonzero()[0]
+            alive = self.rows.links[ALIVE, :count].nonzero()[0]
             matrix = values[:, :count].take(alive, axis=1)
         else:
             matrix = values if count == values.shape[1] else values[:, :count].copy()
@@ -522,12 +454,23 @@ class Opened:
         return matrix
 
 
+def _with(rows: Any, **arrays: NDArray[Any]) -> Any:
+    """Rows with other arrays, and with new ones for what a search finds."""
+    made = rows._replace(**arrays)
+    capacity = len(made.cell)
+    made = made._replace(nearby=np.empty(capacity, np.int64))
+    if isinstance(made, LatticeRows):
+        return made
+    dx, dy = np.empty((2, capacity))
+    return made._replace(dx=dx, dy=dy, x=made.values[X], y=made.values[Y])
+
+
 def _with_room(count: int, births: int) -> int:
     """A capacity for rows and newborns, with which most tables need no second one."""
     return max(2 * count, count + births) if births else count
 
 
-def _cells(shape: CellGrid | FieldGrid) -> int:
+def _size(shape: CellGrid | FieldGrid) -> int:
     if isinstance(shape, FieldGrid):
         return shape.across * shape.down
     return shape.width * shape.height
@@ -556,9 +499,8 @@ def _sharing(field: FieldGrid, x: Column, y: Column) -> float:
     pairs = size * (size - 1)
     if not pairs:
         return 0.0
-    width, height, _, across, down = field
     table = np.empty(2 * size), np.empty(2 * size, np.int64)
-    return len(x) * SHARING(x, y, width, height, across, down, step, *table) / pairs
+    return len(x) * SHARING(x, y, field, step, *table) / pairs
 
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[Loop, ...]:

@@ -133,7 +133,7 @@ def test_lists_are_made_only_if_a_rule_searches(monkeypatch):
     made = []
     enlisted = Opened.enlist
     monkeypatch.setattr(
-        Opened, "enlist", lambda self: (enlisted(self), made.append(self.arrays["counts"][1]))
+        Opened, "enlist", lambda self: (enlisted(self), made.append(self.rows.counts[1]))
     )
     history(True, 1, search=False, risk=0.0, dx=0)
     assert made
