@@ -19,8 +19,8 @@ from minerva_bus.world.population import PopulationState, Turn
 from minerva_fast.calls import KernelCall
 from minerva_fast.machine_code import Kernel, has_numba, load_kernel
 from minerva_fast.methods import checked_methods
-from minerva_fast.printing import FAULT, GONE, Program
-from minerva_fast.values import Emission, Newborn
+from minerva_fast.results import FAILED, GONE
+from minerva_fast.values import Method, Newborn
 
 
 def accelerate(cls: Any, modes: Mapping[str, Mode]) -> tuple[FastAccelerator | None, list[str]]:
@@ -52,50 +52,50 @@ class FastAccelerator:
     def __init__(self, cls: Any, methods: Mapping[str, Callable[..., Any]]) -> None:
         self._cls = cls
         self.methods = methods
-        self._programs = checked_methods(cls, methods)
+        self._checked = checked_methods(cls, methods)
         self._kernels: dict[str, Kernel] = {}
 
     def code(self) -> Iterator[tuple[str, Callable[[], object]]]:
         """Titles of the compiled code, each with the function that compiles it."""
         for event_type in sorted(self.methods):
-            yield self.program(event_type).title, partial(self._kernel, event_type)
+            yield self.checked(event_type).title, partial(self._kernel, event_type)
 
-    def program(self, event_type: str) -> Program:
+    def checked(self, event_type: str) -> Method:
         """The checked form of the method for an event type. Raises NotCompilable."""
-        if not all(program.current() for program in self._programs.values()):
-            self._programs = checked_methods(self._cls, self.methods)
+        if not all(method.current() for method in self._checked.values()):
+            self._checked = checked_methods(self._cls, self.methods)
             self._kernels = {}
-        return self._programs[event_type]
+        return self._checked[event_type]
 
-    def _kernel(self, event_type: str) -> tuple[Program, Kernel]:
-        """The program and the machine code of the method for an event type.
+    def _kernel(self, event_type: str) -> tuple[Method, Kernel]:
+        """The checked form and the machine code of the method for an event type.
 
         Raises NotCompilable, and MisuseError without numba.
         """
-        program = self.program(event_type)
+        method = self.checked(event_type)
         kernel = self._kernels.get(event_type)
         if kernel is None:
-            kernel = self._kernels[event_type] = load_kernel(program.text, "compiled methods")
-        return program, kernel
+            kernel = self._kernels[event_type] = load_kernel(method.text, "compiled methods")
+        return method, kernel
 
     def run(
         self, turn: Turn, state: PopulationState, streams: FrameStreams, frame: Frame
     ) -> NDArray[np.bool_]:
         """Process a turn; returns a mask of the rows that must run in Python, shape (rows,)."""
-        program, kernel = self._kernel(turn.event.type)
-        call = KernelCall(program, state, turn)
+        method, kernel = self._kernel(turn.event.type)
+        call = KernelCall(method, state, turn)
         # A duration that is an int would give an int, which the kernel does not have.
         if not call.fits or type(frame.dt) is not float:
             return np.ones(len(turn.rows), np.bool_)
         outcomes = call.run(kernel, streams, frame)
         state.turn += 1
         call.store()
-        for index, output in enumerate(program.outputs):
+        for index, output in enumerate(method.outputs):
             if isinstance(output, Newborn):
                 call.bear(index, output, self._cls)
-            elif isinstance(output, Emission):
+            else:
                 call.send(index, output)
         gone = turn.rows[outcomes == GONE]
         if len(gone):
             state.leave(gone)
-        return outcomes == FAULT
+        return outcomes == FAILED

@@ -16,8 +16,8 @@ from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.population import Birth, PopulationState, Turn, child_ids
 from minerva_fast.draws import PLACE, new_progress
 from minerva_fast.machine_code import Kernel
-from minerva_fast.printing import FAULT, Program, cells
-from minerva_fast.values import Emission, Newborn, Output, ValueKind
+from minerva_fast.results import FAILED, cells
+from minerva_fast.values import DTYPES, Emission, Method, Newborn, Output, ValueKind
 
 
 class TextCodes:
@@ -51,12 +51,6 @@ class TextCodes:
         return Coded(self._parts[0], codes)
 
 
-_DTYPES: Final[dict[ValueKind, Any]] = {
-    ValueKind.INT: np.int64,
-    ValueKind.REAL: np.float64,
-    ValueKind.BOOL: np.bool_,
-    ValueKind.TEXT: np.int64,
-}
 _LEAST_ROWS: Final = 64
 _PART: Final = 8
 """If one in so many agents has a turn, texts are coded for all agents."""
@@ -65,16 +59,15 @@ _PART: Final = 8
 class KernelCall:
     """The arrays of one call of a kernel, and what its rows have appended to them."""
 
-    def __init__(self, program: Program, state: PopulationState, turn: Turn) -> None:
-        self.program = program
+    def __init__(self, method: Method, state: PopulationState, turn: Turn) -> None:
+        self._method = method
         self.turn = turn
-        self.codes = TextCodes(program.texts)
+        self.codes = TextCodes([*method.texts])
         self._state = state
-        self._written = {attribute.name for attribute in program.writes}
         self._texts: dict[str, NDArray[np.int64]] = {}
         self._whole = set[str]()
-        self._counts = np.zeros(max(1, len(program.outputs)), np.int64)
-        self._outputs = [_columns(output, len(turn.rows)) for output in program.outputs]
+        self._counts = np.zeros(max(1, len(method.outputs)), np.int64)
+        self._outputs = [_columns(output, len(turn.rows)) for output in method.outputs]
         data = self._data()
         self.fits = data is not None
         """Whether the data of the event have the types that its declaration gives them."""
@@ -83,17 +76,17 @@ class KernelCall:
     def _data(self) -> list[NDArray[Any]] | None:
         """The data that the method reads; None if they have other types than declared."""
         event, made = self.turn.event, list[NDArray[Any]]()
-        for slot in self.program.data:
-            if slot.name not in event.names:
+        for name, kind in self._method.data.items():
+            if name not in event.names:
                 return None
             if isinstance(event, Events):
-                array = event.data(slot.name)
+                array = event.data(name)
             else:
-                array = Column.of([event.values[event.names.index(slot.name)]]).array
-            wanted = np.object_ if slot.kind is ValueKind.TEXT else _DTYPES[slot.kind]
+                array = Column.of([event.values[event.names.index(name)]]).array
+            wanted = np.object_ if kind is ValueKind.TEXT else DTYPES[kind]
             if array.dtype != wanted:
                 return None
-            if slot.kind is ValueKind.TEXT:
+            if kind is ValueKind.TEXT:
                 array = self.codes.of(array)
             made.append(self._spread(array))
         return made
@@ -109,16 +102,17 @@ class KernelCall:
         rows = self.turn.rows
         outcomes = np.zeros(len(rows), np.uint8)
         words = np.zeros(1, np.uint64)
-        if self.program.draws:
+        if self._method.draws:
             words = streams.draws.batch().words
-        columns = [self._column(attribute.name) for attribute in self.program.reads]
-        progress, saved = new_progress(), np.zeros(len(self.program.outputs) + 1, np.int64)
+        method = self._method
+        columns = [self._column(name) for name in method.reads]
+        progress, saved = new_progress(), np.zeros(len(method.outputs) + 1, np.int64)
         fixed = [
             *(rows, outcomes, self._counts, progress, saved, words),
             *columns,
             *self._given_data,
-            *(self._given(slot.name, frame) for slot in self.program.given),
-            *(np.empty(items.size, _DTYPES[items.kind]) for items in self.program.lists),
+            *(self._given(name, frame) for name in method.given),
+            *method.new_lists(),
         ]
         start = 0
         # The kernel returns early if an output is full, and after long loops, for signals.
@@ -129,9 +123,9 @@ class KernelCall:
                 start = kernel(start, *fixed, *flat)
             except Exception:  # a fault of one row, which is undone
                 start = int(progress[PLACE])
-                outcomes[start] = FAULT
+                outcomes[start] = FAILED
                 self._counts[: len(saved) - 1] = saved[:-1]
-                if self.program.draws:
+                if self._method.draws:
                     words[rows[start]] = saved[-1:].view(np.uint64)[0]
                 start += 1
                 continue
@@ -144,7 +138,7 @@ class KernelCall:
         if state.part.column(name).dtype == np.object_:
             self._texts[name] = self._codes_of(name)
             return self._texts[name]
-        return state.array(name) if name in self._written else state.value(name)
+        return state.array(name) if name in self._method.writes else state.value(name)
 
     def _codes_of(self, name: str) -> NDArray[np.int64]:
         column = self._state.column(name)
@@ -184,7 +178,7 @@ class KernelCall:
     def store(self) -> None:
         """Write changed texts to the population; numbers are in its arrays already."""
         rows = self.turn.rows
-        for name in sorted(self._written & self._texts.keys()):
+        for name in sorted(self._method.writes.keys() & self._texts.keys()):
             codes = self._texts[name]
             if name in self._whole:
                 self._state.replace(name, self.codes.coded(codes).used())
@@ -248,4 +242,4 @@ class KernelCall:
 def _columns(output: Output, rows: int) -> list[NDArray[Any]]:
     # Usually few agents have newborns or emit events.
     size = max(_LEAST_ROWS, rows // 8)
-    return [np.empty(size, _DTYPES[kind]) for _, kind in cells(output)]
+    return [np.empty(size, DTYPES[kind]) for _, kind in cells(output)]

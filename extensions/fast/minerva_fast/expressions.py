@@ -320,8 +320,7 @@ class Expressions:
 
     def attribute(self, name: str) -> Value:
         """The value of an attribute of the agent."""
-        self.method.reads[name] = None
-        return self.use(f"a_{name}", DECLARED[self.method.types[name].kind])
+        return self.use(f"a_{name}", self.method.read(name))
 
     def given(self, name: str, kind: ValueKind) -> Value:
         """A value that the kernel is passed."""

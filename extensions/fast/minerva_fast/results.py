@@ -14,15 +14,13 @@ from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import AgentKind, EventType
 from minerva_fast.expressions import is_empty
 from minerva_fast.origin import REAL_EVERYWHERE
-from minerva_fast.statements import FAULT, Results, Statements
+from minerva_fast.statements import Results, Statements
 from minerva_fast.values import (
     DECLARED,
     AgentItself,
-    Append,
     Emission,
-    Finish,
     Known,
-    Line,
+    Method,
     Moment,
     Newborn,
     Output,
@@ -34,7 +32,12 @@ from minerva_fast.values import (
     variable,
 )
 
-_BIRTHS: Final = variable(ValueKind.INT, "a_births")
+FAILED: Final = 2
+FULL: Final = 3
+"""Outcomes of a row. FULL: an output has no free row; it is enlarged and the row repeated."""
+GONE: Final = 1
+STAYS: Final = "return 0"
+"""Printed after the lines that write the attributes."""
 
 
 # --- values of declared types ---
@@ -59,10 +62,10 @@ def declared(check: Statements, node: ast.AST, name: str, type_: Type, value: Va
     return value
 
 
-def fitting(type_: Type, name: str, words: Sequence[int]) -> str | None:
+def fitting(method: Method, type_: Type, name: str) -> str | None:
     """A test whether a variable fits its declared type; None if every value does."""
-    if words:
-        return " or ".join([f"{name} == {code}" for code in words])
+    if type_.words:
+        return " or ".join([f"{name} == {method.code(word)}" for word in type_.words])
     if type_.kind == "real" or type_.range is not None:
         limits = (type_.range.least, type_.range.most) if type_.range else (-_INFINITY, _INFINITY)
         ends = ", ".join([constant(ValueKind.REAL, end).text for end in limits])
@@ -74,15 +77,11 @@ def fitting(type_: Type, name: str, words: Sequence[int]) -> str | None:
 _INFINITY: Final = float("inf")
 
 
-def given_values(
-    check: Statements,
-    node: ast.Call,
-    owner: str,
-    fields: Fields,
-    positional: Sequence[ast.expr],
-    named: Mapping[str, ast.expr],
-) -> tuple[list[Line], dict[str, Value]]:
-    """The values of the fields that a call gives, held in variables, and checked."""
+def _all_values(
+    check: Statements, node: ast.Call, owner: str, fields: Fields, named: Mapping[str, ast.expr]
+) -> tuple[list[str], list[Value]]:
+    """The values of all fields in order, held in variables and checked where the call has them."""
+    positional = node.args if owner[:1] == "e" else node.args[1:]
     if any(isinstance(argument, ast.Starred) for argument in node.args) or "None" in named:
         raise check.problem(node, "arguments with *", "write each argument")
     if len(positional) > len(fields.names):
@@ -92,30 +91,15 @@ def given_values(
         raise check.problem(node, f"two values of {name} for {owner}", "leave out one of them")
     given |= named
     types = {each.name: each.type for each in fields.all}
-    made, values = list[Line](), dict[str, Value]()
+    made, values = list[str](), dict[str, Value]()
     for name, argument in given.items():  # in the order in which Python evaluates them
         if name not in types:
             listed = ", ".join(fields.names) or "none"
             raise check.problem(node, f"{owner} has no {name}", f"it has {listed}")
         value = declared(check, argument, name, types[name], check.value(argument))
         values[name], lines = check.held(value)
-        made += [*lines, *_checked(check, types[name], values[name])]
-    return made, values
-
-
-def _checked(check: Statements, type_: Type, value: Value) -> list[Line]:
-    """A fault if a value is not of its type: not finite, out of range or another word."""
-    words = [check.method.code(word) for word in type_.words or ()]
-    test = fitting(type_, value.text, words)
-    return [] if test is None else [f"if not ({test}):", *indented([FAULT])]
-
-
-def _all_values(
-    check: Statements, node: ast.Call, owner: str, fields: Fields, named: Mapping[str, ast.expr]
-) -> tuple[list[Line], list[Value]]:
-    """The values of all fields in order."""
-    positional = node.args if owner[:1] == "e" else node.args[1:]
-    made, values = given_values(check, node, owner, fields, positional, named)
+        test = fitting(check.method, types[name], values[name].text)
+        made += [*lines, *([] if test is None else check.fault_unless(test))]
     return made, [
         values[each.name] if each.name in values else _default(check, node, owner, each)
         for each in fields.all
@@ -155,14 +139,32 @@ def _is_of_agent(check: Statements, node: ast.expr, name: str) -> bool:
     )
 
 
-def _add(outputs: list[Output], output: Output) -> int:
-    """The number of an output, which is added unless it exists."""
-    if output not in outputs:
-        outputs.append(output)
-    return outputs.index(output)
+def _appended(output: Output, index: int, values: Sequence[Value]) -> list[str]:
+    """The lines that append a row to an output."""
+    count, texts = f"counts[{index}]", ["k", *[value.text for value in values]]
+    return [
+        f"if {count} == len(o{index}_place):",
+        *indented([f"return {FULL}"]),
+        *(
+            f"o{index}_{name}[{count}] = {text}"
+            for (name, _), text in zip(cells(output), texts, strict=True)
+        ),
+        f"{count} += 1",
+    ]
 
 
-def _choice(results: Any, check: Statements, node: ast.Return, value: ast.IfExp) -> list[Line]:
+def cells(output: Output) -> list[tuple[str, ValueKind]]:
+    """The columns of an output: the place of the row in the round, and what was appended."""
+    made = [("place", ValueKind.INT)]
+    if isinstance(output, Newborn):
+        made.append(("births", ValueKind.INT))
+    made += [(f"v_{slot.name}", slot.kind) for slot in output.slots]
+    if isinstance(output, Emission) and output.receiver:
+        made.append(("receiver", ValueKind.TEXT))
+    return made
+
+
+def _choice(results: Any, check: Statements, node: ast.Return, value: ast.IfExp) -> list[str]:
     """`return a if test else b` is a branch with two results."""
     yes, no = (ast.copy_location(ast.Return(each), node) for each in (value.body, value.orelse))
     return check.branch(
@@ -173,15 +175,15 @@ def _choice(results: Any, check: Statements, node: ast.Return, value: ast.IfExp)
 class MethodResults(Results):
     """A method of an agent: changes of its attributes, its string with newborns, and events."""
 
-    def end(self, check: Statements) -> list[Line]:
+    def end(self, check: Statements) -> list[str]:
         """The agent stays."""
-        return [Finish(True)]
+        return [STAYS]
 
-    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
+    def returned(self, check: Statements, node: ast.Return) -> list[str]:
         """Whether the agent stays, and its newborns."""
         if isinstance(node.value, ast.IfExp):
             return _choice(self, check, node, node.value)
-        made, stays = list[Line](), False
+        made, stays = list[str](), False
         for index, part in enumerate(_summands(node, node.value)):
             none = isinstance(part, ast.Constant) and part.value is None
             if _is_of_agent(check, part, "string") or (none and not index):
@@ -194,9 +196,9 @@ class MethodResults(Results):
             elif not _is_epsilon(check, part):
                 instead = "return None, EMPTY, self.string, or self.string + self.child(...)"
                 raise check.problem(part, "this result", instead)
-        return [*made, Finish(stays)]
+        return [*made, STAYS if stays else f"return {GONE}"]
 
-    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
+    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[str]:
         """An attribute of the agent."""
         name, method = target.attr, check.method
         if not isinstance(check.expressions.reference(target.value), AgentItself):
@@ -216,7 +218,7 @@ class MethodResults(Results):
         value = declared(check, target, name, method.types[name], value)
         return [f"a_{name} = {value.text}"]
 
-    def emit(self, check: Statements, node: ast.Call) -> list[Line] | None:
+    def emit(self, check: Statements, node: ast.Call) -> list[str] | None:
         """An emitted event."""
         match node.func:
             case ast.Attribute(attr="emit", value=owner):
@@ -235,7 +237,7 @@ class MethodResults(Results):
             raise check.problem(node, "this argument of emit", instead)
         return self._emitted(check, event, known.value)
 
-    def _emitted(self, check: Statements, node: ast.Call, event_type: EventType) -> list[Line]:
+    def _emitted(self, check: Statements, node: ast.Call, event_type: EventType) -> list[str]:
         named = {str(keyword.arg): keyword.value for keyword in node.keywords}
         receivers, condition = named.pop("receivers", None), named.pop("condition", None)
         named.pop("sender", None)  # the agent is the sender, whatever the event has
@@ -247,8 +249,8 @@ class MethodResults(Results):
         slots = [Slot(n, v.kind) for n, v in zip(fields.names, values, strict=True)]
         if receivers is not None:
             receiver, lines = check.held(self._receiver(check, receivers))
-            empty = f"{receiver.text} == {check.expressions.text('').text}"
-            made += [*lines, f"if {empty}:", *indented([FAULT])]
+            empty = check.expressions.text("").text
+            made += [*lines, *check.fault_unless(f"{receiver.text} != {empty}")]
             values.append(receiver)
         shown = "" if condition is None else str(cast("ast.Constant", condition).value)
         output = Emission(name, tuple(slots), receivers is not None, shown)
@@ -256,7 +258,9 @@ class MethodResults(Results):
             if isinstance(other, Emission) and other.event_type == name and other != output:
                 what = f"{name} emitted with and without a receiver, or with two conditions"
                 raise check.problem(node, what, "emit events of one type in one form")
-        return [*made, Append(_add(method.outputs, output), tuple(values))]
+        if output not in method.outputs:
+            method.outputs.append(output)
+        return [*made, *_appended(output, method.outputs.index(output), values)]
 
     def _receiver(self, check: Statements, node: ast.expr) -> Value:
         if not isinstance(node, ast.List | ast.Tuple) or len(node.elts) != 1:
@@ -269,7 +273,7 @@ class MethodResults(Results):
 
     # --- newborns ---
 
-    def _child(self, check: Statements, node: ast.Call) -> list[Line]:
+    def _child(self, check: Statements, node: ast.Call) -> list[str]:
         """A newborn: its values, and the parent's number of births."""
         method = check.method
         cls = self._child_class(check, node)
@@ -280,11 +284,13 @@ class MethodResults(Results):
         named = {str(keyword.arg): keyword.value for keyword in node.keywords}
         named.pop("kind", None)
         made, values = _all_values(check, node, kind.name, kind.fields, named)
-        method.reads["births"] = method.writes["births"] = None
+        method.read("births")
+        method.writes["births"] = None
         slots = [Slot(n, v.kind) for n, v in zip(kind.fields.names, values, strict=True)]
         method.outputs.append(Newborn(cls, tuple(slots)))
         made += ["a_births = add(a_births, 1)"]
-        return [*made, Append(len(method.outputs) - 1, (_BIRTHS, *values))]
+        births = variable(ValueKind.INT, "a_births")
+        return [*made, *_appended(method.outputs[-1], len(method.outputs) - 1, [births, *values])]
 
     def _child_class(self, check: Statements, node: ast.Call) -> Any:
         """The class of a newborn; None: that of its parent."""

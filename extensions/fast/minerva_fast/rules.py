@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Cells, Reals
-from minerva_fast.draws import PLACE, TURNS, TURNS_IN_CALL, Draws, interpreting, shuffle
+from minerva_fast.draws import PLACE, Draws, interpreting, shuffle
 from minerva_fast.driving import PURPOSE, Loop
 from minerva_fast.functions import ANY
 from minerva_fast.machine_code import Kernel, load_kernel
@@ -42,11 +42,7 @@ from minerva_fast.places import (
     copy,
     go_to,
 )
-from minerva_fast.printing import (
-    MOST_IN_CALL,
-    lines_of_helpers,
-    printed_functions,
-)
+from minerva_fast.printing import FIRST_TURN, LAST_TURN, is_counted, printed_functions
 from minerva_fast.statements import Results, Statements, stored
 from minerva_fast.tables import BEFORE, Inhabitants, columns_of, loops_of_table
 from minerva_fast.values import (
@@ -105,7 +101,7 @@ class CheckedRule:
         return not self.readable or not self.method.called.keys().isdisjoint(functions)
 
 
-_UNREADABLE: Final = CheckedRule("", Method(), frozenset([BEFORE]), False, readable=False)
+_UNREADABLE: Final = CheckedRule("", Method(""), frozenset([BEFORE]), False, readable=False)
 """A rule whose source is not kept."""
 
 
@@ -156,11 +152,6 @@ class SpaceRule:
     def tables(self) -> tuple[RuleParameter, ...]:
         """The parameters that are tables of the space as it is."""
         return tuple([p for p in self.parameters if p.table and p.name != BEFORE])
-
-    def lists(self) -> list[NDArray[Any]]:
-        """New arrays for its local lists."""
-        lists = self.checked.method.lists.values()
-        return [np.empty(each.size, _DTYPES[each.kind]) for each in lists]
 
     def prepare(self) -> None:
         """Compile it now, unless it is to run as Python. Raises MisuseError."""
@@ -261,11 +252,6 @@ _NUMBERS: Final[Mapping[Any, ValueKind]] = {
     int: ValueKind.INT,
     float: ValueKind.REAL,
     bool: ValueKind.BOOL,
-}
-_DTYPES: Final[Mapping[ValueKind, Any]] = {
-    ValueKind.BOOL: np.bool_,
-    ValueKind.INT: np.int64,
-    ValueKind.REAL: np.float64,
 }
 _MATRICES: Final = ((Cells, "int16"), (Reals, "float64"))
 
@@ -381,7 +367,8 @@ def parameters_of(function: Callable[..., None], name: str) -> tuple[RuleParamet
 def checked_rule(made: SpaceRule) -> CheckedRule:
     """Check a rule. Raises NotCompilable."""
     origin = Origin.of(made.function)
-    row, method = next(iter(inspect.signature(made.function).parameters)), Method()
+    row = next(iter(inspect.signature(made.function).parameters))
+    method = Method(f"{origin.name}, a rule")
     known = {p.name: p.reference(made.subject.name) for p in made.parameters}
     references = {name: each for name, each in known.items() if each is not None}
     kinds = {p.name: _NUMBERS[p.type] for p in made.parameters if p.number}
@@ -401,11 +388,9 @@ def checked_rule(made: SpaceRule) -> CheckedRule:
     only_read = {p.name for p in made.parameters if p.item and p.name not in changed} | {BEFORE}
     given = sorted(scope.reads) + [f"v_{p.name}" for p in made.parameters if p.number]
     given = ["v_own", *[name for name in given if name != "v_own"]]
-    body = [STEP + str(line) for line in lines or ["pass"]]
     head = f"def rule({', '.join(['progress', 'words', 'i', *given])}):"
-    counted = any("turns(" in str(line) for line in (*body, *lines_of_helpers(method)))
-    loop = "\n".join(_loop(made, method, only_read, given, counted))
-    text = printed_functions(f"{origin.name}, a rule", method, ["@inlined", head, *body])
+    loop = "\n".join(_loop(made, method, only_read, given, is_counted(method, lines)))
+    text = printed_functions(method, ["@inlined", head, *indented(lines)])
     dependent = made.order is SHUFFLED or method.draws or not _independent(subject, scope, method)
     return CheckedRule(f"{text}\n\n{loop}\n", method, frozenset(only_read), not dependent)
 
@@ -465,8 +450,7 @@ def _loop(
     if made.order is SHUFFLED:
         yield from [f"{STEP}if begin == 0:", f"{STEP * 2}shuffle(words, rows)"]
     yield f"{STEP}for k in range(begin, end):"
-    for line in indented(activation):
-        yield STEP + str(line)
+    yield from indented(indented(activation))
     yield f"{STEP}return end"
 
 
@@ -479,7 +463,7 @@ def _activation(
     yield "v_own = rows[k]" if made.order is SHUFFLED else "v_own = k"
     yield f"progress[{PLACE}] = k"
     if counted:
-        yield f"progress[{TURNS}] = 0"
+        yield FIRST_TURN
     if made.subject.table is not None:
         yield f"if not links_{made.subject.name}[{ALIVE}, v_own]:"
         yield f"{STEP}continue"
@@ -493,10 +477,7 @@ def _activation(
         over = [f"n_{name}[{ROWS}] > u_{name} + {made.births}" for name in tables]
         yield from [f"if {' or '.join(over)}:", f"{STEP}raise IndexError"]
     if counted:
-        yield f"progress[{TURNS_IN_CALL}] += progress[{TURNS}]"
-        yield f"if progress[{TURNS_IN_CALL}] > {MOST_IN_CALL}:"
-        yield f"{STEP}progress[{TURNS_IN_CALL}] = 0"
-        yield f"{STEP}return k + 1"
+        yield from LAST_TURN
 
 
 def _calls(made: SpaceRule, method: Method, given: Sequence[str]) -> Iterator[str]:

@@ -323,7 +323,7 @@ class OpenedSpace:
     def _arguments(self, started: _Started, *, shared: bool = False) -> list[Any]:
         """The arguments of a rule, and its lists; `shared` for a thread of an independent one."""
         given = [self._argument(p, started, shared=shared) for p in started.rule.parameters]
-        return [*given, *started.rule.lists()]
+        return [*given, *started.rule.checked.method.new_lists()]
 
     def _argument(self, parameter: RuleParameter, started: _Started, *, shared: bool) -> Any:
         """The argument for a parameter, as machine code sees it."""

@@ -23,7 +23,6 @@ from minerva_fast.values import (
     Helper,
     Items,
     Known,
-    Line,
     Method,
     OwnRow,
     Reference,
@@ -50,7 +49,7 @@ _ZERO: Final = constant(ValueKind.INT, 0)
 class Results:
     """What a function returns and may do: a rule, unless a subclass says otherwise."""
 
-    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
+    def returned(self, check: Statements, node: ast.Return) -> list[str]:
         """The lines of a `return`."""
         none = node.value is None or (
             isinstance(node.value, ast.Constant) and node.value.value is None
@@ -59,18 +58,18 @@ class Results:
             raise check.problem(node, "a rule that returns a value", "change a column or cell")
         return ["return"]
 
-    def end(self, check: Statements) -> list[Line]:
+    def end(self, check: Statements) -> list[str]:
         """The lines of the end of the source, which can be reached."""
         return []
 
-    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
+    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[str]:
         """The lines of an assignment to an attribute."""
         if not isinstance(target.value, ast.Name):
             check.value(target.value)  # which may have a more precise error
         instead = f"change an item: {ast.unparse(target)}[i] = ..."
         raise check.problem(target, "an assignment to an attribute", instead)
 
-    def emit(self, check: Statements, node: ast.Call) -> list[Line] | None:
+    def emit(self, check: Statements, node: ast.Call) -> list[str] | None:
         """The lines of `moment.emit(...)`; None for other calls."""
         return None
 
@@ -87,7 +86,7 @@ class Statements:
         self.value = self.expressions.value
         self._breaks: list[set[str] | None] = []
         """Of each loop around a statement, the variables that have a value at its breaks."""
-        self._checks: Mapping[type[ast.stmt], Callable[[Any], list[Line]]] = {
+        self._checks: Mapping[type[ast.stmt], Callable[[Any], list[str]]] = {
             ast.Assign: self._assign,
             ast.AugAssign: self._augmented,
             ast.AnnAssign: self._annotated,
@@ -101,20 +100,20 @@ class Statements:
             ast.Continue: lambda node: self._jump("continue"),
             # The row runs in Python again, which raises the error with its usual message.
             ast.Raise: lambda node: self._jump(FAULT),
-            ast.Assert: lambda node: self.fault_unless(self.expressions.truth(node.test)),
+            ast.Assert: lambda node: self.fault_unless(self.expressions.truth(node.test).text),
         }
 
     # --- blocks and branches ---
 
-    def function(self) -> list[Line]:
+    def function(self) -> list[str]:
         """The lines of the function."""
         checked = self.block(self.scope.origin.tree.body)
         reached = self.scope.assigned is not None
         return [*checked, *self.results.end(self)] if reached else checked
 
-    def block(self, nodes: Sequence[ast.stmt]) -> list[Line]:
+    def block(self, nodes: Sequence[ast.stmt]) -> list[str]:
         """The lines of statements; those that are never reached are left out."""
-        made = list[Line]()
+        made = list[str]()
         for node in nodes:
             if self.scope.assigned is None:
                 break
@@ -124,24 +123,24 @@ class Statements:
             made += check(node)
         return made
 
-    def _return(self, node: ast.Return) -> list[Line]:
+    def _return(self, node: ast.Return) -> list[str]:
         made = self.results.returned(self, node)
         self.scope.assigned = None
         return made
 
-    def _jump(self, line: str) -> list[Line]:
+    def _jump(self, line: str) -> list[str]:
         if line == "break":
             self._breaks[-1] = both(self._breaks[-1], self.scope.assigned)
         self.scope.assigned = None
         return [line]
 
-    def fault_unless(self, test: Value) -> list[Line]:
+    def fault_unless(self, test: str) -> list[str]:
         """A fault if a condition does not hold."""
-        return [f"if not {test.text}:", *indented([FAULT])]
+        return [f"if not ({test}):", *indented([FAULT])]
 
     def branch(
-        self, test: ast.expr, then: Callable[[], list[Line]], otherwise: Callable[[], list[Line]]
-    ) -> list[Line]:
+        self, test: ast.expr, then: Callable[[], list[str]], otherwise: Callable[[], list[str]]
+    ) -> list[str]:
         """Two branches, of which each begins with the variables known here."""
         made, before = self.expressions.truth(test), set(self.scope.assigned or ())
         self.scope.assigned = set(before)
@@ -149,15 +148,15 @@ class Statements:
         self.scope.assigned = before
         no = otherwise()
         self.scope.assigned = both(after, self.scope.assigned)
-        lines: list[Line] = [f"if {made.text}:", *indented(yes)]
+        lines: list[str] = [f"if {made.text}:", *indented(yes)]
         return [*lines, "else:", *indented(no)] if no else lines
 
-    def _if(self, node: ast.If) -> list[Line]:
+    def _if(self, node: ast.If) -> list[str]:
         return self.branch(
             node.test, lambda: self.block(node.body), lambda: self.block(node.orelse)
         )
 
-    def _expression(self, node: ast.Expr) -> list[Line]:
+    def _expression(self, node: ast.Expr) -> list[str]:
         if isinstance(node.value, ast.Constant):  # a docstring
             return []
         if not isinstance(node.value, ast.Call):
@@ -171,7 +170,7 @@ class Statements:
 
     # --- assignments ---
 
-    def held(self, value: Value) -> tuple[Value, list[Line]]:
+    def held(self, value: Value) -> tuple[Value, list[str]]:
         """A value in a variable of the generated function, unless it is one."""
         if value.simple and (value.constant is not None or value.variable):
             return value, []
@@ -179,7 +178,7 @@ class Statements:
         made = replace(variable(value.kind, name), newborn=value.newborn)
         return made, [f"{name} = {value.text}"]
 
-    def _assign(self, node: ast.Assign) -> list[Line]:
+    def _assign(self, node: ast.Assign) -> list[str]:
         single = node.targets[0] if len(node.targets) == 1 else None
         if isinstance(single, ast.Name):
             made = self._named(single, node.value)
@@ -193,7 +192,7 @@ class Statements:
         held, lines = self.held(replace(value, simple=False))
         return [*lines, *(line for target in node.targets for line in self.store(target, held))]
 
-    def _named(self, target: ast.Name, node: ast.expr) -> list[Line] | None:
+    def _named(self, target: ast.Name, node: ast.expr) -> list[str] | None:
         """An assignment of a list or of another name of an array or table; None for others."""
         if isinstance(node, ast.List | ast.BinOp) and _is_list(node):
             return self._new_list(target, node)
@@ -215,7 +214,7 @@ class Statements:
         if scope.assigned is not None:
             scope.assigned.add(name)
 
-    def _unpack(self, node: ast.Assign, target: ast.Tuple | ast.List) -> list[Line]:
+    def _unpack(self, node: ast.Assign, target: ast.Tuple | ast.List) -> list[str]:
         targets = target.elts
         for each in targets:
             if isinstance(each, ast.Starred):
@@ -243,12 +242,12 @@ class Statements:
             made += self.store(each, value)
         return made
 
-    def _annotated(self, node: ast.AnnAssign) -> list[Line]:
+    def _annotated(self, node: ast.AnnAssign) -> list[str]:
         if node.value is None:
             return []
         return self._assign(ast.copy_location(ast.Assign([node.target], node.value), node))
 
-    def _augmented(self, node: ast.AugAssign) -> list[Line]:
+    def _augmented(self, node: ast.AugAssign) -> list[str]:
         if not isinstance(node.target, ast.Subscript):
             old = self.value(_loaded(node.target))
             new = self.expressions.of_values(node, node.op, old, self.value(node.value))
@@ -260,7 +259,7 @@ class Statements:
         new = self.expressions.of_values(node, node.op, old, self.value(node.value))
         return [*lines, *self._set_item(node.target, items, held, new)]
 
-    def store(self, target: ast.expr, value: Value) -> list[Line]:
+    def store(self, target: ast.expr, value: Value) -> list[str]:
         """Assign a value to a variable, an attribute, or an item of a list."""
         match target:
             case ast.Name():
@@ -297,7 +296,7 @@ class Statements:
 
     def _set_item(
         self, target: ast.Subscript, items: Items, place: Value, value: Value
-    ) -> list[Line]:
+    ) -> list[str]:
         if items.fixed or items.text.startswith("TABLE_"):
             what = f"an assignment to {ast.unparse(target.value)}"
             raise self.problem(target, what, items.fixed or "make a list: values = [0.0] * 4")
@@ -319,7 +318,7 @@ class Statements:
 
     # --- lists of fixed length ---
 
-    def _new_list(self, target: ast.Name, node: ast.List | ast.BinOp) -> list[Line]:
+    def _new_list(self, target: ast.Name, node: ast.List | ast.BinOp) -> list[str]:
         elements, times = node, 1
         if isinstance(node, ast.BinOp):
             elements, times = node.left, self._size(node.right)
@@ -436,8 +435,8 @@ class Statements:
     # --- loops ---
 
     def _body(
-        self, node: ast.While | ast.For, first: Sequence[Line]
-    ) -> tuple[list[Line], set[str] | None]:
+        self, node: ast.While | ast.For, first: Sequence[str]
+    ) -> tuple[list[str], set[str] | None]:
         """The body of a loop, and the variables that have a value at its breaks."""
         if node.orelse:
             instead = "set a bool variable before `break`, and test it after the loop"
@@ -448,14 +447,14 @@ class Statements:
         self.scope.loops -= 1
         return indented([*first, *checked]), self._breaks.pop()
 
-    def _while(self, node: ast.While) -> list[Line]:
+    def _while(self, node: ast.While) -> list[str]:
         endless = isinstance(node.test, ast.Constant) and bool(node.test.value)
         test, before = self.expressions.truth(node.test), set(self.scope.assigned or ())
         body, left = self._body(node, ["turns(progress, 1.0)"])
         self.scope.assigned = left if endless else before
         return [f"while {test.text}:", *body]
 
-    def _for(self, node: ast.For) -> list[Line]:
+    def _for(self, node: ast.For) -> list[str]:
         function = None
         if isinstance(node.iter, ast.Call):
             function = self.expressions.reference(node.iter.func)
@@ -477,7 +476,7 @@ class Statements:
         instead = "loop over range(...), a constant tuple or a local list"
         return self.problem(node, "a loop over this", instead)
 
-    def _for_range(self, node: ast.For, call: ast.Call) -> list[Line]:
+    def _for_range(self, node: ast.For, call: ast.Call) -> list[str]:
         if call.keywords or not 1 <= len(call.args) <= 3:
             raise self.problem(call, "these arguments of range", "write range(start, stop, step)")
         values = [self.value(argument) for argument in call.args]
@@ -502,10 +501,10 @@ class Statements:
 
     def _counted(
         self, node: ast.For, head: str, taken: Sequence[tuple[ast.expr, Value]]
-    ) -> list[Line]:
+    ) -> list[str]:
         """A loop, with the values that its names take in each turn."""
         # The loop may run zero times; then its names have no value.
-        before, first = set(self.scope.assigned or ()), list[Line]()
+        before, first = set(self.scope.assigned or ()), list[str]()
         for target, value in taken:
             if not isinstance(target, ast.Name):
                 raise self.problem(target, "a loop over this", "use a name for each value")
@@ -518,7 +517,7 @@ class Statements:
 class HelperResults(Results):
     """A function that is called: it returns a value, or nothing, and changes no attributes."""
 
-    def returned(self, check: Statements, node: ast.Return) -> list[Line]:
+    def returned(self, check: Statements, node: ast.Return) -> list[str]:
         """A value of one kind; nothing if there is no value at any `return`."""
         scope = check.scope
         if node.value is None:
@@ -532,14 +531,14 @@ class HelperResults(Results):
             raise check.problem(node, "results of different types", instead)
         return [f"return {value.text}"]
 
-    def end(self, check: Statements) -> list[Line]:
+    def end(self, check: Statements) -> list[str]:
         """The end of a function without a result."""
         if check.scope.result is not None:
             what = "a function that returns no value on one path"
             raise check.problem(check.scope.origin.tree, what, "end it with return")
         return []
 
-    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[Line]:
+    def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[str]:
         """Only a method itself changes attributes."""
         what = "a function that changes attributes"
         raise check.problem(target, what, "return the value and assign it in the method")
@@ -551,7 +550,7 @@ def _is_list(node: ast.expr) -> bool:
     return isinstance(node, ast.List)
 
 
-def _filled(items: Items, value: Value, counter: str) -> list[Line]:
+def _filled(items: Items, value: Value, counter: str) -> list[str]:
     """The lines that set all items of a list to a value."""
     return [
         f"for {counter} in range({items.size}):",

@@ -8,10 +8,13 @@ text raises an error, a *fault*, and the function itself runs as Python for this
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from types import FunctionType
 from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import EventType
@@ -36,6 +39,13 @@ class ValueKind(Enum):
         return {ValueKind.BOOL: "boolean", ValueKind.REAL: "float64"}.get(self, "int64")
 
 
+DTYPES: Final[Mapping[ValueKind, Any]] = {
+    ValueKind.INT: np.int64,
+    ValueKind.REAL: np.float64,
+    ValueKind.BOOL: np.bool_,
+    ValueKind.TEXT: np.int64,
+}
+"""Types of arrays; a text is its code."""
 DECLARED: Final[Mapping[str, ValueKind]] = {
     "int": ValueKind.INT,
     "real": ValueKind.REAL,
@@ -91,20 +101,10 @@ def constant(kind: ValueKind, number: Any) -> Value:
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A named value with its kind: an attribute, a datum, a parameter or a cell of an output."""
+    """A named value with its kind: a parameter or a cell of an output."""
 
     name: str
     kind: ValueKind
-
-
-@dataclass(frozen=True, slots=True)
-class Attribute:
-    """An attribute of the agent: its kind and type, and the codes of the texts that it may have."""
-
-    name: str
-    kind: ValueKind
-    type: Type
-    words: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,33 +129,12 @@ class Emission:
 Output: TypeAlias = Newborn | Emission
 
 
-@dataclass(frozen=True, slots=True)
-class Append:
-    """Lines that append a row to an output; printed when all of its rows are known."""
-
-    output: int
-    values: tuple[Value, ...]
-    depth: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Finish:
-    """The end of a method: the agent stays or is gone."""
-
-    stays: bool
-    depth: int = 0
-
-
-Line: TypeAlias = str | Append | Finish
 STEP: Final = "    "
 
 
-def indented(lines: Sequence[Line]) -> list[Line]:
+def indented(lines: Sequence[str]) -> list[str]:
     """Lines one step further to the right; `pass` for none."""
-    return [
-        STEP + line if isinstance(line, str) else replace(line, depth=line.depth + 1)
-        for line in lines or ["pass"]
-    ]
+    return [STEP + line for line in lines or ["pass"]]
 
 
 # --- what names refer to ---
@@ -284,19 +263,26 @@ class Helper:
     name: str
     parameters: tuple[Slot, ...]
     kind: ValueKind | None
-    lines: Sequence[Line]
+    lines: Sequence[str]
     accesses: Sequence[ColumnAccess]
 
 
 @dataclass(slots=True)
 class Method:
-    """What is collected of a method or rule, and of the helpers that it calls."""
+    """What is collected of a method or rule, and of the helpers that it calls.
 
+    `reads` and `writes` are attributes of the agent, `data` those of the event; `given` are further
+    values that the kernel is passed: `dt`, `time`, `number`, `sender` and `id`.
+    """
+
+    title: str
     cls: Any = None
     types: Mapping[str, Type] = field(default_factory=dict[str, Type])
     event_type: EventType | None = None
+    text: str = ""
+    """The generated module."""
     texts: dict[str, int] = field(default_factory=dict[str, int])
-    reads: dict[str, None] = field(default_factory=dict[str, None])
+    reads: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
     writes: dict[str, None] = field(default_factory=dict[str, None])
     data: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
     given: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
@@ -315,6 +301,14 @@ class Method:
     def rule(self) -> bool:
         """Whether it is a rule of a space, which has no agent."""
         return self.cls is None
+
+    def read(self, name: str) -> ValueKind:
+        """The kind of an attribute of the agent, which the kernel is passed."""
+        return self.reads.setdefault(name, DECLARED[self.types[name].kind])
+
+    def new_lists(self) -> list[NDArray[Any]]:
+        """New arrays for local lists."""
+        return [np.empty(each.size, DTYPES[each.kind]) for each in self.lists.values()]
 
     def code(self, text: str) -> int:
         """The code of a constant text."""

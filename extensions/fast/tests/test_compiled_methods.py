@@ -242,7 +242,8 @@ def test_several_events_per_agent_in_order():
 def test_loops_that_are_longer_than_a_call_of_the_kernel(monkeypatch):
     from minerva_fast import draws, printing
 
-    monkeypatch.setattr(printing, "MOST_IN_CALL", 20)
+    soon = [line.replace("> 50000000", "> 20") for line in printing.LAST_TURN]
+    monkeypatch.setattr(printing, "LAST_TURN", soon)
     monkeypatch.setattr(draws, "MOST_TURNS", 60)
 
     class Slow(Agent, symbol="ASlow"):
