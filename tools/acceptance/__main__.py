@@ -18,6 +18,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from tools import blocks
+from tools.acceptance.assistants import CONFORMANCE
 from tools.acceptance.bags import ROSBAG2
 from tools.acceptance.codec import MSGPACK
 from tools.acceptance.federates import HELICS
@@ -43,6 +44,7 @@ SUITES = {
         PAHO,
         HELICS,
         NAV2,
+        CONFORMANCE,
     )
 }
 
