@@ -3,6 +3,10 @@
 import json
 from functools import partial
 
+import numpy as np
+import pytest
+
+from tools.acceptance import routing
 from tools.acceptance.__main__ import PAGE, SUITES, main, section
 from tools.acceptance.suite import LFS_POINTER, Outcome
 
@@ -36,3 +40,30 @@ def test_the_page_has_a_score_of_every_suite():
     rows = [line for line in page.splitlines() if "| [" in line]
     assert [row.split("`")[1] for row in rows] == list(SUITES)
     assert all(row.count("|") == 4 + len(Outcome) for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("after", "problem"),
+    [
+        ([(0, 0), (1, 0)], None),
+        ([(1, 0), (2, 0)], None),  # one follows the other
+        ([(1, 0), (0, 0)], "changed places"),
+        ([(1, 0), (1, 0)], "two robots are in a cell"),
+        ([(0, 0), (3, 0)], "further than to the next cell"),
+        ([(0, 1), (1, 0)], "wall"),
+        ([(-1, 0), (1, 0)], "wall"),
+    ],
+)
+def test_collisions_of_robots_are_seen(after, problem):
+    free = np.array([[True] * 4, [False] * 4])
+    seen = list(routing.collisions(free, np.array([(0, 0), (1, 0)]), np.array(after)))
+    assert (problem in seen[0]) if problem else not seen
+
+
+@pytest.mark.slow  # compiles the planner
+def test_robots_pass_each_other_in_a_corridor():
+    pytest.importorskip("numba")
+    ends = np.array([(0, 0), (6, 0)])
+    result = routing.played("corridor", [".......", "@@@.@@@"], ends, ends[::-1])
+    assert result.outcome is Outcome.PASSED
+    assert 7 < int(result.figures["makespan"]) < 20

@@ -14,7 +14,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from tools import blocks
@@ -27,7 +27,8 @@ from tools.acceptance.messaging import PAHO
 from tools.acceptance.models import REFERENCE_FMUS
 from tools.acceptance.positions import GPSD, PYNMEAGPS
 from tools.acceptance.records import MCAP
-from tools.acceptance.suite import MissingSuiteError, Outcome, Score, Suite
+from tools.acceptance.routing import MAPF
+from tools.acceptance.suite import MissingSuiteError, Outcome, Result, Score, Suite
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "acceptance.md"
@@ -45,6 +46,7 @@ SUITES = {
         HELICS,
         NAV2,
         CONFORMANCE,
+        MAPF,
     )
 }
 
@@ -88,11 +90,28 @@ def section(page: str, scores: Iterable[Score]) -> str:
         )
         listed = [f"- {count} expected: {reason}" for reason, count in score.reasons()]
         listed += [f"- failed: {failure}" for failure in score.failures()]
-        reasons[name] = "\n".join([f"{name}\n", *listed, ""]) if listed else ""
+        paragraphs = ["".join(f"{line}\n" for line in listed), "".join(_figures(score.results))]
+        paragraphs = [paragraph for paragraph in paragraphs if paragraph]
+        reasons[name] = "\n".join([f"{name}\n", *paragraphs]) if paragraphs else ""
     heads = ["suite", "source", "judges", "passed", "expected", "failed"]
-    parts = [_row(heads), _row(["---"] * len(heads)), *(rows.get(name, "") for name in SUITES)]
+    parts = [*_heads(heads), *(rows.get(name, "") for name in SUITES)]
     parts += [f"\n## {reasons[name]}" for name in SUITES if reasons.get(name)]
     return "\n" + "".join(parts)
+
+
+def _figures(results: Iterable[Result]) -> Iterator[str]:
+    """The rows of a table of what was measured in the cases."""
+    heads: Iterable[str] = ()
+    for result in results:
+        if result.figures and not heads:
+            heads = result.figures
+            yield from _heads(["case", *heads])
+        if result.figures:
+            yield _row([result.case, *(result.figures.get(head, "") for head in heads)])
+
+
+def _heads(names: list[str]) -> list[str]:
+    return [_row(names), _row(["---"] * len(names))]
 
 
 def _row(cells: Iterable[str]) -> str:

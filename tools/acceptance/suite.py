@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import islice
 from pathlib import Path
@@ -26,11 +26,15 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Result:
-    """The outcome of a case; `reason` explains a difference."""
+    """The outcome of a case; `reason` explains a difference.
+
+    `figures` are measurements for the page, by the heads of their columns.
+    """
 
     case: str
     outcome: Outcome
     reason: str = ""
+    figures: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
 def judged(case: str, problems: Iterable[str], expected: str = "") -> Result:
