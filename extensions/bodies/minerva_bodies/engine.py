@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL, DYNAMIC, FIXED, KINEMATIC
-from minerva_bodies.meshes import check_closed, ground, load_mesh
+from minerva_bodies.meshes import Surface, check_closed, ground, load_mesh
 from minerva_bodies.rigid import Rigid
 from minerva_bodies.vehicle import Vehicle
 from minerva_bus import portable
@@ -76,6 +76,8 @@ class Engine:
         self.vehicles: dict[str, Vehicle] = {}
         """The bodies with wheels."""
         self._names: dict[int, str] = {}
+        # Of its assets: a swarm has the same one hundreds of times.
+        self._surfaces: dict[tuple[str, bool], Surface] = {}
         self._followed: dict[str, tuple[Rigid, Rigid]] = {}
         self._owners: dict[Any, str] = {}
         self.joints: dict[str, tuple[Any, list[Any]]] = {}
@@ -480,12 +482,19 @@ class Engine:
                 "cylinder": self.library.Collider.cylinder,
                 "cone": self.library.Collider.cone,
             }[form](*sizes)
-        points, triangles = load_mesh(sizes[0])
-        points = points * sizes[1]
-        if name and moved == DYNAMIC:
-            check_closed(sizes[0], (points, triangles))
-            return self.library.Collider.convex_hull(points)
-        return self.library.Collider.trimesh(points, triangles)
+        closed = bool(name) and moved == DYNAMIC
+        points, triangles = self._surface(sizes[0], closed)
+        if closed:
+            return self.library.Collider.convex_hull(points * sizes[1])
+        return self.library.Collider.trimesh(points * sizes[1], triangles)
+
+    def _surface(self, file: str, closed: bool) -> Surface:
+        if (file, closed) not in self._surfaces:
+            surface = load_mesh(file)
+            if closed:
+                check_closed(file, surface)
+            self._surfaces[file, closed] = surface
+        return self._surfaces[file, closed]
 
 
 def _kind_of(name: str, parts: list[Any]) -> float:

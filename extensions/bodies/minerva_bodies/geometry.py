@@ -10,9 +10,10 @@ plane is one on the ground; other forms of the plane have no meaning here.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
@@ -39,6 +40,8 @@ from minerva_bus.world.services import View
 
 Part: TypeAlias = list[Any]
 """A solid as plain data: its form, the numbers of its material, its sizes, its pose in the body."""
+Act: TypeAlias = tuple[str, float, float, float]
+"""A command: its kind and its vector."""
 
 NOTHING: Final = MappingProxyType[str, list[Any]]({})
 
@@ -52,7 +55,7 @@ class ShownBody:
 
     pose: Rigid
     parts: list[Part] = field(default_factory=list[Part])
-    commands: tuple[tuple[str, float, float, float], ...] = ()
+    commands: tuple[Act, ...] = ()
 
     @property
     def plain(self) -> list[Any]:
@@ -93,7 +96,7 @@ class SpaceGeometry(Geometry):
         # The pose of the body within which α adds solids, and the pose relative to it.
         self._base: Rigid | None = None
         self._inner = Rigid()
-        self._commands: tuple[tuple[str, float, float, float], ...] = ()
+        self._commands: tuple[Act, ...] = ()
         self._clear()
 
     def _clear(self) -> None:
@@ -221,7 +224,7 @@ class SpaceGeometry(Geometry):
             self._base = self.pose
 
     def many(self, columns: Columns) -> bool:
-        """Read only the rows of a population that are new, commanded, or no longer as known."""
+        """Read only the rows of a population that are new, or no longer as known."""
         levels = list(columns.levels())
         primitive = self._vocabulary.primitives.get(levels[-1].symbol)
         spatial = primitive.shape.spatial if primitive is not None and primitive.shape else ()
@@ -237,31 +240,45 @@ class SpaceGeometry(Geometry):
         names: list[str] = owners.tolist()
         known = self._known
         rows = {row for row, name in enumerate(names) if name not in known}
-        for level in levels[:-1]:
-            rows.update(self._commanded(level))
-        sizes = spatial[1 + MATERIAL :]
-        if any(isinstance(size, str) for size in sizes):
-            shown = zip(*(_listed(levels[-1], size) for size in sizes), strict=True)
-            for row, (name, values) in enumerate(zip(names, shown, strict=True)):
-                if name in known and all(part[2] != list(values) for part in known[name][1]):
-                    rows.add(row)
+        commands = dict[int, tuple[Act, ...]]()
+        for row, command in chain.from_iterable(map(self._commanded, levels[:-1])):
+            commands[row] = (*commands.get(row, self._commands), command)
+            if not all(abs(number) < MAX_NUMBER for number in command[1:]):
+                rows.add(row)  # Its reading raises the error.
+        rows.update(self._resized(levels[-1], spatial[1 + MATERIAL :], names))
         unread = [name for row, name in enumerate(names) if row not in rows]
         self.seen.update(unread)
         self._partial.update(unread)
-        for row in sorted(rows):
-            interpret(Scene((columns.node(row),)), self)
+        for row in range(columns.count) if self._commands else sorted({*rows, *commands}):
+            if row in rows:
+                interpret(Scene((columns.node(row),)), self)
+            else:
+                given = commands.get(row, self._commands)
+                self.bodies.setdefault(names[row], ShownBody(Rigid(), commands=given))
         return True
 
-    def _commanded(self, level: Columns) -> list[int]:
-        """The rows to which a level of transformations gives a command."""
+    def _resized(
+        self, solids: Columns, sizes: Sequence[Measure], names: Sequence[str]
+    ) -> Iterator[int]:
+        """The rows of known bodies whose solids have other sizes now."""
+        if any(isinstance(size, str) for size in sizes):
+            shown = zip(*(_listed(solids, size) for size in sizes), strict=True)
+            for row, (name, values) in enumerate(zip(names, shown, strict=True)):
+                known = self._known.get(name)
+                if known is not None and all(part[2] != list(values) for part in known[1]):
+                    yield row
+
+    def _commanded(self, level: Columns) -> Iterator[tuple[int, Act]]:
+        """The rows to which a level of transformations gives a command, and the command."""
         declared = self._vocabulary.transformations.get(level.symbol)
         motion = declared.motion if declared is not None else None
         if motion is None or not motion.spatial or motion.spatial[0] not in COMMANDS:
-            return []
-        given = np.zeros(level.count, np.bool_)
-        for measure in motion.spatial[1:]:
-            given |= level.column(measure) != 0 if isinstance(measure, str) else measure != 0
-        return np.flatnonzero(given).tolist()
+            return
+        kind = str(motion.spatial[0])
+        vectors = zip(*(_listed(level, measure) for measure in motion.spatial[1:]), strict=True)
+        for row, (x, y, z) in enumerate(vectors):
+            if x or y or z:
+                yield row, (kind, float(x), float(y), float(z))
 
 
 def _listed(level: Columns, measure: Measure) -> list[Any]:

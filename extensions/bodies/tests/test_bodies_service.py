@@ -215,6 +215,28 @@ def test_a_solid_of_another_size_is_another_solid_where_the_body_is(population):
     assert service.report()["bodies"] == 2
 
 
+def test_a_population_has_the_commands_of_its_rows_and_of_what_is_around_it():
+    alone, together = joined(gravity=0.0), joined(gravity=0.0)
+    forces, places = np.array([0.0, 2.0]), np.array([0.0, 5.0])
+    for number in range(1, 5):
+        outer = TPush(y=0.1 if number == 3 else 0.0)
+        parts = {
+            who: outer(TAt(places[row], 0, 1)(TForce(forces[row])(PBall())))
+            for row, who in enumerate("ab")
+        }
+        last = poses(step(alone, number, **parts))
+        rows = TAt(places, 0.0, 1.0, who=np.array(["a", "b"]))(TForce(forces)(PBall()))
+        assert poses(step(together, number, **{"~p": outer(rows)})) == last
+    assert last["b"][7] > last["a"][7] == 0.0
+    assert last["a"][8] > 0.0
+    with pytest.raises(BodiesError, match="TForce: x is"):
+        step(
+            together,
+            5,
+            **{"~p": TAt(places, who=np.array(["a", "b"]))(TForce(places * 1e18)(PBall()))},
+        )
+
+
 def test_solids_come_and_go_with_the_string():
     service = joined(gravity=0.0)
     step(service, 1, a=TAt(z=2)(PBox() + TAt(x=1)(PBall())))
