@@ -98,6 +98,7 @@ FILMS = {
     "rover": Film([*FAST], 25, view="opengl"),
     "rubble": Film([*FAST, "--frames", "200", "--pieces", "250"], 5, view="solids"),
     "slime": Film([*FAST, "--frames", "200"]),
+    "swarm": Film([*FAST, "--frames", "1400"], 40, view="opengl"),
     "traffic": Film([*FAST, "--frames", "400"], every=5),
     "village": Film([*FAST, "--frames", "480"]),
     "warehouse": Film([*FAST, "--frames", "600"]),

@@ -2,19 +2,29 @@
 
 import platform
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rapier3d", reason="needs the extra space")
 
+from minerva_bodies.swarm.flight import Quad
 from minerva_bus import run
 from minerva_bus.launch.installed import find_world
 
+COLLECTED = {
+    "arm": {"z": "max(AParcel.z)", "y": "max(AParcel.y)"},
+    "swarm": {"x": Quad.x.every(5), "y": Quad.y.every(5)},
+}
 GOLDEN = {
     "arm": ({"boxes": 1, "frames": 400}, "0492f16369e878f73df87bb7fa7165e1"),
     "rubble": ({"pieces": 40, "frames": 60}, "edebb05c0a91c9e79c6a84e33f382102"),
     "rover": (
         {"start": "5.2, 5.9, 0", "beams": 45, "frames": 60},
         "1658b16713b53ee422d634017cd94e2d",
+    ),
+    "swarm": (
+        {"quads": 4, "far": 5.0, "hold": 240, "frames": 470},
+        "8a58ee30f98559e0fc033f5abce47873",
     ),
 }
 
@@ -23,12 +33,15 @@ GOLDEN = {
 @pytest.mark.parametrize("world", GOLDEN)
 def test_worlds_have_their_golden_digests(world):
     options, digest = GOLDEN[world]
-    collect = {"z": "max(AParcel.z)", "y": "max(AParcel.y)"} if world == "arm" else None
-    done = run(world, **options, collect=collect)
+    done = run(world, **options, collect=COLLECTED.get(world))
     if world == "arm":  # It has put the box on its pallet.
         columns = done.table().to_dict()
         assert 0.15 < columns["z"][-1] < 0.25
         assert 0.4 < columns["y"][-1] < 0.8
+    if world == "swarm":  # It has flown from one side of the tower to the other, around it.
+        rows = done.table("AQuad").to_dict()
+        assert 2.5 < np.hypot(rows["x"], rows["y"]).min() < 4.0
+        assert min(rows["x"][-4:]) > 2.0
     assert done.digest == digest
 
 
@@ -47,6 +60,7 @@ def test_pieces_fall_and_the_yard_holds_them():
     [
         ("arm", {"boxes = 6": "boxes = 1", "substeps": "renew = 8\nsubsteps"}),
         ("rubble", {"600": "40", "gravity =": "renew = 8\ngravity ="}),
+        ("swarm", {"= 200": "= 6", "hold = 750": "hold = 10", "renew = 50": "renew = 8"}),
         ("rover", {'start = ""': 'start = "5.2, 5.9, 0"', "beams =": "renew = 8\nbeams ="}),
     ],
 )
