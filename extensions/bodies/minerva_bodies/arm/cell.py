@@ -14,7 +14,8 @@ import numpy as np
 
 from minerva_bodies import Box, Cylinder, Joint, Matter, euler
 from minerva_bodies.rigid import Rigid
-from minerva_bodies.urdf import TPlace, Urdf
+from minerva_bodies.robot_files import TPlace
+from minerva_bodies.urdf import Urdf
 from minerva_bus import (
     EMPTY,
     Agent,
