@@ -7,13 +7,14 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain, count
 from typing import Any, Final
 from xml.parsers import expat
 
 import numpy as np
 
 from minerva_bodies.errors import BodiesError
-from minerva_bodies.forms import Ball, Box, Cylinder, Joint, Matter, Mesh, quaternion
+from minerva_bodies.forms import Ball, Box, Capsule, Cylinder, Joint, Matter, Mesh, quaternion
 from minerva_bodies.meshes import load_mesh
 from minerva_bodies.rigid import Rigid
 from minerva_bus import Default, Metres, Primitive, Scene, Transformation
@@ -49,7 +50,7 @@ class Element:
 
 
 @dataclass(frozen=True, slots=True)
-class Solid:
+class LinkSolid:
     """A solid of a link: its form, which takes a colour and a material, its place and volume."""
 
     form: Callable[..., Disc]
@@ -58,17 +59,22 @@ class Solid:
     file: str = ""
 
     @staticmethod
-    def box(x: float, y: float, z: float, place: Rigid) -> Solid:
+    def box(x: float, y: float, z: float, place: Rigid) -> LinkSolid:
         """A box of these half extents."""
-        return Solid(partial(Box, x, y, z), place, 8 * x * y * z)
+        return LinkSolid(partial(Box, x, y, z), place, 8 * x * y * z)
 
     @staticmethod
-    def ball(radius: float, place: Rigid) -> Solid:
-        return Solid(partial(Ball, radius), place, 4 / 3 * math.pi * radius**3)
+    def ball(radius: float, place: Rigid) -> LinkSolid:
+        return LinkSolid(partial(Ball, radius), place, 4 / 3 * math.pi * radius**3)
 
     @staticmethod
-    def cylinder(half: float, radius: float, place: Rigid) -> Solid:
-        return Solid(partial(Cylinder, half, radius), place, 2 * math.pi * half * radius**2)
+    def capsule(half: float, radius: float, place: Rigid) -> LinkSolid:
+        volume = math.pi * radius**2 * (2 * half + 4 / 3 * radius)
+        return LinkSolid(partial(Capsule, half, radius), place, volume)
+
+    @staticmethod
+    def cylinder(half: float, radius: float, place: Rigid) -> LinkSolid:
+        return LinkSolid(partial(Cylinder, half, radius), place, 2 * math.pi * half * radius**2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +98,7 @@ class RobotJoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Robot:
+class LinkedRobot:
     """A robot: links that move, in the order of the file, each with its string.
 
     Attributes:
@@ -133,18 +139,19 @@ class RobotReader:
         self.colors: dict[str, str] = {}
         self.symbols: list[Primitive | Transformation] = [TPlace]
         self.title = ""
+        self._names = set[str]()
 
     def parsed(self, data: bytes) -> Element:
         """The elements of the file. Raises BodiesError."""
         parser = expat.ParserCreate()
         top = Element("", {}, 0)
-        open_elements, count = [top], 0
+        open_elements, number = [top], 0
 
         def begin(tag: str, attributes: dict[str, str]) -> None:
-            nonlocal count
-            count += 1
+            nonlocal number
+            number += 1
             element = Element(tag, attributes, parser.CurrentLineNumber)
-            if len(open_elements) > _MAX_DEPTH or count > _MAX_ELEMENTS:
+            if len(open_elements) > _MAX_DEPTH or number > _MAX_ELEMENTS:
                 raise self.error(element, "too many elements")
             open_elements[-1].children.append(element)
             open_elements.append(element)
@@ -213,18 +220,20 @@ class RobotReader:
     def error(self, element: Element, what: str) -> BodiesError:
         return BodiesError(f"robot {self.file!r}, line {element.line}: {what}")
 
+    def _symbol(self, name: str) -> str:
+        """A name that no symbol has so far."""
+        numbers = chain([""], map(str, count(1)))
+        free = next(name + number for number in numbers if name + number not in self._names)
+        self._names.add(free)
+        return free
+
     def shown(
-        self,
-        name: str,
-        solids: Sequence[tuple[Element, Solid]],
-        matter: Matter,
-        color: str,
-        within: Rigid,
+        self, name: str, solids: Sequence[tuple[Element, LinkSolid, Matter, str]], within: Rigid
     ) -> Scene:
-        """The string of solids, each from an element, at a pose in their body; their symbols."""
+        """The string of solids at a pose in their body; each has an element and a colour."""
         scene = EMPTY
-        for number, (element, solid) in enumerate(solids):
-            title = f"P{self.title}{words_of(name)}{number or ''}"
+        for element, solid, matter, color in solids:
+            title = self._symbol(f"P{self.title}{words_of(name)}")
             file = {"file": Default(str, solid.file)} if solid.file else {}
             try:
                 form = solid.form(color=color, matter=matter, meaning=self.title.lower())
@@ -235,7 +244,7 @@ class RobotReader:
             scene += TPlace(*within.then(solid.place).numbers)(primitive())
         return scene
 
-    def mesh(self, element: Element, file: str, scales: Sequence[float], place: Rigid) -> Solid:
+    def mesh(self, element: Element, file: str, scales: Sequence[float], place: Rigid) -> LinkSolid:
         """A mesh with a scale for each axis. Raises BodiesError for different ones."""
         if len(set(scales)) > 1:
             raise self.error(element, "a mesh with different scales; expected equal ones")
@@ -246,7 +255,19 @@ class RobotReader:
         a, b, c = (scales[0] * points)[triangles].swapaxes(0, 1)
         volume = abs(float((a * np.cross(b, c)).sum())) / 6
         reach = scales[0] * float(np.abs(points[:, :2]).max())
-        return Solid(partial(Mesh, "file", scales[0], radius=reach), place, volume, file)
+        return LinkSolid(partial(Mesh, "file", scales[0], radius=reach), place, volume, file)
+
+    def limits(self, element: Element, kind: str, low: float, high: float) -> tuple[float, float]:
+        """Limits in metres or degrees. Raises BodiesError for angles that no joint can have."""
+        if low > high:
+            raise self.error(element, f"its limits are {low:g} to {high:g}")
+        if kind == "prismatic" or (low >= -180 and high <= 180):
+            return low, high
+        if high - low < 360:
+            raise self.error(
+                element, f"limits of {low:g} to {high:g} degrees; expected from -180 to 180"
+            )
+        return 0.0, 0.0  # A whole turn is none.
 
     def turning(
         self, name: str, kind: str, axis: Sequence[float], low: float, high: float
@@ -264,7 +285,7 @@ class RobotReader:
             **{measure: measure for measure in motor},
             meaning="joint",
         )
-        title = f"P{self.title}{words_of(name)}Joint"
+        title = self._symbol(f"P{self.title}{words_of(name)}Joint")
         primitive = Primitive(title, form, parent=str, child=str, **motor)
         self.symbols.append(primitive)
         return primitive

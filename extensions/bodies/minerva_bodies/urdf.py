@@ -23,7 +23,14 @@ from typing import Final
 from minerva_bodies.forms import Matter
 from minerva_bodies.meshes import read_asset
 from minerva_bodies.rigid import Rigid
-from minerva_bodies.robot_files import Element, Robot, RobotJoint, RobotReader, Solid, words_of
+from minerva_bodies.robot_files import (
+    Element,
+    LinkedRobot,
+    LinkSolid,
+    RobotJoint,
+    RobotReader,
+    words_of,
+)
 from minerva_bus import Scene
 from minerva_bus.grammar.scene import EMPTY
 
@@ -37,7 +44,7 @@ _PACKAGE: Final = "package://"
 
 
 @dataclass(frozen=True, slots=True)
-class Urdf(Robot):
+class Urdf(LinkedRobot):
     """A robot in URDF."""
 
     @staticmethod
@@ -168,23 +175,23 @@ class _Reader(RobotReader):
             fixed=self.fixes and link is self._root,
             group=made_of.group,
         )
-        pairs = list(zip(shown, solids, strict=True))
-        return self.shown(self.name_of(link), pairs, matter, color, within)
+        rows = [(each, solid, matter, color) for each, solid in zip(shown, solids, strict=True)]
+        return self.shown(self.name_of(link), rows, within)
 
-    def _solid(self, element: Element) -> Solid:
+    def _solid(self, element: Element) -> LinkSolid:
         """The solid of a collision or visual element. Raises BodiesError."""
         geometry = self.child(element, "geometry")
         shape = next(iter(geometry.children), geometry)
         place = self._origin(element)
         if shape.tag == "box":
             x, y, z = (each / 2 for each in self.numbers(shape, "size", 3))
-            return Solid.box(x, y, z, place)
+            return LinkSolid.box(x, y, z, place)
         if shape.tag == "sphere":
             radius = self.number(shape, "radius")
-            return Solid.ball(radius, place)
+            return LinkSolid.ball(radius, place)
         if shape.tag == "cylinder":
             half, radius = self.number(shape, "length") / 2, self.number(shape, "radius")
-            return Solid.cylinder(half, radius, place)
+            return LinkSolid.cylinder(half, radius, place)
         if shape.tag != "mesh":
             raise self.error(
                 shape, f"the geometry <{shape.tag}>; expected box, sphere, cylinder or mesh"
@@ -210,8 +217,7 @@ class _Reader(RobotReader):
                 raise self.error(joint, f"the joint {name!r} has no <limit>")
             unit = 1.0 if kind == "prismatic" else math.degrees(1.0)
             low, high = (unit * self.number(limit, end, 0.0) for end in ("lower", "upper"))
-        if low > high:
-            raise self.error(joint, f"the joint {name!r}: its limits are {low:g} to {high:g}")
+        low, high = self.limits(joint, kind, low, high)
         primitive = self.turning(name, kind, (x, y, z), low, high)
         return RobotJoint(name, kind, parent, place, primitive)
 
