@@ -49,7 +49,7 @@ PForce = Primitive("PForce", strength=float)
 TPut = Transformation("TPut", Motion("x", "y"), x=Metres, y=Metres)
 ePicture = EventType("ePicture", visual=True)
 WOOD = Vocabulary.of(PFir, PSign, PWanted, PWay, PSoil, PGrass, PForce, TPut, ePicture)
-SOIL = PSoil(np.zeros((2, 2), np.int16))
+BARE, SOIL = (PSoil(np.full((2, 2), value, np.int16)) for value in (0, 2))
 
 
 @pytest.mark.parametrize(
@@ -61,28 +61,33 @@ def test_words_of_names(name, text):
 
 
 def test_a_primitive_without_a_meaning_has_the_words_of_its_name():
-    assert legend(WOOD, {"PFirTree"}) == (LegendEntry("fir tree", Disc, ("#009e73",)),)
+    assert legend(WOOD, {"PFirTree": {"#009e73"}}) == (LegendEntry("fir tree", Disc, ("#009e73",)),)
 
 
 def test_meanings_replace_names_empty_ranges_are_left_out_and_matrices_come_last():
-    assert [entry.text for entry in legend(WOOD, WOOD.primitives)] == [
+    plain = ((name, each.shape) for name, each in WOOD.primitives.items())
+    own = {name: {shape.color} for name, shape in plain if isinstance(shape, Disc | Line | Label)}
+    own |= {"PSoil": {"#000000"}, "PGrass": {"#aaffaa"}}
+    assert [entry.text for entry in legend(WOOD, own)] == [
         *("fir tree", "name of a place", "wanted", "way", "grass", "stones")
     ]
-    stones = legend(WOOD, {"PSoil"})[0]
+    stones = legend(WOOD, {"PSoil": {"#000000"}})[0]
     assert (stones.colors, stones.opacity) == (("#000000",), 0.5)
 
 
 def test_a_raster_without_meanings_has_the_shades_of_one_entry():
-    (entry,) = legend(WOOD, {"PGrass"})
+    (entry,) = legend(WOOD, {"PGrass": {"#00aa00"}})
     assert entry.colors == ("#aaffaa", "#00aa00")
 
 
 def test_a_picture_explains_only_what_has_been_drawn_so_far():
     lists = Lists(WOOD)
-    first = lists.picture(PFir() + SOIL, {})
-    second = lists.picture(PSign("gate") + SOIL, {})
-    assert [entry.text for entry in first.legend] == ["fir tree", "stones"]
-    assert [entry.text for entry in second.legend] == ["fir tree", "name of a place", "stones"]
+    first = lists.picture(PFir() + BARE, {})
+    second = lists.picture(PSign("gate") + BARE, {})
+    third = lists.picture(SOIL, {})
+    assert [entry.text for entry in first.legend] == ["fir tree"]
+    assert [entry.text for entry in second.legend] == ["fir tree", "name of a place"]
+    assert [entry.text for entry in third.legend] == ["fir tree", "name of a place", "stones"]
 
 
 def test_populations_are_explained():
@@ -103,7 +108,7 @@ def test_a_disc_has_the_colour_of_a_value_and_the_legend_its_scale():
         assert picture.items[0].color.tolist() == [list(rgb(color)) for color in shown]
         assert picture.legend == (LegendEntry("tree: age 0 to 7", Raster, greens),)
         page = Page(frame_of(scene, wood), 600)
-        drawn = svg_document(scene, wood, page, Tracer(), "wood", "frame 0", set())
+        drawn = svg_document(scene, wood, page, Tracer(), "wood", "frame 0", ())
         assert re.findall(r'<circle [^>]*fill="(#\w+)"', drawn) == shown
 
 
@@ -113,7 +118,9 @@ def test_a_disc_has_the_colour_of_a_value_and_the_legend_its_scale():
 )
 def test_groups_have_an_entry_each(meaning, texts):
     disc = Disc(0.2, "groups(state, 3, 5)", meaning=meaning)
-    shown = legend(Vocabulary.of(Primitive("PPerson", disc, state=int)), {"PPerson"})
+    PPerson = Primitive("PPerson", disc, state=int)
+    people = PPerson(3) + PPerson(4)
+    shown = Lists(Vocabulary.of(PPerson)).picture(people, {}).legend
     groups = zip(texts, SCALES["groups"], strict=False)
     assert shown == tuple(LegendEntry(text, Disc, (color,)) for text, color in groups)
 
@@ -129,7 +136,7 @@ def test_groups_have_an_entry_each(meaning, texts):
 )
 def test_a_scale_that_is_none_is_explained(color, says):
     with pytest.raises(MisuseError, match=re.escape(says)):
-        legend(Vocabulary.of(Primitive("PTree", Disc(1.0, color), age=float)), {"PTree"})
+        legend(Vocabulary.of(Primitive("PTree", Disc(1.0, color), age=float)), {"PTree": set()})
 
 
 def test_a_mark_colours_labels_and_is_no_label_itself():
@@ -150,7 +157,7 @@ def test_a_mark_colours_labels_and_is_no_label_itself():
 )
 def test_a_line_too_pale_for_paper_has_a_dark_ground(form, dark):
     stripe = Primitive("PStripe", form, xs=tuple[float, ...], ys=tuple[float, ...])
-    (entry,) = legend(Vocabulary.of(stripe), {"PStripe"})
+    (entry,) = legend(Vocabulary.of(stripe), {"PStripe": {form.color}})
     assert entry.on_dark == dark
 
 

@@ -26,6 +26,7 @@ from minerva_bus import (
     Vocabulary,
     WorldInfo,
 )
+from minerva_services.geometry.colors import DrawnColors
 from minerva_services.views.svg.document import Page, Tracer, frame_of, svg_document
 
 WALL, FREE, UNKNOWN = "#2f3640", "#fbfaf6", "#d9d4c7"
@@ -69,8 +70,10 @@ def page_of(scene: Scene, width: int = 1200) -> Page:
 
 
 def picture(scene: Scene, width: int = 1200) -> str:
-    page = page_of(scene, width)
-    return svg_document(scene, VOCABULARY, page, Tracer(), "orchard", "frame 3", set())
+    drawn = DrawnColors()
+    page = Page(frame_of(scene, VOCABULARY, None, drawn), width)
+    shown = drawn.legend(VOCABULARY)
+    return svg_document(scene, VOCABULARY, page, Tracer(), "orchard", "frame 3", shown)
 
 
 def elements(document: str, tag: str) -> list[ElementTree.Element]:

@@ -28,7 +28,7 @@ from minerva_bus import (
 )
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.world.operator import LogEntry
-from minerva_services.geometry.colors import rgb
+from minerva_services.geometry.colors import DrawnColors, rgb
 from minerva_services.geometry.picture import Lists, Picture
 from minerva_services.views.layout import flow
 from minerva_services.views.names import MAX_NAMES, agent_names
@@ -148,15 +148,15 @@ def test_a_window_names_the_key_for_help(draw):
 def test_a_picture_has_a_legend_names_and_marked_labels():
     bee, hives = TPut(5.0, 2.0)(PBee("b1")), TPut(1.0, 5.0)(PHive("oak"))
     scene = PField(np.zeros((10, 7), np.int16)) + hives + bee + PGoal("oak")
-    page = Page(frame_of(scene, MEADOW), 600)
-    drawn = set()
+    drawn = DrawnColors()
+    page = Page(frame_of(scene, MEADOW, None, drawn), 600)
+    shown = drawn.legend(MEADOW)
     root = ElementTree.fromstring(
-        svg_document(scene, MEADOW, page, Tracer(), "bees", "frame 1", drawn)
+        svg_document(scene, MEADOW, page, Tracer(), "bees", "frame 1", shown)
     )
     (legend,) = root.findall("{*}g[@class='legend']")
     texts = [text.text for text in legend.findall("{*}text")]
     assert texts == ["bee", "goal", "place of a hive", "field"]
-    assert drawn == {"PBee", "PGoal", "PHive", "PField"}
     assert int(root.attrib["height"]) > page.height
     labels = {text.text: text.attrib.get("fill") for text in root.findall("{*}g/{*}text")}
     assert labels["oak"] == "#d55e00"

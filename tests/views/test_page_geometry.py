@@ -15,7 +15,6 @@ from minerva_bus.grammar.appearance import Disc
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.strings_codec import plain_scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
-from minerva_services.geometry.colors import legend
 from minerva_services.geometry.picture import Discs, Lists, Marks, Polyline, Texts, Tiles
 
 ROOT = Path(__file__).parents[2]
@@ -27,16 +26,17 @@ import {{ decode }} from "{SOURCE / "msgpack.js"}";
 import {{ readString }} from "{SOURCE / "scene.js"}";
 import {{ Vocabulary }} from "{SOURCE / "vocabulary.js"}";
 import {{ colourOf, displayList, frameOf }} from "{STATIC / "geometry.js"}";
-import {{ isPale, legend }} from "{STATIC / "legend.js"}";
+import {{ include, isPale, legend }} from "{STATIC / "legend.js"}";
 
 const bytes = (digits) => Uint8Array.from(Buffer.from(digits, "hex"));
 const {{ words, string, agent }} = JSON.parse(readFileSync(0, "utf8"));
 const vocabulary = new Vocabulary(decode(bytes(words)));
 const nodes = readString(decode(bytes(string)), vocabulary).map((node) => ({{ ...node, agent }}));
 const items = displayList(nodes, vocabulary);
-const symbols = items.map(({{ symbol }}) => symbol);
+const drawn = new Map();
+for (const item of items) include(drawn, item);
 const frame = frameOf(items);
-const entries = legend(new Set(symbols), vocabulary)
+const entries = legend(drawn, vocabulary)
   .map((entry) => ({{ ...entry, dark: entry.form === "line" && isPale(entry.colour) }}));
 console.log(JSON.stringify({{ items, frame, entries, again: frameOf([], frame) }}, (name, value) =>
   name === "matrix" ? {{ ...value, values: [...value.values] }} : value));
@@ -140,8 +140,8 @@ def test_the_house_is_drawn_alike():
 def test_the_legend_has_the_same_texts():
     for scene, vocabulary in ((SCENE, WORDS), (house.scene({}), house.vocabulary)):
         page = of_the_page(scene, vocabulary)
-        symbols = {item["symbol"] for item in page["items"]}
-        entries = [(entry.text, entry.on_dark) for entry in legend(vocabulary, symbols)]
+        shown = Lists(vocabulary).picture(scene, {}).legend
+        entries = [(entry.text, entry.on_dark) for entry in shown]
         assert sorted((entry["text"], entry["dark"]) for entry in page["entries"]) == sorted(
             entries
         )

@@ -102,7 +102,7 @@ class SpacePictures(PictureGeometry):
         form, *measures = shape.spatial
         if form in (*JOINTS, *SENSORS, CAMERA):
             return
-        self.drawn.add(figure.symbol)
+        self.drawn.figure(figure.symbol, shape, figure.parameters)
         name = self.names[figure.symbol]
         rest = str(figure.parameters[name]) if name else "", self.owner
         if isinstance(shape, Raster):
@@ -126,7 +126,7 @@ class SpacePictures(PictureGeometry):
         if shape.spatial[0] not in _SCALED or isinstance(shape, Raster):
             # Each has a solid of its own.
             return False
-        self.drawn.add(inner.symbol)
+        self.drawn.columns(inner.symbol, shape.color, inner)
         here: list[Any] = [np.full(n, number) for number in self.rigid.numbers]
         at: Any = Rigid(*here)
         for level in levels[:-1]:

@@ -16,6 +16,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.appearance import Disc, Line, Raster, Shape
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_services.geometry.volumes import color_ranges
 
 Color: TypeAlias = tuple[int, int, int]
 """Red, green and blue from 0 to 255."""
@@ -174,14 +175,49 @@ def words(name: str) -> str:
     return " ".join(_WORDS.findall(name[1:])).lower() or name
 
 
-def legend(vocabulary: Vocabulary, symbols: Collection[str]) -> Legend:
-    """The legend of a picture that shows these primitives: things in it, then matrices."""
-    shapes = {name: p.shape for name, p in vocabulary.primitives.items() if name in symbols}
+class DrawnColors:
+    """What pictures have shown so far: the colours of each primitive, for their legend."""
+
+    def __init__(self) -> None:
+        self._colors: dict[str, set[str]] = {}
+
+    def __len__(self) -> int:
+        return sum(map(len, self._colors.values()))
+
+    def figure(self, symbol: str, shape: Shape, parameters: Mapping[str, Any]) -> None:
+        """Include a figure. The colours of a matrix are those that its cells have."""
+        if isinstance(shape, Raster):
+            numbers = np.bincount(color_ranges(parameters[shape.cells], shape.colors).ravel())
+            shown = {shape.colors[at - 1][1] for at in numbers.nonzero()[0].tolist() if at}
+        else:
+            shown = {color_of(shape.color, parameters)}
+        self._colors.setdefault(symbol, set()).update(shown)
+
+    def columns(self, symbol: str, color: str, level: Columns) -> None:
+        """Include figures in columns; `color` is that of their form."""
+        known = self._colors.setdefault(symbol, set())
+        scale = scale_of(color)
+        if scale is None:
+            known.add(color)
+        else:
+            numbers = np.bincount(scale.intervals(level.column(scale.parameter)))
+            known.update(scale.colors[at] for at in numbers.nonzero()[0].tolist())
+
+    def legend(self, vocabulary: Vocabulary) -> Legend:
+        """The legend of the pictures."""
+        return legend(vocabulary, self._colors)
+
+
+def legend(vocabulary: Vocabulary, colors: Mapping[str, Collection[str]]) -> Legend:
+    """The legend of a picture that shows primitives in these colours: things, then matrices."""
+    shapes = {name: p.shape for name, p in vocabulary.primitives.items() if name in colors}
     entries = [
         entry
         for name, shape in sorted(shapes.items(), key=lambda item: isinstance(item[1], Raster))
         if shape is not None
         for entry in _entries(name, shape)
+        # A swatch of several colours is a scale, which is understood as a whole.
+        if len(entry.colors) != 1 or entry.colors[0] in colors[name]
     ]
     return tuple(dict.fromkeys(entries))
 

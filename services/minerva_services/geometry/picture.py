@@ -21,7 +21,7 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Primitive, Vocabulary
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
-from minerva_services.geometry.colors import Color, Legend, color_of, legend, rgb, rgbs_of
+from minerva_services.geometry.colors import Color, DrawnColors, Legend, color_of, rgb, rgbs_of
 from minerva_services.geometry.incremental import ByParts, ItemGeometry, batched
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -216,12 +216,12 @@ class PictureGeometry(ItemGeometry[Any]):
         self.names = {
             name: text_parameter(primitive) for name, primitive in vocabulary.primitives.items()
         }
-        self.drawn: set[str] = set()
-        """Primitives drawn so far. Parts that have not changed are not drawn again."""
+        self.drawn = DrawnColors()
+        """What is drawn so far. Parts that have not changed are not drawn again."""
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         parameters, at = figure.parameters, self.pose
-        self.drawn.add(figure.symbol)
+        self.drawn.figure(figure.symbol, shape, parameters)
         if isinstance(shape, Disc):
             name = self.names[figure.symbol]
             self.items.append(
@@ -262,7 +262,7 @@ class PictureGeometry(ItemGeometry[Any]):
         # Lines and rasters have lists or matrices as parameters, which columns do not hold.
         if not isinstance(shape, Disc | Label):
             return False
-        self.drawn.add(inner.symbol)
+        self.drawn.columns(inner.symbol, shape.color, inner)
         x, y, angle = self.poses(levels[:-1], columns.count)
         if isinstance(shape, Label):
             texts = tuple(map(str, inner.column(shape.text)))
@@ -361,7 +361,7 @@ class Lists:
         drawn = self._geometry.drawn
         if len(drawn) > self._explained:
             self._explained = len(drawn)
-            self._legend = legend(self._geometry.vocabulary, drawn)
+            self._legend = drawn.legend(self._geometry.vocabulary)
         return Picture(tuple(items), self._legend)
 
 

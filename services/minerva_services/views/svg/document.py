@@ -34,7 +34,7 @@ from minerva_bus.semantics.plane import (
 )
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import xml_characters
-from minerva_services.geometry.colors import Legend, LegendEntry, color_of, colors_of, legend
+from minerva_services.geometry.colors import DrawnColors, Legend, LegendEntry, color_of, colors_of
 from minerva_services.geometry.picture import text_parameter
 from minerva_services.geometry.volumes import color_ranges, rectangles
 from minerva_services.views.layout import flow, round_step
@@ -64,19 +64,13 @@ def svg_document(
     tracer: Tracer,
     title: str,
     subtitle: str,
-    drawn: set[str],
+    explained: Legend,
 ) -> str:
-    """A string of L(E) as an SVG document, well-formed for any texts in the string.
-
-    The legend explains this picture, and the primitives that `drawn` has from previous ones; those
-    of this picture are added to it.
-    """
+    """A string of L(E) as an SVG document, well-formed for any texts in the string."""
     drawing = Drawing(vocabulary, page, tracer)
     interpret(scene, drawing)
     left, bottom = page.pixel(0.0, 0.0)
     scale = exact(page.scale)
-    drawn |= drawing.drawn
-    explained = legend(vocabulary, drawn)
     width, height = page.width, math.ceil(page.height + legend_height(explained, page))
     title, subtitle = line_of_text(title), line_of_text(subtitle)
     return "\n".join(
@@ -175,8 +169,7 @@ class Drawing(PlaneGeometry):
 
     `elements` are in metres from the frame's lower left corner, y up, in the order of the string
     but matrices first, because what an agent knows of the ground must not cover another agent;
-    `labels`, which lie on top of everything, are in pixels of the page, y down. `drawn` are the
-    symbols of the primitives, for a legend.
+    `labels`, which lie on top of everything, are in pixels of the page, y down.
     """
 
     def __init__(self, vocabulary: Vocabulary, page: Page, tracer: Tracer) -> None:
@@ -185,7 +178,6 @@ class Drawing(PlaneGeometry):
         self._ground: list[str] = []
         self._things: list[str] = []
         self._discs = 0
-        self.drawn: set[str] = set()
         self._pins: list[_Placed] = []
         self._names: dict[str, _Placed] = {}
         self._marked: dict[str, str] = {}
@@ -213,7 +205,6 @@ class Drawing(PlaneGeometry):
         return [*map(self._label, self._pins), *map(self._name, names)]
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
-        self.drawn.add(figure.symbol)
         if isinstance(shape, Disc):
             parameters, at = figure.parameters, self.pose
             name = text_parameter(self.vocabulary.primitives[figure.symbol])
@@ -245,7 +236,6 @@ class Drawing(PlaneGeometry):
         primitive = self.vocabulary.primitives.get(inner.symbol)
         if primitive is None or not isinstance(disc := primitive.shape, Disc):
             return False
-        self.drawn.add(inner.symbol)
         name, n = text_parameter(primitive), columns.count
         rows = (
             *[values.tolist() for values in self.poses(around, n)],
@@ -500,17 +490,17 @@ class Page:
 class _DrawnBounds(BoundingGeometry):
     """Bounding box of a string's rasters or, without any, of everything it draws.
 
-    `drawn` are the symbols of the primitives.
+    Its primitives and their colours are added to `drawn`.
     """
 
-    def __init__(self, vocabulary: Vocabulary) -> None:
+    def __init__(self, vocabulary: Vocabulary, drawn: DrawnColors) -> None:
         super().__init__(vocabulary)
         self.has_raster = False
         self.largest_disc = 0.0
-        self.drawn: set[str] = set()
+        self._drawn = drawn
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
-        self.drawn.add(figure.symbol)
+        self._drawn.figure(figure.symbol, shape, figure.parameters)
         if isinstance(shape, Raster):
             # From the first raster on, only rasters count.
             if not self.has_raster:
@@ -528,7 +518,7 @@ class _DrawnBounds(BoundingGeometry):
         primitive = self.vocabulary.primitives.get(inner.symbol)
         if primitive is None or not isinstance(disc := primitive.shape, Disc):
             return False
-        self.drawn.add(inner.symbol)
+        self._drawn.columns(inner.symbol, disc.color, inner)
         if not self.has_raster and columns.count:
             (x, y, _), radius = self.poses(around, columns.count), resolve_all(disc.radius, inner)
             least = [float((at - radius).min()) for at in (x, y)]
@@ -542,17 +532,15 @@ def frame_of(
     scene: Scene,
     vocabulary: Vocabulary,
     before: Bounds | None = None,
-    drawn: set[str] | None = None,
+    drawn: DrawnColors | None = None,
 ) -> Bounds:
     """The part of the world to show: a string's rasters or, without any, everything it draws.
 
     Without rasters the frame only grows from `before`, so that a series of pictures does not jump.
-    The symbols of its primitives are added to `drawn`.
+    What the string draws is added to `drawn`.
     """
-    extent = _DrawnBounds(vocabulary)
+    extent = _DrawnBounds(vocabulary, DrawnColors() if drawn is None else drawn)
     interpret(scene, extent)
-    if drawn is not None:
-        drawn |= extent.drawn
     if extent.bounds is None:
         return before or Bounds(-1.0, -1.0, 1.0, 1.0)
     framed = _sized(extent.bounds)

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.plane import Bounds
+from minerva_services.geometry.colors import DrawnColors
 from minerva_services.views.svg.document import Page, Tracer, frame_of, svg_document
 
 
@@ -28,7 +29,7 @@ class Pictures:
         self._vocabulary = vocabulary
         self._width = width
         self._frame: Bounds | None = None
-        self._drawn: set[str] = set()
+        self._drawn = DrawnColors()
         self._tracer = Tracer()
 
     def film(self, views: Sequence[tuple[int, Scene]]) -> Iterator[str]:
@@ -59,7 +60,7 @@ class Pictures:
             self._tracer,
             self._world,
             f"frame {frame}",
-            self._drawn,
+            self._drawn.legend(self._vocabulary),
         )
 
 

@@ -1,5 +1,7 @@
 /** The legend: what the colours of a picture mean. */
 
+import { colourOf } from "./geometry.js";
+
 const WORDS = /[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+/g;
 
 /** The words of a symbol's or event type's name: `big tree` for `PBigTree`. */
@@ -12,22 +14,35 @@ export function isPale(colour) {
   return 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.7;
 }
 
-/** The entries for primitives: `{text, form, colour}`, things first, then matrices. */
-export function legend(symbols, vocabulary) {
-  const entries = [...symbols].sort().flatMap((symbol) => entriesOf(symbol, vocabulary));
+/** Add what an item draws to `drawn`, the sets of colours by symbol; returns whether it was not drawn before. */
+export function include(drawn, { symbol, form, matrix, colours }) {
+  const isNew = !drawn.has(symbol);
+  if (isNew) drawn.set(symbol, new Set());
+  const known = drawn.get(symbol);
+  const before = known.size;
+  if (form === "raster" && before < colours.length) {
+    for (const value of new Set(matrix.values)) known.add(colourOf(value, colours));
+  }
+  return isNew || known.size > before;
+}
+
+/** The entries for what is drawn: `{text, form, colour}`, things first, then matrices. */
+export function legend(drawn, vocabulary) {
+  const entries = [...drawn.keys()].sort().flatMap((symbol) => entriesOf(symbol, vocabulary, drawn.get(symbol)));
   const isGround = ({ form }) => form === "raster";
   const sorted = [...entries.filter((entry) => !isGround(entry)), ...entries.filter(isGround)];
   return [...new Map(sorted.map((entry) => [JSON.stringify(entry), entry])).values()];
 }
 
-function entriesOf(symbol, vocabulary) {
+function entriesOf(symbol, vocabulary, shown) {
   const [form, ...measures] = vocabulary.forms.get(symbol) ?? [];
   const meanings = vocabulary.meanings.get(symbol) ?? [];
   if (form === undefined) return [];
   if (form !== "raster") return [{ text: meanings[0] || words(symbol), form, colour: measures[form === "line" ? 2 : 1] }];
   const colours = measures[5].map(([, colour]) => colour);
   if (meanings.length > 0) {
-    return colours.map((colour, n) => ({ text: meanings[n] ?? "", form, colour })).filter(({ text, colour }) => text && colour);
+    const entries = colours.map((colour, n) => ({ text: meanings[n] ?? "", form, colour }));
+    return entries.filter(({ text, colour }) => text && colour && shown.has(colour));
   }
   return colours.filter(Boolean).slice(-1).map((colour) => ({ text: words(symbol), form, colour }));
 }

@@ -5,7 +5,7 @@ import { device } from "minerva-bus";
 import { Scene } from "./canvas.js";
 import { displayList } from "./geometry.js";
 import { Inspector } from "./inspector.js";
-import { isPale, legend } from "./legend.js";
+import { include, isPale, legend } from "./legend.js";
 import { loadMember, PageMember } from "./members.js";
 import { Orders } from "./orders.js";
 import { Person, showFates, showPeople } from "./people.js";
@@ -17,7 +17,7 @@ const scene = new Scene(element("scene"));
 // On a phone the legend would take the picture's room.
 element("explained").open = window.innerHeight > 600 && window.innerWidth > 600;
 const drawn = new Map();
-const symbols = new Set();
+const explained = new Map();
 const members = [];
 let world = null;
 
@@ -159,13 +159,11 @@ function draw({ type, frame, nodes, vocabulary }) {
   if (isFirst) note("");
   const items = world.draws.flatMap((each) => drawn.get(each) ?? []);
   timeline.add(items, Number(frame));
-  const known = symbols.size;
-  for (const { symbol } of items) symbols.add(symbol);
-  if (symbols.size > known) showLegend(vocabulary);
+  if (items.filter((item) => include(explained, item)).length > 0) showLegend(vocabulary);
 }
 
 function showLegend(vocabulary) {
-  const entries = legend(symbols, vocabulary).map(({ text, form, colour }) => {
+  const entries = legend(explained, vocabulary).map(({ text, form, colour }) => {
     const entry = document.createElement("li");
     const swatch = document.createElement("i");
     swatch.className = form === "line" && isPale(colour) ? "line dark" : form;
