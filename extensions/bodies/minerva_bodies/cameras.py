@@ -13,7 +13,7 @@ import math
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -40,6 +40,9 @@ from minerva_services.geometry.picture import (
     geometry_in_space,
 )
 from minerva_services.options import require
+
+if TYPE_CHECKING:
+    from minerva_bodies.ros2 import RosNode
 
 MAX_PIXELS: Final = 8 << 20
 """Pixels of a picture, at most; software renders about a million in a second."""
@@ -268,7 +271,7 @@ def _looks_same(first: Any, second: Any) -> bool:
     """Whether two items of pictures look the same, whatever their names."""
     if type(first) is not type(second):
         return False
-    names = [each.name for each in fields(first) if each.name not in ("names", "owners")]
+    names: list[str] = [each.name for each in fields(first) if each.name not in ("names", "owners")]
     pairs = [(getattr(first, name), getattr(second, name)) for name in names]
     return all(
         a is b or (np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b) for a, b in pairs
@@ -290,6 +293,7 @@ class Cameras(Device, Generator, coupled=True):
             string has them where they believe to be; "": none.
         every: frames between views.
         who: name of the parameter with the id of a camera's agent.
+        ros2: the options of `Ros2Network`, to send the pictures to a network of ROS 2, too.
 
     """
 
@@ -302,6 +306,7 @@ class Cameras(Device, Generator, coupled=True):
         poses: str = "",
         every: int = 1,
         who: str = "who",
+        ros2: Mapping[str, Any] | None = None,
     ) -> None:
         require("cameras", "moderngl", "moderngl", "opengl")
         if not 1 <= every <= 100_000:
@@ -310,6 +315,11 @@ class Cameras(Device, Generator, coupled=True):
         self.draws, self.publishes = (draws,), tuple(filter(None, (images, depths)))
         self.topics = (poses,) if poses else ()
         self._images, self._depths, self._symbol, self._who = images, depths, camera, who
+        self._node: RosNode | None = None
+        if ros2 is not None:
+            from minerva_bodies.ros2 import RosNode  # It needs the extra ros.
+
+            self._node = RosNode("cameras", ros2)
         self._view: View | None = None
         self._darkroom: Darkroom | None = None
         self._pictures, self._seconds = 0, 0.0
@@ -328,6 +338,8 @@ class Cameras(Device, Generator, coupled=True):
         self._lists = Lists(world.vocabulary, geometry_in_space(world.vocabulary))
         # Here, where a missing driver is an error of the start, and not of a frame.
         self._darkroom = Darkroom()
+        if self._node is not None:
+            self._node.open()
 
     def show(self, view: View) -> None:
         """φ of the view: where the cameras are."""
@@ -376,18 +388,33 @@ class Cameras(Device, Generator, coupled=True):
                 data = pixels(lens)
                 image = Image(camera.owner, data, encoding, width, height, taken_at, mount)
                 tick.publish(topic, image)
+                self._send(image, camera, lens)
                 self._pictures += 1
+
+    def _send(self, image: Image, camera: CarriedCamera, lens: Pinhole) -> None:
+        """Send a picture to the network of ROS 2, if there is one."""
+        if self._node is None:
+            return
+        from minerva_bodies.ros2 import name_of, optical, pictured
+
+        parent, frame = name_of(camera.owner), f"{name_of(camera.owner, camera.symbol)}_optical"
+        self._node.place(parent, frame, optical(camera.mount))
+        self._node.send_fixed(round(image.time * 1e9))
+        self._node.send(pictured(image, camera.symbol, lens.focal))
 
     def report(self) -> Mapping[str, bool | int | float | str]:
         """Number of pictures, and the mean duration of rendering each."""
         milliseconds = 1e3 * self._seconds / max(1, self._pictures)
-        return {"pictures": self._pictures, "picture_ms": round(milliseconds, 1)}
+        sent = {} if self._node is None else {"ros2": self._node.state}
+        return {"pictures": self._pictures, "picture_ms": round(milliseconds, 1), **sent}
 
     def close(self) -> None:
-        """Free the memory of the graphics card."""
+        """Free the memory of the graphics card, and leave the network."""
         if self._darkroom is not None:
             self._darkroom.close()
             self._darkroom = None
+        if self._node is not None:
+            self._node.close()
 
 
 def _symbols(vocabulary: Vocabulary) -> list[str]:

@@ -178,7 +178,7 @@ def measured(
         rings, beams, low, high, reach, noise = (
             sensor.values if sensor.kind == "lidar" else (1, 1, 0.0, 0.0, *sensor.values)
         )
-        along = np.column_stack(pose.turned(*_axes(int(rings), int(beams), low, high).T))
+        along = np.column_stack(pose.turned(*ray_axes(int(rings), int(beams), low, high).T))
         start = (pose.x, pose.y, pose.z)
         is_lit = "intensities" in names
         ranges: NDArray[np.float64]
@@ -213,7 +213,7 @@ def _stream(sensor: Sensor, tick: Tick, frame: int) -> np.random.Generator:
 
 
 @lru_cache(maxsize=16)
-def _axes(rings: int, beams: int, low: float, high: float) -> NDArray[np.float64]:
+def ray_axes(rings: int, beams: int, low: float, high: float) -> NDArray[np.float64]:
     """Directions of the rays along the axes of a sensor, shape (rings · beams, 3)."""
     step = (high - low) / (rings - 1) if rings > 1 else 0.0
     up = np.radians(low + step * np.arange(rings))

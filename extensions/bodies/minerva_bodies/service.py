@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.event_factory import event_type
 from minerva_services.options import require
+
+if TYPE_CHECKING:
+    from minerva_bodies.ros2 import SpaceNode
 
 POSE = ("x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "wx", "wy", "wz")
 """What an event of a pose may have: metres, a quaternion, m/s and rad/s."""
@@ -59,6 +62,7 @@ class RigidBodies(Device, Generator, coupled=True):
         renew: frames after which the space is made again from its saved state, which bounds what a
             successor has to repeat; contacts lose their memory then.
         who: name of the parameter with the id of a body's agent.
+        ros2: the options of `Ros2Network`, to send poses, joints and sensors to a network of ROS 2.
 
     """
 
@@ -79,6 +83,7 @@ class RigidBodies(Device, Generator, coupled=True):
         engine: str = "rapier3d",
         renew: int = 300,
         who: str = "who",
+        ros2: Mapping[str, Any] | None = None,
     ) -> None:
         require("bodies", "rapier3d", "rapier3d", "space")
         if engine not in ENGINES:
@@ -107,6 +112,11 @@ class RigidBodies(Device, Generator, coupled=True):
         self._senses = {"lidar": lidar, "imu": imu, "distance": distance}
         self._sensors = list[Sensor]()
         self._engine_name, self._renew, self._who = engine, renew, who
+        self._node: SpaceNode | None = None
+        if ros2 is not None:
+            from minerva_bodies.ros2 import SpaceNode  # It needs the extra ros.
+
+            self._node = SpaceNode("bodies", ros2)
         self._shown = -1
         self._next: dict[str, Any] = {}
         self._base: dict[str, Any] = {}
@@ -135,6 +145,8 @@ class RigidBodies(Device, Generator, coupled=True):
         self._vocabulary, self._dt = world.vocabulary, world.dt
         self._engine = self._new()
         self._keep()
+        if self._node is not None:
+            self._node.open()
 
     def _new(self) -> Any:
         # Their modules need the libraries, which `check` does not.
@@ -227,16 +239,24 @@ class RigidBodies(Device, Generator, coupled=True):
         lost = [name for name in self._engine.lost if name not in missed]
         if self._ends is not None and lost:
             events.append(self._ends(receivers=lost))
-        return [*events, *self._measured(motions, tick)]
-
-    def _measured(self, motions: Motions, tick: Tick) -> Iterable[AnyEvent]:
-        for sensor in self._sensors:
+        data = list(self._measured(motions, tick))
+        for sensor, values in data:
             kind = self._sensed[sensor.kind]
+            own = {name: values[name] for name in kind.fields.names}
+            events.append(kind(receivers=[sensor.owner], **own))
+        if self._node is not None:
+            self._node.publish(self._engine, data, round(tick.time * 1e9))
+        return events
+
+    def _measured(self, motions: Motions, tick: Tick) -> Iterable[tuple[Sensor, Mapping[str, Any]]]:
+        """What sensors measure: the data of their events, or all of them if they are sent."""
+        for sensor in self._sensors:
             if sensor.owner in self._engine.bodies:
-                names = kind.fields.names
+                own = self._sensed[sensor.kind].fields.names
+                names = own if self._node is None else SENSORS[sensor.kind]
                 data = measured(sensor, self._engine, motions, tick, names, self._gravity)
                 if data is not None:
-                    yield kind(receivers=[sensor.owner], **data)
+                    yield sensor, data
 
     def _advance(self, inputs: str) -> list[str]:
         """A frame with its inputs, as text; the agents whose bodies have moved."""
@@ -376,11 +396,18 @@ class RigidBodies(Device, Generator, coupled=True):
         bodies = sum(1 for name in self._engine.bodies if name)
         passed = time.perf_counter() - self._begun if self._begun else 0.0
         share = self._seconds / passed if passed else 0.0
+        sent = {} if self._node is None else {"ros2": self._node.state}
         return {
             "bodies": bodies,
             "step_ms": 1e3 * self._seconds / max(1, self._steps),
             "share_of_time": round(share, 3),
+            **sent,
         }
+
+    def close(self) -> None:
+        """Leave the network of ROS 2."""
+        if self._node is not None:
+            self._node.close()
 
 
 def _compared(world: WorldInfo, name: str, possible: tuple[str, ...]) -> EventType:
