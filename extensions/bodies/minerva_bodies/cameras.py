@@ -267,15 +267,17 @@ class Darkroom:
         self._gl.release()
 
 
-def _looks_same(first: Any, second: Any) -> bool:
+def _looks_same(first: Item, second: Item) -> bool:
     """Whether two items of pictures look the same, whatever their names."""
     if type(first) is not type(second):
         return False
-    names: list[str] = [each.name for each in fields(first) if each.name not in ("names", "owners")]
-    pairs = [(getattr(first, name), getattr(second, name)) for name in names]
-    return all(
-        a is b or (np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b) for a, b in pairs
-    )
+    pairs = zip(_seen(first), _seen(second), strict=True)
+    return all(a is b or np.array_equal(a, b) for a, b in pairs)
+
+
+def _seen(item: Any) -> list[Any]:
+    unseen = "names", "owners"
+    return [getattr(item, each.name) for each in fields(item) if each.name not in unseen]
 
 
 class Cameras(Device, Generator, coupled=True):

@@ -99,6 +99,9 @@ def test_pictures_show_colours_and_metres_where_things_are():
     away = pictures(service, scenery, mounted, readings=(there,))
     assert away["image"].time == 0.5
     assert np.isinf(depths(away["depth"])).all()
+    # A thing that has moved is drawn again.
+    moved = TAt(2.2, -0.2, 0.3)(PCube())
+    assert pictures(service, moved, mounted) == pictures(joined(), moved, mounted)
 
 
 def test_a_camera_takes_as_many_pictures_as_its_rate_says():
