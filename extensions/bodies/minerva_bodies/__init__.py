@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         quaternion,
     )
     from minerva_bodies.rigid import Rigid
-    from minerva_bodies.sensors import Distance, Imu, Lidar
+    from minerva_bodies.sensors import Distance, Gps, Imu, Lidar
 
 _HOMES = {
     "cameras": "Camera",
@@ -33,7 +33,7 @@ _HOMES = {
         "Ball Box Capsule Command Cone Cylinder Joint Matter Mesh Poster Terrain euler quaternion"
     ),
     "rigid": "Rigid",
-    "sensors": "Distance Imu Lidar",
+    "sensors": "Distance Gps Imu Lidar",
 }
 __getattr__ = imported_at_first_use(__name__, _HOMES)
 
@@ -46,6 +46,7 @@ __all__ = [
     "Cone",
     "Cylinder",
     "Distance",
+    "Gps",
     "Imu",
     "Joint",
     "Lidar",

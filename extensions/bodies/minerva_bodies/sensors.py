@@ -30,10 +30,13 @@ SENSORS = {
     "lidar": ("sensor", "ranges", "intensities"),
     "imu": ("sensor", "ax", "ay", "az", "wx", "wy", "wz"),
     "distance": ("sensor", "dist"),
+    "gps": ("sensor", "latitude", "longitude", "altitude", "accuracy"),
 }
 """Sensors by name, with the data that their events may have."""
 MAX_RAYS = 100_000
 _Vector = tuple[float, float, float]
+_EQUATOR, _FLATTENING = 6378137.0, 1 / 298.257223563
+"""Of WGS 84: radius in metres, and 1 - the ratio of the axes."""
 
 
 def Lidar(
@@ -113,6 +116,34 @@ def Distance(
     return _sensor("distance", color, meaning, reach, noise)
 
 
+def Gps(
+    latitude: Measure,
+    longitude: Measure,
+    altitude: Measure = 0.0,
+    *,
+    noise: Measure = 0.0,
+    noise_up: Measure = 0.0,
+    color: str = "#222222",
+    meaning: str = "",
+) -> Disc:
+    """A receiver of satellite navigation; x points east, y north.
+
+    Its event has the data of the reading `Position`: `latitude` and `longitude` (degrees of WGS
+    84), `altitude` (m above the ellipsoid) and `accuracy` (m, the standard deviation `noise`).
+
+    Args:
+        latitude: of the world's origin, degrees north.
+        longitude: of the origin, degrees east.
+        altitude: of the origin, metres.
+        noise: standard deviation to the east and to the north, metres.
+        noise_up: of the altitude, metres.
+        color: of its mark.
+        meaning: text of the legend.
+
+    """
+    return _sensor("gps", color, meaning, latitude, longitude, altitude, noise, noise_up)
+
+
 def _sensor(kind: str, color: str, meaning: str, *measures: Measure) -> Disc:
     return Disc(0.05, color, height=0.05, meaning=meaning, spatial=(kind, *measures))
 
@@ -138,7 +169,12 @@ def check_sensor(sensor: Sensor) -> None:
     reach = {"lidar": 4, "distance": 0}.get(sensor.kind)
     if reach is not None and not values[reach] > 0.0:
         raise BodiesError(f"{where}: it reaches {values[reach]:g} m; expected metres above 0")
-    errors = values if sensor.kind == "imu" else values[-1:]
+    if sensor.kind == "gps" and not (abs(values[0]) <= 90.0 and abs(values[1]) <= 180.0):
+        raise BodiesError(
+            f"{where}: the origin is at latitude {values[0]:g}, longitude {values[1]:g}; expected"
+            " degrees up to 90 and 180"
+        )
+    errors = values if sensor.kind == "imu" else values[-2 if sensor.kind == "gps" else -1 :]
     if any(error < 0.0 for error in errors):
         raise BodiesError(f"{where}: standard deviations {errors}; expected numbers from 0")
 
@@ -174,6 +210,13 @@ def measured(
         if sensor[1:4] not in before.speeds:
             return None
         values |= _inertia(sensor, engine, before, tick, pose, gravity)
+    elif sensor.kind == "gps":
+        *origin, noise, noise_up = sensor.values
+        place = np.array((pose.x, pose.y, pose.z))
+        if noise or noise_up:
+            place += normals(_stream(sensor, tick, tick.number), 3) * (noise, noise, noise_up)
+        fix = zip(SENSORS["gps"][1:4], geodetic(origin, place.tolist()), strict=True)
+        values |= {**dict(fix), "accuracy": noise}
     else:
         rings, beams, low, high, reach, noise = (
             sensor.values if sensor.kind == "lidar" else (1, 1, 0.0, 0.0, *sensor.values)
@@ -190,6 +233,30 @@ def measured(
         metres: list[float] = ranges.tolist()
         values |= {"ranges": tuple(metres), "dist": metres[0], "intensities": lit}
     return {name: values[name] for name in names}
+
+
+def geodetic(origin: Sequence[float], place: Sequence[float]) -> _Vector:
+    """Latitude, longitude (degrees) and altitude (m) of a place east, north and up of an origin.
+
+    By Bowring's formula (Survey Review 181, 1976), to less than a millimetre near the ground.
+    """
+    square = _FLATTENING * (2.0 - _FLATTENING)
+    (cos, sin), (east_x, east_y) = [portable.cos_sin(math.radians(angle)) for angle in origin[:2]]
+    normal = _EQUATOR / math.sqrt(1.0 - square * sin * sin)
+    x, y, z = place
+    out = (normal + origin[2] + z) * cos - sin * y
+    at_x, at_y = east_x * out - east_y * x, east_y * out + east_x * x
+    up = (normal * (1.0 - square) + origin[2] + z) * sin + cos * y
+    flat, axis = portable.hypot(at_x, at_y), _EQUATOR * (1.0 - _FLATTENING)
+    length = portable.hypot(up * _EQUATOR, flat * axis)
+    rise, run = up * _EQUATOR / length, flat * axis / length
+    latitude = portable.atan2(
+        up + square / (1.0 - square) * axis * rise * rise * rise,
+        flat - square * _EQUATOR * run * run * run,
+    )
+    cos, sin = portable.cos_sin(latitude)
+    altitude = flat * cos + up * sin - _EQUATOR * math.sqrt(1.0 - square * sin * sin)
+    return math.degrees(latitude), math.degrees(portable.atan2(at_y, at_x)), altitude
 
 
 def _inertia(

@@ -52,6 +52,7 @@ class RigidBodies(Device, Generator, coupled=True):
         lidar: the event type of lidars; "" for none. See `minerva_bodies.sensors`.
         imu: that of inertial units.
         distance: that of distance sensors.
+        gps: that of receivers of satellite navigation.
         lost: the event type that tells an agent that its body had no finite position any more and
             has been removed, until its string shows none; "": such a body ends the world.
         every: frames between views; frames without one have no commands.
@@ -76,6 +77,7 @@ class RigidBodies(Device, Generator, coupled=True):
         lidar: str = "",
         imu: str = "",
         distance: str = "",
+        gps: str = "",
         lost: str = "",
         every: int = 1,
         substeps: int = 1,
@@ -109,7 +111,7 @@ class RigidBodies(Device, Generator, coupled=True):
         self.draws = (draws,)
         self._gravity, self._substeps, self._threads = gravity, substeps, threads
         self._pose, self._contact, self._joint, self._lost = pose, contact, joint, lost
-        self._senses = {"lidar": lidar, "imu": imu, "distance": distance}
+        self._senses = {"lidar": lidar, "imu": imu, "distance": distance, "gps": gps}
         self._sensors = list[Sensor]()
         self._engine_name, self._renew, self._who = engine, renew, who
         self._node: SpaceNode | None = None

@@ -2,11 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rapier3d", reason="needs the extra space")
 
-from minerva_bodies import Ball, Box, Command, Distance, Imu, Lidar, Matter, euler
+from minerva_bodies import Ball, Box, Command, Distance, Gps, Imu, Lidar, Matter, euler
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.service import RigidBodies
 from minerva_bus import Default, EventType, Primitive, Scene, Tick, Transformation, View, Vocabulary
@@ -26,6 +27,8 @@ PRound = Primitive(
 )
 PImu = Primitive("PImu", Imu(noise="noise", bias="bias"), noise=ZERO, bias=ZERO)
 PBeam = Primitive("PBeam", Distance("reach"), reach=Default(float, 5.0))
+PReceiver = Primitive("PReceiver", Gps(52.5, 13.4, 34.0, noise="noise"), noise=ZERO)
+PLost = Primitive("PLost", Gps(91.0, 0.0))
 TAt = Transformation(
     "TAt",
     euler("x", "y", "z", turn="turn", pitch="pitch"),
@@ -35,15 +38,19 @@ TSpin = Transformation("TSpin", Command("spin", 0, 0, "z"), z=float)
 eLidar = EventType("eLidar", sensor=str, ranges=tuple[float, ...], intensities=tuple[float, ...])
 eImu = EventType("eImu", **dict.fromkeys(("ax", "ay", "az", "wx", "wy", "wz"), float))
 eDistance = EventType("eDistance", dist=float)
+eFix = EventType("eFix", latitude=float, longitude=float, altitude=float, accuracy=float)
 eBodies = EventType("eBodies", visual=True)
 INFO = WorldInfo(
     "yard",
-    Vocabulary.of(PBall, PFloor, PRound, PImu, PBeam, TAt, TSpin, eLidar, eImu, eDistance, eBodies),
+    Vocabulary.of(
+        *(PBall, PFloor, PRound, PImu, PBeam, PReceiver, PLost, TAt, TSpin),
+        *(eLidar, eImu, eDistance, eFix, eBodies),
+    ),
     7,
     0.02,
 )
 FLOOR = TAt(z=-0.5)(PFloor())
-ALL = {"lidar": "eLidar", "imu": "eImu", "distance": "eDistance"}
+ALL = {"lidar": "eLidar", "imu": "eImu", "distance": "eDistance", "gps": "eFix"}
 
 
 def joined(**options):
@@ -90,7 +97,7 @@ def test_an_inertial_unit_feels_support_and_spin_but_no_fall():
 
 
 def test_errors_follow_seed_sensor_and_frame_and_outlive_the_service():
-    noisy = TAt(z=5.0)(PBall() + PImu(0.3, 0.1) + PRound(0.0, 0.05))
+    noisy = TAt(z=5.0)(PBall() + PImu(0.3, 0.1) + PRound(0.0, 0.05) + PReceiver(2.0))
     first, second = joined(), joined()
     for number in range(1, 9):
         events = step(first, number, a=noisy)
@@ -109,6 +116,26 @@ def test_a_beam_ends_where_it_meets_something():
     assert event.dist == pytest.approx(2.0)
 
 
+def test_a_receiver_tells_where_on_the_earth_it_is():
+    service = joined(gravity=0.0)
+    # By pyproj 3.7, from topocentric to geodetic coordinates.
+    for number, (place, fix) in enumerate(
+        (
+            ((1000.0, 0.0, 0.0), (52.499999083844045, 13.414725242546655, 34.07822705153376)),
+            ((-300.0, 2000.0, 50.0), (52.51797284569837, 13.39558065955622, 84.32072730734944)),
+        ),
+        1,
+    ):
+        (event,) = step(service, number, **{f"a{number}": TAt(*place)(PBall() + PReceiver())})
+        degrees = (event.latitude, event.longitude)
+        assert degrees == pytest.approx(fix[:2], abs=1e-9)
+        assert event.altitude == pytest.approx(fix[2], abs=1e-4)
+    noisy = TAt(z=1.0)(PBall() + PReceiver(2.0))
+    events = [step(service, number, b=noisy)[0] for number in range(3, 43)]
+    assert 1.4 < np.std([event.latitude for event in events]) * 111e3 < 2.6
+    assert events[0].accuracy == 2.0
+
+
 @pytest.mark.parametrize(
     ("options", "shown", "text"),
     [
@@ -116,6 +143,8 @@ def test_a_beam_ends_where_it_meets_something():
         ({}, PBeam(), "shows none"),
         ({}, PBall() + PBeam(0.0), "above 0"),
         ({}, PBall() + PImu(-1.0), "from 0"),
+        ({}, PBall() + PReceiver(-1.0), "from 0"),
+        ({}, PBall() + PLost(), "degrees"),
     ],
 )
 def test_a_sensor_that_cannot_measure_is_an_error(options, shown, text):
