@@ -21,6 +21,7 @@ from tools import blocks
 from tools.acceptance.assistants import CONFORMANCE
 from tools.acceptance.bags import ROSBAG2
 from tools.acceptance.codec import MSGPACK
+from tools.acceptance.environments import FARAMA
 from tools.acceptance.federates import HELICS
 from tools.acceptance.maps import NAV2
 from tools.acceptance.messaging import PAHO
@@ -47,6 +48,7 @@ SUITES = {
         NAV2,
         CONFORMANCE,
         MAPF,
+        FARAMA,
     )
 }
 
