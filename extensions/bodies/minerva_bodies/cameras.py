@@ -135,6 +135,11 @@ class CameraGeometry(SpaceGeometry):
                 f" that of a population within a transformation with a text parameter {self._who}"
             )
         values = [value_of(measure, figure, owner) for measure in spatial[1:]]
+        for measure, value in zip(spatial[1:], values, strict=True):
+            if not isinstance(value, float):
+                raise BodiesError(
+                    f"agent {owner}, {figure.symbol}: {measure} is {value!r:.40}; expected a number"
+                )
         carried = self._base is not None
         body, mount = (self._base or Rigid(), self._inner) if carried else (self.pose, Rigid())
         self.cameras.append(_checked(owner, figure.symbol, body, mount, *values))
@@ -365,7 +370,14 @@ class Cameras(Device, Generator, coupled=True):
         if view is None or darkroom is None or view.frame != tick.number - 1:
             return ()
         begun = time.perf_counter()
-        where = {each.robot: each for each in tick.readings if isinstance(each, Odometry)}
+        where = dict[str, Odometry]()
+        for reading in tick.readings:
+            if not isinstance(reading, Odometry):
+                raise BodiesError(
+                    f"cameras: expected odometry on {self.topics[0]!r},"
+                    f" found {type(reading).__name__}"
+                )
+            where[reading.robot] = reading
         for camera in self._cameras:
             if camera.is_due(view.frame, self._dt):
                 darkroom.take(self._lists.picture(view.skeleton, view.parts))

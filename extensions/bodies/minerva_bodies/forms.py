@@ -205,6 +205,8 @@ def Poster(
         meanings: texts of the legend.
 
     """
+    if not isinstance(cell, str) and not 0 < cell < 1e6:
+        raise BodiesError(f"Poster: squares of {cell} m; expected metres above 0, below 1e6")
     return Raster(cells, cell, colors=colors, meanings=meanings, spatial=(POSTER, cells, cell))
 
 

@@ -27,7 +27,7 @@ from minerva_bus import (
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.world.context import Frame
-from minerva_bus.world.readings import Mount, Odometry
+from minerva_bus.world.readings import Image, Mount, Odometry
 from minerva_bus.world.services import WorldInfo
 from minerva_services.views.opengl.canvas import without_window
 from tests.runtime.running import here
@@ -47,11 +47,12 @@ PEye = Primitive(
     fov=Default(float, 60.0),
     rate=Default(float, 0.0),
 )
+PNamed = Primitive("PNamed", Camera(8, 6, fov="fov"), fov=str)
 TAt = Transformation(
     "TAt", euler("x", "y", "z", turn="turn"), x=Metres, y=NONE, z=NONE, turn=Default(Degrees, 0.0)
 )
 eBodies = EventType("eBodies", visual=True)
-WORDS = Vocabulary.of(PCube, PPoster, PEye, TAt, eBodies, AgentKind("AEye", Fields.of({})))
+WORDS = Vocabulary.of(PCube, PPoster, PEye, PNamed, TAt, eBodies, AgentKind("AEye", Fields.of({})))
 INFO = WorldInfo("yard", WORDS, 7, 0.1)
 
 
@@ -154,6 +155,7 @@ def test_physics_feels_neither_cameras_nor_posters():
         (PEye(width=1 << 20), "8388608 pixels at most"),
         (PEye(fov=180.0), "agent e, PEye: fov is 180; expected 1 to 170 degrees"),
         (PEye(rate=-1.0), "agent e, PEye: rate is -1; expected pictures per second"),
+        (PNamed("wide"), "agent e, PNamed: fov is 'wide'; expected a number"),
         (PEye() + PEye(), "agent e, PEye: the agent has another camera"),
     ],
 )
@@ -165,7 +167,15 @@ def test_impossible_cameras_are_errors_that_name_their_agents(part, text):
 def test_cameras_in_the_scenery_unknown_symbols_and_missing_drivers_are_errors(monkeypatch):
     with pytest.raises(BodiesError, match="PEye: a camera has no agent; put it in the view"):
         joined().show(View(0, "eBodies", PEye(), {}))
-    with pytest.raises(BodiesError, match="PEyes is no camera of the vocabulary; expected PEye"):
+    with pytest.raises(BodiesError, match="Poster: squares of 0 m; expected metres above 0"):
+        Poster("cells", 0)
+    with pytest.raises(BodiesError, match="expected odometry on 'truth', found Image"):
+        pictures(
+            joined(poses="truth"), PCube(), PEye(), readings=(Image("e", b"", "png", 1, 1, 0.0),)
+        )
+    with pytest.raises(
+        BodiesError, match="PEyes is no camera of the vocabulary; expected PEye, PNamed"
+    ):
         joined(camera="PEyes")
 
     def fails(**_):
