@@ -343,8 +343,6 @@ class Cameras(Device, Generator, coupled=True):
         self.check(world)
         self._vocabulary, self._dt = world.vocabulary, world.dt
         self._lists = Lists(world.vocabulary, geometry_in_space(world.vocabulary))
-        # Here, where a missing driver is an error of the start, and not of a frame.
-        self._darkroom = Darkroom()
         if self._node is not None:
             self._node.open()
 
@@ -361,6 +359,8 @@ class Cameras(Device, Generator, coupled=True):
                     " service of its own with the options camera and images"
                 )
             twice.discard(each.owner)
+        # A member that lacks a driver when it joins is restarted, one that fails in a frame is not.
+        self._darkroom = self._darkroom or Darkroom()
         self._view, self._cameras = view, cameras
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:

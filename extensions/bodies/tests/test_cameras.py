@@ -183,7 +183,7 @@ def test_cameras_in_the_scenery_unknown_symbols_and_missing_drivers_are_errors(m
 
     monkeypatch.setattr("moderngl.create_context", fails)
     with pytest.raises(MisuseError, match=r"no driver for OpenGL 3.3 \(libEGL.so .* apt install"):
-        joined()
+        pictures(joined(), PCube(), PEye())
 
 
 def test_the_rover_reaches_a_marker_that_it_sees_in_pixels(tmp_path):
