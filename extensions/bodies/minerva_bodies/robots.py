@@ -33,10 +33,11 @@ from minerva_bus.grammar.scene import FigureNode, TransformationNode
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan, Sightings
 from minerva_bus.world.services import Tick, View, WorldInfo
+from minerva_services.options import takes_options
 from minerva_services.physics.body import DriveCommand, DriveOutcome
 from minerva_services.physics.encounters import Contact, Point
 from minerva_services.physics.sensors import camera
-from minerva_services.physics.service import Physics
+from minerva_services.physics.service import Physics, PhysicsOptions
 
 _FLOOR: Final = 0.5
 """Thickness of the floor and of the walls around a map, metres."""
@@ -267,7 +268,7 @@ class Rovers(Physics):
     Robots are vehicles among the walls of maps and the solids and joints of the string, with the
     commands, readings and events of the service `physics`; `bodies` describes what moves solids.
     A vehicle follows its commands with small deviations, which its motors correct; one that is
-    stopped gets `eCollision`.
+    stopped gets `eCollision`. Further options are `PhysicsOptions`.
 
     Args:
         height: of the sensors above the ground, metres; their plane tilts with the robot.
@@ -279,31 +280,12 @@ class Rovers(Physics):
         pose: the event type of poses of other bodies; "" for none.
         contact: the event type of contacts; "" for none.
         poses: topic of `Odometry` with the poses of robots as they are; "" for none.
-        beams: number of beams of each robot's laser.
-        fov: the laser's field of view in degrees, centred on the heading.
-        range_max: the laser's range in metres.
-        camera_fov: the camera's field of view in degrees, centred on the heading.
-        camera_range: the camera's range in metres.
-        laser_noise: standard deviation of the laser's distances in metres.
-        laser_dropout: probability, 0 to 1, that a beam does not return.
-        drive_noise: standard deviation of driven distances, relative.
-        turn_noise: standard deviation of turns in degrees.
-        camera_noise: standard deviation of the camera's distances in metres.
-        camera_angle_noise: standard deviation of the camera's angles in degrees.
-        alpha1: turn error from turning, as a variance.
-        alpha2: turn error from driving, rad²/m².
-        alpha3: distance error from driving.
-        alpha4: distance error from turning, m²/rad².
-        laser_short: probability of a beam that ends before its obstacle.
-        laser_decay: λ of these short ranges in 1/m.
-        laser_random: probability of a meaningless range.
-        camera_miss: probability that a visible marker is not recognised.
-        camera_mistake: probability that a recognised marker is taken for another.
 
     """
 
     by_agent = False
 
+    @takes_options(PhysicsOptions)
     def __init__(
         self,
         height: float = 0.25,
@@ -315,60 +297,20 @@ class Rovers(Physics):
         pose: str = "",
         contact: str = "",
         poses: str = "",
-        beams: int = 90,
-        fov: float = 360.0,
-        range_max: float = 8.0,
-        camera_fov: float = 70.0,
-        camera_range: float = 5.0,
-        laser_noise: float = 0.0,
-        laser_dropout: float = 0.0,
-        drive_noise: float = 0.0,
-        turn_noise: float = 0.0,
-        camera_noise: float = 0.0,
-        camera_angle_noise: float = 0.0,
-        alpha1: float = 0.0,
-        alpha2: float = 0.0,
-        alpha3: float = 0.0,
-        alpha4: float = 0.0,
-        laser_short: float = 0.0,
-        laser_decay: float = 1.0,
-        laser_random: float = 0.0,
-        camera_miss: float = 0.0,
-        camera_mistake: float = 0.0,
+        **options: Any,
     ) -> None:
         if not 0.0 < height < 1e3:
             raise BodiesError(f"rovers: height is {height}; expected metres above 0, as 0.25")
-        options = (gravity, draws, pose, contact)
-        self._space = _Space(*options, substeps=substeps, threads=threads, renew=renew)
+        types = draws, pose, contact
+        self._space = _Space(gravity, *types, substeps=substeps, threads=threads, renew=renew)
         self._height = height
-        super().__init__(
-            beams,
-            fov,
-            range_max,
-            camera_fov,
-            camera_range,
-            laser_noise,
-            laser_dropout,
-            drive_noise,
-            turn_noise,
-            camera_noise,
-            camera_angle_noise,
-            alpha1,
-            alpha2,
-            alpha3,
-            alpha4,
-            laser_short,
-            laser_decay,
-            laser_random,
-            camera_miss,
-            camera_mistake,
-        )
+        super().__init__(**options)
         self.draws, self._poses = (draws,), poses
         if poses:
             self.publishes = (*self.publishes, poses)
-        angles = np.radians(self._first + self._step * np.arange(beams))
+        angles = np.radians(self._first + self._step * np.arange(self._beams))
         cos, sin = portable.cos_sin(angles)
-        self._beam_axes = np.column_stack((cos, sin, np.zeros(beams)))
+        self._beam_axes = np.column_stack((cos, sin, np.zeros(self._beams)))
         self._driven_um = self._collisions = 0
 
     def generates(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ same.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
+from minerva_services.options import takes_options
 from minerva_services.physics.agent_lines import AGENTS, agent_lines
 from minerva_services.physics.arena import ArenaState
 from minerva_services.physics.body import DriveCommand, DriveOutcome
@@ -25,12 +27,9 @@ from minerva_services.physics.kept import KeptBody, kept_bodies
 from minerva_services.physics.noise import BeamModel, ErrorModels, MotionModel, Noise, SightingModel
 
 
-class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("eCollision",)):
-    """Executes the commands of each view in the following tick, and then measures.
-
-    `eCollision(shortfall)` notifies a robot that it was stopped, with the commanded distance that
-    it did not drive; also by what and where, if the world's type declares such data: see
-    `minerva_services.physics.collision_events`.
+@dataclass(frozen=True, slots=True)
+class PhysicsOptions:
+    """Options of robots' sensors, and of the errors of sensors and motors.
 
     Args:
         beams: number of beams of each robot's laser.
@@ -56,49 +55,61 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
 
     """
 
+    beams: int = 90
+    fov: float = 360.0
+    range_max: float = 8.0
+    camera_fov: float = 70.0
+    camera_range: float = 5.0
+    laser_noise: float = 0.0
+    laser_dropout: float = 0.0
+    drive_noise: float = 0.0
+    turn_noise: float = 0.0
+    camera_noise: float = 0.0
+    camera_angle_noise: float = 0.0
+    alpha1: float = 0.0
+    alpha2: float = 0.0
+    alpha3: float = 0.0
+    alpha4: float = 0.0
+    laser_short: float = 0.0
+    laser_decay: float = 1.0
+    laser_random: float = 0.0
+    camera_miss: float = 0.0
+    camera_mistake: float = 0.0
+
+
+class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("eCollision",)):
+    """Executes the commands of each view in the following tick, and then measures.
+
+    `eCollision(shortfall)` notifies a robot that it was stopped, with the commanded distance that
+    it did not drive; also by what and where, if the world's type declares such data: see
+    `minerva_services.physics.collision_events`. The options are those of `PhysicsOptions`.
+    """
+
     publishes = ("scan", "sightings")
     by_agent = True
 
-    def __init__(
-        self,
-        beams: int = 90,
-        fov: float = 360.0,
-        range_max: float = 8.0,
-        camera_fov: float = 70.0,
-        camera_range: float = 5.0,
-        laser_noise: float = 0.0,
-        laser_dropout: float = 0.0,
-        drive_noise: float = 0.0,
-        turn_noise: float = 0.0,
-        camera_noise: float = 0.0,
-        camera_angle_noise: float = 0.0,
-        alpha1: float = 0.0,
-        alpha2: float = 0.0,
-        alpha3: float = 0.0,
-        alpha4: float = 0.0,
-        laser_short: float = 0.0,
-        laser_decay: float = 1.0,
-        laser_random: float = 0.0,
-        camera_miss: float = 0.0,
-        camera_mistake: float = 0.0,
-    ) -> None:
-        self._beams = beams
-        self._first, self._step = _directions(beams, fov)
-        self._range_max = _positive("range_max", range_max)
-        self._camera_fov = _positive("camera_fov", camera_fov)
-        self._camera_range = _positive("camera_range", camera_range)
+    @takes_options(PhysicsOptions)
+    def __init__(self, **options: Any) -> None:
+        given = PhysicsOptions(**options)
+        self._beams = given.beams
+        self._first, self._step = _directions(given.beams, given.fov)
+        self._range_max = _positive("range_max", given.range_max)
+        self._camera_fov = _positive("camera_fov", given.camera_fov)
+        self._camera_range = _positive("camera_range", given.camera_range)
         self._errors = ErrorModels(
             Noise(
-                laser_noise,
-                laser_dropout,
-                drive_noise,
-                turn_noise,
-                camera_noise,
-                camera_angle_noise,
+                given.laser_noise,
+                given.laser_dropout,
+                given.drive_noise,
+                given.turn_noise,
+                given.camera_noise,
+                given.camera_angle_noise,
             ),
-            MotionModel(alpha1, alpha2, alpha3, alpha4),
-            BeamModel(laser_short, laser_decay, laser_random, laser_dropout),
-            SightingModel(camera_miss, camera_mistake),
+            MotionModel(given.alpha1, given.alpha2, given.alpha3, given.alpha4),
+            BeamModel(
+                given.laser_short, given.laser_decay, given.laser_random, given.laser_dropout
+            ),
+            SightingModel(given.camera_miss, given.camera_mistake),
         )
         self._begin()
 
