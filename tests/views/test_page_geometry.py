@@ -138,13 +138,20 @@ def test_the_house_is_drawn_alike():
 
 
 def test_the_legend_has_the_same_texts():
-    for scene, vocabulary in ((SCENE, WORDS), (house.scene({}), house.vocabulary)):
+    # Parts of one thing, in colours of their own, have one entry.
+    parts = {
+        name: Primitive(name, Disc(1.0, color, meaning="arm"))
+        for name, color in (("PLink", "#111111"), ("PCup", "#222222"))
+    }
+    robot = Scene(()) + parts["PLink"]() + parts["PCup"](), Vocabulary.of(*parts.values())
+    for scene, vocabulary in ((SCENE, WORDS), (house.scene({}), house.vocabulary), robot):
         page = of_the_page(scene, vocabulary)
         shown = Lists(vocabulary).picture(scene, {}).legend
         entries = [(entry.text, entry.on_dark) for entry in shown]
         assert sorted((entry["text"], entry["dark"]) for entry in page["entries"]) == sorted(
             entries
         )
+    assert entries == [("arm", False)]
 
 
 def test_a_figure_of_a_population_has_the_id_that_it_shows():

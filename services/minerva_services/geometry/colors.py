@@ -209,7 +209,10 @@ class DrawnColors:
 
 
 def legend(vocabulary: Vocabulary, colors: Mapping[str, Collection[str]]) -> Legend:
-    """The legend of a picture that shows primitives in these colours: things, then matrices."""
+    """The legend of a picture that shows primitives in these colours: things, then matrices.
+
+    A text is listed once: things of several colours have the swatch of the first.
+    """
     shapes = {name: p.shape for name, p in vocabulary.primitives.items() if name in colors}
     entries = [
         entry
@@ -219,7 +222,10 @@ def legend(vocabulary: Vocabulary, colors: Mapping[str, Collection[str]]) -> Leg
         # A swatch of several colours is a scale, which is understood as a whole.
         if len(entry.colors) != 1 or entry.colors[0] in colors[name]
     ]
-    return tuple(dict.fromkeys(entries))
+    first = dict[tuple[str, type[Shape]], LegendEntry]()
+    for entry in entries:
+        first.setdefault((entry.text, entry.shape), entry)
+    return tuple(first.values())
 
 
 def _entries(name: str, shape: Shape) -> Iterator[LegendEntry]:

@@ -26,12 +26,13 @@ export function include(drawn, { symbol, form, matrix, colours }) {
   return isNew || known.size > before;
 }
 
-/** The entries for what is drawn: `{text, form, colour}`, things first, then matrices. */
+/** The entries for what is drawn: `{text, form, colour}`, things first, then matrices; each text once. */
 export function legend(drawn, vocabulary) {
   const entries = [...drawn.keys()].sort().flatMap((symbol) => entriesOf(symbol, vocabulary, drawn.get(symbol)));
   const isGround = ({ form }) => form === "raster";
   const sorted = [...entries.filter((entry) => !isGround(entry)), ...entries.filter(isGround)];
-  return [...new Map(sorted.map((entry) => [JSON.stringify(entry), entry])).values()];
+  const isFirst = ({ text, form }, at) => sorted.findIndex((other) => other.text === text && other.form === form) === at;
+  return sorted.filter(isFirst);
 }
 
 function entriesOf(symbol, vocabulary, shown) {
