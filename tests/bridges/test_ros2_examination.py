@@ -39,7 +39,7 @@ def problems(service, *tokens):
     graph = RosGraph()
     for token in tokens:
         graph.update(token, is_there=True)
-    return dict(mismatches(graph, service.network, service.uses()))
+    return dict(mismatches(graph, service.network, service.uses))
 
 
 def test_a_robot_that_has_everything():
@@ -119,7 +119,7 @@ def test_check_warns_of_what_fits_no_robot(options, problem, tmp_path):
     assert problem in warning
     # In a log, and in the examination of a network, it is the first line.
     service = Ros2(ROUTER, **options)
-    (_, first), *_ = mismatches([], service.network, service.uses())
+    (_, first), *_ = mismatches([], service.network, service.uses)
     assert first in warning
 
 

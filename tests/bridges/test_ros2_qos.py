@@ -88,7 +88,7 @@ def test_transforms_that_a_robot_repeats_need_not_last():
     assert "add volatile to qos.tf_static" in problems(Ros2(ROUTER, **robot), *there)["tf"]
     asked = {"tf_static": "sensor_data"}
     assert problems(Ros2(ROUTER, qos=asked, **robot), *there) == {}
-    assert Ros2Robot(ROUTER, qos=asked).uses()[0].qos == Qos(reliable=False, depth=5)
+    assert Ros2Robot(ROUTER, qos=asked).uses[0].qos == Qos(reliable=False, depth=5)
 
 
 def test_a_robot_that_asks_for_more_than_it_is_sent_is_reported():

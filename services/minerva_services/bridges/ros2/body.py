@@ -15,7 +15,7 @@ from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
-from minerva_services.bridges.ros2.uses import TopicUse, misfits
+from minerva_services.bridges.ros2.uses import misfits
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.event_factory import EventFactory
@@ -93,18 +93,14 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
             check_positive("ros2", "rate", rate),
             qos,
         )
-        _check_topics(self._options)
+        topics = self._options.topics
+        network.name(topics.cmd_vel)
+        if topics.clock and not topics.odometry:
+            raise MisuseError("ros2_robot: a robot driven by a clock must publish odometry")
+        self.network, self.uses = network, self._options.uses()
+        """The robot's network, and the topics that it uses."""
         self._robot = robot
         self._begin()
-
-    @property
-    def network(self) -> Ros2Network:
-        """The robot's network."""
-        return self._options.network
-
-    def uses(self) -> tuple[TopicUse, ...]:
-        """The robot's topics that it uses."""
-        return self._options.uses()
 
     def _begin(self) -> None:
         self._base = MobileBase(self._options)
@@ -118,7 +114,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         """What fits no robot. Raises MisuseError without rosbags, or without the event."""
         messages()
         self._collision = EventFactory("ros2_robot", world, "eCollision", shortfall=Metres)
-        return [problem for _, problem in misfits(self.network, self.uses())]
+        return [problem for _, problem in misfits(self.network, self.uses)]
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)
@@ -188,13 +184,3 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
             )
         self._name = self._robot or (names[0] if names else self._name)
         return robots.get(self._name)
-
-
-def _check_topics(options: BaseOptions) -> None:
-    """Raise MisuseError for invalid topics."""
-    topics = options.topics
-    if topics.clock and not topics.odometry:
-        raise MisuseError("ros2_robot: a robot driven by a clock must publish odometry")
-    options.network.name(topics.cmd_vel)
-    for use in options.uses():
-        options.network.name(use.topic)

@@ -35,9 +35,9 @@ class RobotClient(Generator, Device, Counting, when="freely, each frame"):
 
     def __init__(self, network: Ros2Network, node: str, draws: str) -> None:
         Counting.__init__(self)
-        self.network, self._node, self.draws = network, node, (draws,)
+        self.network, self.draws = network, (draws,)
         self._work = queue.SimpleQueue[Callable[[], None]]()
-        self._link: NetworkLink | None = None
+        self._link = NetworkLink(network, node, self._declare, lambda: None, _POLL_SECONDS)
         self._session: Ros2Session | None = None
 
     def do(self, work: Callable[..., None], *arguments: Any) -> None:
@@ -47,7 +47,7 @@ class RobotClient(Generator, Device, Counting, when="freely, each frame"):
     @property
     def state(self) -> str:
         """State of the link to the network."""
-        return self._link.state if self._link is not None else "not open yet"
+        return self._link.state
 
     def report(self) -> Mapping[str, bool | int | float | str]:
         """Counts, and the state of the link."""
@@ -56,9 +56,6 @@ class RobotClient(Generator, Device, Counting, when="freely, each frame"):
     def joined(self, world: WorldInfo) -> None:
         """Start connecting; raises what `check` raises."""
         super().joined(world)
-        self._link = NetworkLink(
-            self.network, self._node, self._declare, lambda: None, _POLL_SECONDS
-        )
         self._link.start()
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
@@ -81,8 +78,7 @@ class RobotClient(Generator, Device, Counting, when="freely, each frame"):
 
     def close(self) -> None:
         """Leave the network."""
-        if self._link is not None:
-            self._link.close()
+        self._link.close()
 
     def _declare(self, session: Ros2Session) -> None:
         self._session = session

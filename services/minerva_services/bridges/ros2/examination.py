@@ -134,7 +134,7 @@ def _fit(name: str, service: Service) -> Iterator[Found]:
             if (problem := missing_server(everything, network, called, kind))
         ]
     else:
-        problems = list(mismatches(everything, network, service.uses()))
+        problems = list(mismatches(everything, network, service.uses))
     for option, problem in problems:
         yield f"{name}: {option}", False, problem
     if not problems:

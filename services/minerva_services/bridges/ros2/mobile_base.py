@@ -31,7 +31,7 @@ from minerva_services.bridges.ros2.driver import (
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
 from minerva_services.bridges.ros2.qos import DEFAULT
-from minerva_services.bridges.ros2.uses import TopicUse, transforms_uses, with_qos
+from minerva_services.bridges.ros2.uses import TopicUse, topic_uses, transforms_uses
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.conversion import Conversion, LivePlaces
@@ -117,7 +117,7 @@ class BaseOptions:
             TopicUse("clock", topics.clock, types.CLOCK, sends=True, qos=DEFAULT),
         )  # fmt: skip
         mounts = transforms_uses(self.network, needed=self.mount is None and bool(topics.scan))
-        return tuple(with_qos([*mounts, *(use for use in uses if use.topic)], self.qos))
+        return topic_uses(self.network, [*mounts, *uses], self.qos)
 
 
 class MobileBase:
@@ -141,22 +141,19 @@ class MobileBase:
         self._motors = Motors(options.map_frame, options.base, stamped=options.stamped)
         self._sent = STILL, time.monotonic()
         self._clock = ClockWatch()
-        self._link: NetworkLink | None = None
+        self._link = NetworkLink(
+            options.network, "minerva_motors", self._declare, self._beat, 1.0 / options.rate,
+            self._uses,
+        )  # fmt: skip
 
     def connect(self) -> None:
         """Start connecting to the robot, in a thread of the link."""
-        period = 1.0 / self._options.rate
-        network = self._options.network
-        self._link = NetworkLink(
-            network, "minerva_motors", self._declare, self._beat, period, self._uses
-        )
         self._link.start()
 
     def close(self) -> None:
         """Stop the motors and leave the network."""
         self.driver.stop()
-        if self._link is not None:
-            self._link.close()
+        self._link.close()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -167,7 +164,7 @@ class MobileBase:
     @property
     def state(self) -> str:
         """State of the link, as reported to people."""
-        state = self._link.state if self._link is not None else "not open yet"
+        state = self._link.state
         has_odometry = not self._options.topics.odometry or self.driver.has_odometry(self._now())
         return state if state != "open" or has_odometry else "open, but no odometry"
 
@@ -189,7 +186,7 @@ class MobileBase:
         now = time.monotonic()
         self.driver.begin(command, self._pacer.begin(seconds, now), now)
         # Otherwise the first velocity of the command would wait for the next beat.
-        self._wake()
+        self._link.wake()
         lost = False
         while (state := self.driver.state(time.monotonic())) is not State.DONE:
             if state is State.BLOCKED:
@@ -261,10 +258,6 @@ class MobileBase:
         """Seconds of the clock by which the robot drives."""
         return time.monotonic() if self._stepper is None else self._stepper.now
 
-    def _wake(self) -> None:
-        if self._link is not None:
-            self._link.wake()
-
     def _new_stepper(self) -> Stepper:
         topics = self._options.topics
 
@@ -274,7 +267,7 @@ class MobileBase:
             )
             return min(self.driver.track.latest, sensors)
 
-        return Stepper(self.driver, measured, self._wake, self._router)
+        return Stepper(self.driver, measured, lambda: self._link.wake(), self._router)
 
 
 NANOSECONDS: Final = 1_000_000_000

@@ -27,7 +27,7 @@ from minerva_services.bridges.ros2.graph import SEND_GOAL, Announced
 from minerva_services.bridges.ros2.layout import Ros2Network, check_name
 from minerva_services.bridges.ros2.network import Answer, Ros2Session
 from minerva_services.bridges.ros2.qos import DEFAULT
-from minerva_services.bridges.ros2.uses import TopicUse, missing_server, with_qos
+from minerva_services.bridges.ros2.uses import TopicUse, missing_server, topic_uses
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.definitions import (
@@ -168,13 +168,12 @@ class Ros2Navigation(RobotClient):
     ) -> None:
         super().__init__(Ros2Network(router, **network), "minerva_navigation", draws)
         check_name("an action", action)
-        self.network.name(action)
         self._goals = f"{action}/{SEND_GOAL}", f"{_ACTION}_SendGoal"
         uses = [
             TopicUse("goal", *self._goals, sends=True, qos=DEFAULT),
             TopicUse("feedback", f"{action}/_action/feedback", _FEEDBACK_MESSAGE),
         ]
-        self._of_goal, self._of_feedback = with_qos(uses, qos)
+        self._of_goal, self._of_feedback = topic_uses(self.network, uses, qos)
         self._robot, self._figure, self._action = robot, figure, action
         self._frame, self._behavior = frame, behavior
         self._feedback_event, self._result_event = feedback, result

@@ -443,11 +443,12 @@ class NetworkLink:
         self._declare, self._beat, self._seconds = declare, beat, seconds
         self._stop = threading.Event()
         self._wake = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread: threading.Thread | None = None
         self.state = "not open yet"
 
     def start(self) -> None:
         """Start connecting."""
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def wake(self) -> None:
@@ -458,7 +459,7 @@ class NetworkLink:
         """Leave the network after the last beat."""
         self._stop.set()
         self._wake.set()
-        if self._thread.is_alive():
+        if self._thread is not None:
             self._thread.join(5.0)
 
     def _run(self) -> None:

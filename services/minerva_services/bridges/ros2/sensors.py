@@ -20,8 +20,8 @@ from minerva_services.bridges.ros2.uses import (
     EVENTS,
     TopicUse,
     misfits,
+    topic_uses,
     transforms_uses,
-    with_qos,
 )
 from minerva_services.bridges.ros_messages import Frames, GarbageError
 from minerva_services.bridges.ros_messages.conversion import TOPICS, Conversion, LivePlaces
@@ -135,37 +135,33 @@ class Ros2(Bridge):
             "detections": (detections, DETECTIONS), "points": (points, POINTS),
             "ranges": (ranges, RANGE), "fix": (fix, FIX),
         }  # fmt: skip
-        sensors = [TopicUse(option, *about) for option, about in topics.items() if about[0]]
+        sensors = [TopicUse(option, *about) for option, about in topics.items()]
         self._options = {use.message: use.option for use in sensors}
-        self.publishes = tuple(sorted({TOPICS[use.message] for use in sensors}))
-        uses = [*transforms_uses(self.network, needed=self._mount is None), *sensors]
+        self.publishes = tuple(sorted({TOPICS[use.message] for use in sensors if use.topic}))
+        uses = [
+            *transforms_uses(self.network, needed=self._mount is None),
+            *sensors,
+            TopicUse("map", map, GRID, qos=LASTING),
+        ]
         self._events = dict[str, MessageTopic]()
         if map:
-            uses.append(TopicUse("map", map, GRID, qos=LASTING))
             # Each map counts, because the last one may stay for long.
             every = {"type": GRID, "event": map_event, "rate": sys.float_info.max}
             self._events[GRID] = MessageTopic("ros2: map", every)
-        uses = with_qos(uses, qos)
         for name, table in (events or {}).items():
             where = f"ros2: {EVENTS}{name}"
             topic = self._events[name] = MessageTopic(where, table)
             asked = asked_qos(f"{where}: qos", topic.qos, HEARING)
             uses.append(TopicUse(f"{EVENTS}{name}", name, topic.kind, qos=asked))
-        self._uses = uses
-        # Invalid names must fail here, not in the thread that connects.
-        for use in self._uses:
-            self.network.name(use.topic)
-
-    def uses(self) -> tuple[TopicUse, ...]:
+        self.uses = topic_uses(self.network, uses, qos)
         """The topics that it subscribes to."""
-        return tuple(self._uses)
 
     def check(self, world: WorldInfo) -> list[str]:
         """What fits no robot. Raises MisuseError without rosbags, or an event for maps."""
         messages()
         for topic in self._events.values():
             topic.check(world)
-        return [problem for _, problem in misfits(self.network, self.uses())]
+        return [problem for _, problem in misfits(self.network, self.uses)]
 
     def generates(self) -> tuple[str, ...]:
         """The event types of maps and of other messages."""
@@ -174,9 +170,9 @@ class Ros2(Bridge):
     def open(self) -> Source:
         """Raises SourceError if the network does not answer."""
         self._clocks = ClockWatch()
-        session = Ros2Session(self.network, "minerva_sensors", self.uses())
+        session = Ros2Session(self.network, "minerva_sensors", self.uses)
         source = _Listening(session, self)
-        for use in self.uses():
+        for use in self.uses:
             kind = use.topic if use.option.startswith(EVENTS) else use.message
             receive = source.receiver(kind, use.qos.depth)
             # A lasting message is sent again; one with bytes may go to other keys meanwhile.

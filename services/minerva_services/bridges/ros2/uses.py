@@ -66,19 +66,27 @@ EVENTS: Final = "events."
 """Begin of the options of topics that have tables of their own."""
 
 
-def with_qos(uses: Iterable[TopicUse], given: Mapping[str, Any] | None) -> list[TopicUse]:
-    """The topics with the quality of service that is given by option. Raises MisuseError."""
+def topic_uses(
+    network: Ros2Network, uses: Iterable[TopicUse], given: Mapping[str, Any] | None
+) -> tuple[TopicUse, ...]:
+    """The topics that are not empty, with the quality of service that is `given` by option.
+
+    Raises MisuseError, also for names that are none: not in the thread that connects.
+    """
     if not isinstance(given, Mapping | None):
         raise MisuseError(f'ros2: qos is {given!r:.60}; expected a table, {{scan = "sensor_data"}}')
     table, changed = dict(given or {}), list[TopicUse]()
     for use in uses:
+        if not use.topic and not use.option.startswith(EVENTS):
+            continue
+        network.name(use.topic)
         qos = asked_qos(f"qos.{use.name}", table.pop(use.name, None), use.qos)
         changed.append(replace(use, qos=qos))
     for name in table:
-        names = [use.name for use in changed]
+        names = [use.name for use in changed if not use.option.startswith(EVENTS)]
         near = nearest(name, names, f"it may have {', '.join(names)}")
         raise MisuseError(f"ros2: qos has {name!r}, which is no topic that is used{near}")
-    return changed
+    return tuple(changed)
 
 
 def transforms_uses(network: Ros2Network, *, needed: bool) -> tuple[TopicUse, TopicUse]:

@@ -21,7 +21,7 @@ from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
 from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
-from minerva_services.bridges.ros2.uses import TopicUse, misfits, with_qos
+from minerva_services.bridges.ros2.uses import TopicUse, misfits, topic_uses
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.messages import messages
@@ -143,34 +143,29 @@ class Ros2View(Device, Counting, draws=("ePicture",)):
             for option, (topic, message, usual) in out.items()
         ]
         uses.append(TopicUse("goal", goal, types.POSE_STAMPED, needed=False))
-        self._uses = with_qos([use for use in uses if use.topic], qos)
-        for use in self._uses:
-            self.network.name(use.topic)
+        self.uses = topic_uses(self.network, uses, qos)
+        """The topics for RViz."""
+
         # Each objective that is published would come back as an order.
         if goal and goal == objective:
             raise MisuseError("ros2_view: goal and objective must be different topics")
         self._robot, self._radius = robot, radius
         self._event, self._frame = event, frame
         self.when = f"each {every} frames" if every else ""
-        self._link: NetworkLink | None = None
+        self._link = NetworkLink(
+            self.network, "minerva_view", self._declare, lambda: None, _BEAT_SECONDS, self.uses
+        )
         self._publishers: dict[str, TopicPublisher] = {}
         self._picture: MapPicture | None = None
-
-    def uses(self) -> tuple[TopicUse, ...]:
-        """The topics for RViz."""
-        return tuple(self._uses)
 
     def check(self, world: WorldInfo) -> list[str]:
         """What fits no robot. Raises MisuseError if rosbags is missing."""
         messages()
-        return [problem for _, problem in misfits(self.network, self.uses())]
+        return [problem for _, problem in misfits(self.network, self.uses)]
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)
         self._world = world
-        self._link = NetworkLink(
-            self.network, "minerva_view", self._declare, lambda: None, _BEAT_SECONDS, self.uses()
-        )
         self._link.start()
 
     def show(self, view: View) -> None:
@@ -194,13 +189,11 @@ class Ros2View(Device, Counting, draws=("ePicture",)):
 
     def report(self) -> dict[str, bool | int | float | str]:
         """State of the link, and the number of goals that became orders."""
-        state = self._link.state if self._link is not None else "not open yet"
-        return {**self.counts, "source": state}
+        return {**self.counts, "source": self._link.state}
 
     def close(self) -> None:
         """Leave the network."""
-        if self._link is not None:
-            self._link.close()
+        self._link.close()
 
     def _of_robot(self, view: View, picture: MapPicture) -> MapPicture:
         part: Scene | None = view.parts.get(self._robot) if self._robot else None
@@ -212,7 +205,7 @@ class Ros2View(Device, Counting, draws=("ePicture",)):
 
     def _declare(self, session: Ros2Session) -> None:
         publishers = dict[str, TopicPublisher]()
-        for use in self._uses:
+        for use in self.uses:
             if use.sends:
                 publishers[use.message] = session.publisher(use.topic, use.message, use.qos)
             else:
