@@ -1,5 +1,7 @@
 """Bridges with nodes of each distribution of ROS 2, as they behave on the network."""
 
+from threading import Event
+
 import numpy as np
 import pytest
 
@@ -22,7 +24,7 @@ from tests.bridges.ros2_peers import (
     Node,
 )
 from tests.bridges.ros2_rig import free_endpoint, network, scan, transforms
-from tests.patience import eventually
+from tests.patience import eventually, patience
 
 
 def image(shade):
@@ -127,6 +129,33 @@ def test_messages_lost_on_the_way_are_counted_by_publisher(capsys):
                 put(number, gid)
             running.wait_for(lambda: running.counted("lost on the way") == 3, "three are counted")
     assert capsys.readouterr().out.count("messages of scan are lost on the way") == 1
+
+
+def test_images_that_are_too_many_are_lost_on_the_way_and_counted():
+    with network() as (endpoint, hub), Node(endpoint) as robot:
+        key = robot.key("/camera", types.IMAGE)[1]
+        data, heard, lost, routed, go = bytes(1 << 20), [], [], [], Event()
+        session = Ros2Session(Ros2Network(endpoint), "camera")
+        hub.declare_subscriber(key, routed.append)
+
+        def receive(payload):
+            heard.append(payload)
+            go.wait(patience(20))
+
+        session.subscribe("camera", types.IMAGE, receive, lost=lost.append)
+
+        def put(number):
+            robot.session.put(key, data, attachment=Attachment(number, 0, b"a" * 16).packed())
+
+        eventually(lambda: put(1) or heard, "an image")
+        before = len(routed)
+        for number in range(2, 42):
+            put(number)
+            eventually(lambda: len(routed) > before + number - 2, "it is in the router")  # noqa: B023
+        go.set()
+        # What has come has waited in buffers of the network, not in a queue of 256 messages.
+        eventually(lambda: put(42) or sum(lost) > 20, "most are lost")
+        session.close()
 
 
 def drive(motors, speed):

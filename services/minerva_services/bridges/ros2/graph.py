@@ -136,6 +136,10 @@ class RosGraph:
         with self._lock:
             return iter(list(self._announced.values()))
 
+    def shares(self, topic: str) -> bool:
+        """Whether a publisher of a topic shares memory."""
+        return any(each.buffered for each in self if (each.kind, each.topic) == (PUBLISHER, topic))
+
     def hashes(self, topic: str, message: str) -> set[str]:
         """The hashes that subscriptions to a topic expect."""
         return {

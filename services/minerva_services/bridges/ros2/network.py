@@ -271,13 +271,19 @@ class Ros2Session:
         `lost` receives how many messages are missing before one that arrives. Raises SourceError
         if the session is lost.
         """
-        gaps = Gaps()
+        gaps, has_bytes = Gaps(), messages().has_bytes(message)
+        name = f"/{self.network.name(topic)}"
 
         def on_sample(sample: zenoh.Sample) -> None:
-            if lost is not None and (missing := gaps.before(sample.attachment)):
+            missing = 0 if lost is None else gaps.before(sample.attachment)
+            # Nodes that share memory may send some messages to other keys.
+            if missing and lost is not None and not (has_bytes and self.graph.shares(name)):
                 lost(missing)
             receive(sample.payload.to_bytes())
 
+        # Zenoh would keep 256 messages for a thread of its own, which are gigabytes of images. In
+        # the thread that receives them, its network drops what is too much.
+        handler = zenoh.handlers.Callback(on_sample, indirect=not has_bytes)
         pattern = self.network.pattern(topic, message)
         # A publisher of /tf_static may start later than this subscription.
         history = zenoh.ext.HistoryConfig(
@@ -291,11 +297,13 @@ class Ros2Session:
                 zenoh.ext.declare_advanced_subscriber,
                 self._session, history=history, recovery=recovery if qos.reliable else None,
             )  # fmt: skip
-        self._declared.append(_declared(topic, declare, pattern, on_sample))
-        buffered = self._is_buffered(message, qos)
+        self._declared.append(_declared(topic, declare, pattern, handler))
+        # From Lyrical on, nothing is sent to a subscription without a list of the memory that it
+        # understands. Lasting messages are never shared.
+        buffered = has_bytes and not qos.lasting and self.network.layout == "rmw_zenoh"
         if buffered:
             shared = self.network.buffered_pattern(topic, message)
-            self._declared.append(_declared(topic, declare, shared, on_sample))
+            self._declared.append(_declared(topic, declare, shared, handler))
         self._announce(self._token("MS", topic, message, qos, buffered=buffered))
 
     def publisher(self, topic: str, message: str, qos: Qos = DEFAULT) -> TopicPublisher:
@@ -384,15 +392,6 @@ class Ros2Session:
             for declaration in reversed(self._declared):
                 declaration.undeclare()
         self._session.close()
-
-    def _is_buffered(self, message: str, qos: Qos) -> bool:
-        """Whether a publisher of Lyrical or later shares memory with subscriptions of a type.
-
-        It publishes nothing for a subscription without a list of the memory that it understands.
-        Lasting messages are never shared.
-        """
-        shared = self.network.layout == "rmw_zenoh" and not qos.lasting
-        return shared and messages().has_bytes(message)
 
     def _token(
         self, kind: Any, topic: str, message: str, qos: Qos, type_hash: str = "",

@@ -175,12 +175,9 @@ class Ros2(Bridge):
         for use in self.uses:
             kind = use.topic if use.option.startswith(EVENTS) else use.message
             receive = source.receiver(kind, use.qos.depth)
-            # A lasting message is sent again; one with bytes may go to other keys meanwhile.
-            numbered = not use.qos.lasting and not messages().has_bytes(use.message)
-            session.subscribe(
-                use.topic, use.message, receive, use.qos,
-                lost=partial(self.lost, use.topic) if numbered else None,
-            )  # fmt: skip
+            # A lasting message is sent again.
+            lost = None if use.qos.lasting else partial(self.lost, use.topic)
+            session.subscribe(use.topic, use.message, receive, use.qos, lost=lost)
         return source
 
     def lost(self, topic: str, missing: int) -> None:
