@@ -304,6 +304,10 @@ class Engine:
                 left, right = self._owners[pair.collider1], self._owners[pair.collider2]
                 both = (left, right) if left < right else (right, left)
                 touching[both] = touching.get(both, 0.0) + pair.total_impulse_magnitude()
+        for first, second, is_within in self._world.narrow_phase.intersection_pairs():
+            if is_within:  # One of them is a sensor.
+                left, right = sorted((self._owners[first], self._owners[second]))
+                touching.setdefault((left, right), 0.0)
         # Rapier's order of pairs depends on its history.
         self.touching = {
             pair: (impulse, self.touching.get(pair, (0.0, 0))[1] + 1)
@@ -462,11 +466,13 @@ class Engine:
             if isinstance(error, BodiesError | KeyboardInterrupt | SystemExit):
                 raise
             raise BodiesError(f"agent {name!r}: {form} {sizes!r:.60}: {error}") from None
+        types = self.library.ActiveCollisionTypes
         return (
             built.density(density)
             .friction(friction)
             .restitution(restitution)
             .sensor(bool(sensor))
+            .active_collision_types(types.all() if sensor else types.default_types())
             .collision_groups(_groups(self.library, int(group)))
             .position(_isometry(self.library, at.numbers))
         )
@@ -512,12 +518,12 @@ def _isometry(rapier: Any, numbers: Sequence[float]) -> Any:
 
 
 def _groups(rapier: Any, group: int) -> Any:
-    """Solids of a group meet all but each other."""
+    """Solids of a group meet all but each other; those of group -1 meet nothing."""
     if not group:
         return rapier.InteractionGroups.all()
-    own = 1 << group
+    own = 1 << group if group > 0 else 0
     return rapier.InteractionGroups(
-        rapier.Group.from_bits(own), rapier.Group.from_bits(0xFFFFFFFF ^ own)
+        rapier.Group.from_bits(own), rapier.Group.from_bits(0xFFFFFFFF ^ own if own else 0)
     )
 
 

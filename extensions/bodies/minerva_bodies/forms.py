@@ -53,8 +53,9 @@ class Matter:
         restitution: from 0 to 1; of two solids, the mean counts.
         fixed: it never moves; so is all scenery.
         kinematic: it follows its pose in the string, and nothing stops it.
-        sensor: it reports contacts and stops nothing.
-        group: from 1 to 31: solids of one group do not collide with each other; 0: with all.
+        sensor: it reports contacts with solids of all kinds, and stops nothing.
+        group: from 1 to 31: solids of one group do not collide with each other; 0: with all, -1:
+            with none.
 
     """
 
@@ -80,8 +81,8 @@ class Matter:
             raise BodiesError(
                 f"{self}: physics cannot move a solid without mass; expected density > 0"
             )
-        if not 0 <= self.group <= 31:
-            raise BodiesError(f"{self}: expected a group from 0 to 31")
+        if not -1 <= self.group <= 31:
+            raise BodiesError(f"{self}: expected a group from -1 to 31")
 
     @property
     def measures(self) -> tuple[float, ...]:

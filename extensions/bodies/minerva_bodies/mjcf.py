@@ -441,7 +441,7 @@ class _Reader(RobotReader):
     def _point(self, element: Element, link: str, mass: float) -> Scene:
         """A mass at the place of an element, which touches nothing."""
         solid = LinkSolid.ball(_POINT, self._place(element))
-        matter = Matter(mass / solid.volume, fixed=self.fixes, sensor=True)
+        matter = Matter(mass / solid.volume, fixed=self.fixes, sensor=True, group=-1)
         return self.shown(link, [(element, solid, matter, self.color)], Rigid())
 
     def _joint(self, joint: Element, link: str, parent: str, here: Rigid) -> None:
@@ -543,7 +543,7 @@ class _Reader(RobotReader):
 
     def _matter(self, element: Element, density: float, fixed: bool) -> Matter:
         if element.tag == "inertial":
-            return Matter(density, fixed=fixed, sensor=True)
+            return Matter(density, fixed=fixed, sensor=True, group=-1)
         friction = 1.0
         if "friction" in element.attributes:
             friction = self._some(element, "friction", 1, 3)[0]

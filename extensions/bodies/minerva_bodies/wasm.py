@@ -40,8 +40,8 @@ _ORDER: Final = (0, 1, 2, 6, 3, 4, 5, *range(7, _ROW))
 _PAGES: Final = 2048
 _HANDLES, _LIST, _RESULTS = 0, 8 << 20, 16 << 20
 """Places of the memory that is shared: handles, those that a call lists, and what is read."""
-_COLLISIONS: Final = 15
-"""Pairs of bodies that may touch: all but those of which none is dynamic."""
+_COLLISIONS, _MEETINGS = 15, 60975
+"""Pairs of bodies that may touch: all but those of which none is dynamic, or all."""
 _ALL: Final = 0xFFFFFFFF
 _SETS: Final = (
     *("integrationparameters", "islandmanager", "broadphase", "narrowphase", "rigidbodyset"),
@@ -72,6 +72,10 @@ _READER: Final = """(module
   (import "rapier" "rawislandmanager_forEachActiveRigidBodyHandle" (func $each (param i32 i32)))
   (import "rapier" "rawnarrowphase_contact_pairs_with" (func $others (param i32 f64 i32)))
   (import "rapier" "rawnarrowphase_contact_pair" (func $pair (param i32 f64 f64) (result i32)))
+  (import "rapier" "rawnarrowphase_intersection_pairs_with"
+    (func $within (param i32 f64 i32)))
+  (import "rapier" "rawnarrowphase_intersection_pair"
+    (func $overlap (param i32 f64 f64) (result i32)))
   (import "rapier" "rawcontactpair_numContactManifolds" (func $manifolds (param i32) (result i32)))
   (import "rapier" "rawcontactpair_contactManifold"
     (func $manifold (param i32 i32) (result i32)))
@@ -114,6 +118,29 @@ _READER: Final = """(module
         (local.set $from (i32.add (local.get $from) (i32.const 8)))
         (br $next))))
     (i32.shr_u (i32.sub (local.get $to) (local.get $begin)) (i32.const 3)))
+  (func (export "overlaps") (param $narrow i32) (param $from i32) (param $count i32)
+    (param $list i32) (param $to i32) (result i32)
+    (local $at i32) (local $begin i32)
+    (local.set $begin (local.get $to))
+    (loop $next
+      (if (local.get $count) (then
+        (local.set $at (local.get $list))
+        (global.set $end (local.get $list))
+        (call $within (local.get $narrow) (f64.load (local.get $from)) (i32.const 0))
+        (loop $other
+          (if (i32.lt_u (local.get $at) (global.get $end)) (then
+            (if (call $overlap
+                (local.get $narrow) (f64.load (local.get $from)) (f64.load (local.get $at)))
+              (then
+                (f64.store (local.get $to) (f64.load (local.get $from)))
+                (f64.store offset=8 (local.get $to) (f64.load (local.get $at)))
+                (local.set $to (i32.add (local.get $to) (i32.const 16)))))
+            (local.set $at (i32.add (local.get $at) (i32.const 8)))
+            (br $other))))
+        (local.set $from (i32.add (local.get $from) (i32.const 8)))
+        (local.set $count (i32.sub (local.get $count) (i32.const 1)))
+        (br $next))))
+    (i32.shr_u (i32.sub (local.get $to) (local.get $begin)) (i32.const 4)))
   (func (export "contacts") (param $narrow i32) (param $from i32) (param $count i32)
     (param $list i32) (param $to i32) (result i32)
     (local $solid f64) (local $other f64) (local $at i32) (local $pair i32) (local $manifold i32)
@@ -285,6 +312,15 @@ class _Rapier:
             self._store, narrow, _HANDLES, len(solids), _LIST, _RESULTS
         )
         return [_Contact(*row) for row in self._read(3 * count, "<f8").reshape(count, 3).tolist()]
+
+    def overlaps(self, narrow: int, sensors: Sequence[float]) -> list[tuple[float, float, bool]]:
+        """Pairs of a sensor and what is within it; those of two sensors twice."""
+        self._shared.write(self._store, np.asarray(sensors, "<f8").tobytes(), _HANDLES)
+        count = self._reader["overlaps"](
+            self._store, narrow, _HANDLES, len(sensors), _LIST, _RESULTS
+        )
+        pairs = self._read(2 * count, "<f8").reshape(count, 2).tolist()
+        return [(first, second, True) for first, second in pairs]
 
     def stack(self, size: int) -> int:
         """The address of the stack after it has grown downwards by a negative number of bytes."""
@@ -529,8 +565,10 @@ class _Space:
         self.colliders = self.sets["colliderset"]
         self.rigid_bodies, self.impulse_joints = _Bodies(self), _Joints(self)
         self.integration_parameters = SimpleNamespace(dt=0.0)
-        self.narrow_phase = SimpleNamespace(contact_pairs=self._contacts)
-        self._solids = dict[float, None]()
+        self.narrow_phase = SimpleNamespace(
+            contact_pairs=self._contacts, intersection_pairs=self._overlaps
+        )
+        self._solids = dict[float, bool]()  # Whether they are sensors.
         self.quarantine = SimpleNamespace(bodies=list[_Handle]())
 
     def set_num_threads(self, threads: int) -> None:
@@ -548,6 +586,10 @@ class _Space:
 
     def _contacts(self) -> list[_Contact]:
         return self.rapier.contacts(self.sets["narrowphase"], list(self._solids))
+
+    def _overlaps(self) -> list[tuple[float, float, bool]]:
+        sensors = [solid for solid, is_sensor in self._solids.items() if is_sensor]
+        return self.rapier.overlaps(self.sets["narrowphase"], sensors)
 
     def active_bodies(self) -> list[_Handle]:
         return [*map(_Handle, self.rapier.awake(self.sets["islandmanager"]))]
@@ -589,13 +631,13 @@ class _Space:
         self.rapier(
             "colliderset_createCollider",
             *(to, self.colliders, True, shape, tuple(place), tuple(turn)),
-            *(*mass, *surface, groups, -1, _COLLISIONS, 0, 0, 0.0, 0.0),
+            *(*mass, *surface, groups, -1, given["active_collision_types"], 0, 0, 0.0, 0.0),
             *(True, body, self.sets["rigidbodyset"]),
         )
         handle = self.rapier.number(to + 8)
         self.rapier.stack(16)
         self.rapier.free("shape", shape)
-        self._solids[handle] = None
+        self._solids[handle] = bool(given["sensor"])
         return handle
 
     def _shape(self, solid: _Description) -> int:
@@ -641,6 +683,9 @@ class WasmEngine(Engine):
         Isometry3=_Pose,
         Rotation3=_rotation,
         InteractionGroups=_Groups,
+        ActiveCollisionTypes=SimpleNamespace(
+            all=lambda: _MEETINGS, default_types=lambda: _COLLISIONS
+        ),
         Group=SimpleNamespace(from_bits=int),
         GenericJointBuilder=_Description,
         JointAxis=SimpleNamespace(LIN_X=0, ANG_X=3, ANG_Y=4, ANG_Z=5),

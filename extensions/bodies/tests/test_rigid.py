@@ -55,7 +55,7 @@ GOLDEN = [
     [
         (lambda: Matter(density=0), "without mass"),
         (lambda: Matter(restitution=2), "restitution from 0 to 1"),
-        (lambda: Matter(group=32), "a group from 0 to 31"),
+        (lambda: Matter(group=32), "a group from -1 to 31"),
         (lambda: Box(1, 0, 1), "a size is 0"),
         (lambda: Box(1, math.nan, 1), "a size is nan"),
         (lambda: Command("shove", 0, 0, 0), "expected one of force"),
