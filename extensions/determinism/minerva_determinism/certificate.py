@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import platform
-import shlex
 import subprocess
 import sys
 import time
@@ -166,7 +165,7 @@ class CertificatePlan:
     Args:
         frames: of each run.
         processes: further numbers of processes for each kind of agents, for the first world.
-        pythons: commands of other interpreters, in words.
+        pythons: commands of other interpreters, in words, by the name of their check.
         until: the time on the monotonic clock at which no further check begins, seconds.
         shown: called with each check.
 
@@ -174,7 +173,7 @@ class CertificatePlan:
 
     frames: int
     processes: Sequence[int]
-    pythons: Sequence[Sequence[str]]
+    pythons: Mapping[str, Sequence[str]]
     until: float
     shown: Callable[[Check], None]
 
@@ -232,8 +231,8 @@ class _World:
             yield self._timed(layout.name, partial(self._run, layout, number))
         yield self._timed("recomputed from its record", self._recompute)
         yield self._timed(f"a death at each message of {DEADLY_FRAMES} frames", self._die)
-        for words in self._plan.pythons:
-            yield self._timed(shlex.join(words), partial(self._elsewhere, words))
+        for name, words in self._plan.pythons.items():
+            yield self._timed(name, partial(self._elsewhere, words))
 
     def _layouts(self, first: bool) -> Iterator[Layout]:
         count = len(self._digests)
@@ -321,7 +320,8 @@ class _World:
         except OSError as error:
             return Check(self._spec, "", LEFT_OUT, lines=(f"{words[0]}: {error.strerror}",))
         if done.returncode:
-            return Check(self._spec, "", LEFT_OUT, lines=_said(done.stderr)[-1:])
+            # The last line of a traceback is its error.
+            return Check(self._spec, "", LEFT_OUT, lines=_said(done.stderr[-500:])[-1:])
         digests = done.stdout.split()
         for frame, (here, there) in enumerate(zip(self._digests, digests, strict=False)):
             if here != there:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -13,10 +13,28 @@ from minerva_bus.cli.output import FAILED, print_json, print_message, print_resu
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
 from minerva_determinism.certificate import SAME, TITLES, CertificatePlan, Check, certify
+from minerva_determinism.emulation import emulated
 from minerva_determinism.report import page
 from minerva_determinism.suspects import causes
 
 WIDTHS: Final = (44, 9, 9, 17, 7)
+
+
+def interpreters(
+    commands: Sequence[str], architecture: str, folder: Path | None
+) -> Mapping[str, Sequence[str]]:
+    """Commands of other interpreters, by the name of their check; one may be emulated.
+
+    Raises MisuseError if it cannot be emulated.
+    """
+    pythons = {command: shlex.split(command) for command in commands}
+    if architecture and folder is not None:
+        if not folder.exists():
+            print_message(f"making a Python for {architecture} in {folder}")
+        pythons[f"emulated {architecture}"] = [*emulated(architecture, folder)]
+    elif architecture or folder is not None:
+        raise MisuseError("--emulate and --setup need each other: a processor, and its folder")
+    return pythons
 
 
 def make_certificate(
@@ -24,7 +42,7 @@ def make_certificate(
     frames: int,
     minutes: float,
     processes: Sequence[int],
-    pythons: Sequence[str],
+    pythons: Mapping[str, Sequence[str]],
     report: Path | None,
     as_json: bool,
 ) -> int:
@@ -36,10 +54,9 @@ def make_certificate(
         if report.suffix != ".html":
             raise MisuseError(f"--report {report}: the name of the page ends with .html")
         check_output(report)
-    commands = [shlex.split(words) for words in pythons]
     until = time.monotonic() + 60 * minutes
     shown = _Rows(as_json)
-    made = certify(worlds, CertificatePlan(frames, processes, commands, until, shown))
+    made = certify(worlds, CertificatePlan(frames, processes, pythons, until, shown))
     if report is not None:
         write_output(report, page(made).encode())
     if as_json:

@@ -37,6 +37,7 @@ def determinism(
     "minerva certify garden.toml --report certificate.html",
     "minerva certify meadow --processes 16 --processes 64",
     "minerva certify meadow --python python3.13",
+    "minerva certify meadow --emulate aarch64 --setup arm",
 )
 def certify(
     worlds: Annotated[
@@ -65,6 +66,20 @@ def certify(
             " be repeated.",
         ),
     ] = None,
+    emulate: Annotated[
+        str,
+        typer.Option(
+            metavar="PROCESSOR",
+            help="Also run on this processor, which QEMU emulates: aarch64.",
+        ),
+    ] = "",
+    setup: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the Python for this processor; it is made if it is not there, in a few"
+            " minutes.",
+        ),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(help="Also write the certificate as a page, .html.")
     ] = None,
@@ -76,9 +91,8 @@ def certify(
     The exit code is 1 if something differs, fails or has no time left. The worlds are recorded,
     which needs the extra `record`.
     """
-    from minerva_determinism.certify_command import make_certificate
+    from minerva_determinism.certify_command import interpreters, make_certificate
 
-    code = make_certificate(
-        worlds or [], frames, minutes, processes or [], python or [], report, json
-    )
+    pythons = interpreters(python or [], emulate, setup)
+    code = make_certificate(worlds or [], frames, minutes, processes or [], pythons, report, json)
     raise typer.Exit(code)

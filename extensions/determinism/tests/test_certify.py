@@ -3,14 +3,18 @@
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
 import time
 
 import pytest
 
+from minerva_bus.errors import MisuseError
 from minerva_bus.launch.world_files import read_world_file
 from minerva_determinism.certificate import FAILS, LEFT_OUT, NO_TIME, SAME, CertificatePlan, certify
+from minerva_determinism.certify_command import interpreters
+from minerva_determinism.emulation import emulated
 from minerva_determinism.positions import WHEN, deaths
 
 pytest.importorskip("mcap")
@@ -80,7 +84,7 @@ def plan(**changes):
     defaults = {
         "frames": 12,
         "processes": (),
-        "pythons": (),
+        "pythons": {},
         "until": math.inf,
         "shown": shown.append,
     }
@@ -108,6 +112,30 @@ def test_a_world_is_certified_in_all_layouts(world, tmp_path):
     text = page.read_text(encoding="utf-8")
     assert text.count("<tr>") == 1 + len(results)
     assert made["verdict"] in text
+
+
+def test_a_processor_that_cannot_be_emulated_is_refused(tmp_path):
+    with pytest.raises(MisuseError, match="expected one of: aarch64"):
+        emulated("sparc", tmp_path)
+    with pytest.raises(MisuseError, match="need each other"):
+        interpreters([], "aarch64", None)
+    (tmp_path / "bin").mkdir()
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("PATH", str(tmp_path / "bin"))
+        with pytest.raises(MisuseError, match="apt install qemu-user-static"):
+            emulated("aarch64", tmp_path)
+        (qemu := tmp_path / "bin" / "qemu-aarch64").write_text("")
+        qemu.chmod(0o755)
+        with pytest.raises(MisuseError, match="remove the folder"):
+            emulated("aarch64", tmp_path)
+
+
+@pytest.mark.slow  # A minute of downloads, half a minute of emulation.
+@pytest.mark.skipif(not shutil.which("qemu-aarch64-static"), reason="qemu-user is not installed")
+def test_a_world_is_the_same_on_another_processor(world, tmp_path):
+    pythons = interpreters([], "aarch64", tmp_path / "arm")
+    made = certify([str(world("distant_garden"))], plan(frames=3, pythons=pythons))
+    assert (made.checks[-1].name, made.checks[-1].result) == ("emulated aarch64", SAME)
 
 
 def test_a_death_loses_state_that_is_not_saved(world):
