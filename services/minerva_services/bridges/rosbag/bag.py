@@ -167,8 +167,8 @@ class Bag:
         if not (chosen or events):
             there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(known.items()))
             raise RecordingError(
-                f"{self.path}: nothing to play; expected one of {', '.join(TOPICS)};"
-                f" available: {there or 'no topics'}"
+                f"{self.path}: nothing to play; expected one of {', '.join(TOPICS)}, or the"
+                f" option events for others; available: {there or 'no topics'}"
             )
         for connection in self._reader.connections:
             name, kind = connection.topic, _kind(connection)
