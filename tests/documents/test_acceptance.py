@@ -6,9 +6,18 @@ from functools import partial
 import numpy as np
 import pytest
 
-from tools.acceptance import routing
+from tools.acceptance import library, routing
 from tools.acceptance.__main__ import PAGE, SUITES, main, section
 from tools.acceptance.suite import LFS_POINTER, Outcome
+
+FIGURES = {
+    "ants": {"pile 1": 104, "pile 2": 108, "pile 3": 98},
+    "flocking": {"order": 0.14, "distance": 5.37},
+    "heatbugs": {"unhappiness": 23.0, "median": 22.31, "distance": 5.03},
+    "wolf_sheep": {"sheep": 48, "wolves": 57, "grass": 71},
+    "aids": {"infected": 8, "known": 0, "coupled": 36},
+}
+"""Statistics of models after the first steps."""
 
 
 def play(monkeypatch, capsys, folder, *names):
@@ -67,3 +76,20 @@ def test_robots_pass_each_other_in_a_corridor():
     result = routing.played("corridor", [".......", "@@@.@@@"], ends, ends[::-1])
     assert result.outcome is Outcome.PASSED
     assert 7 < int(result.figures["makespan"]) < 20
+
+
+def test_statistics_differ_if_their_distributions_do():
+    numbers = list(map(float, range(40)))
+    outcomes = [
+        library.compared("size", numbers, [other + shift for other in numbers], 0.01).outcome
+        for shift in (3, 30)
+    ]
+    assert outcomes == [Outcome.PASSED, Outcome.FAILED]
+
+
+@pytest.mark.parametrize(("name", "steps"), [("ants", 3), ("flocking", 2), ("heatbugs", 2),
+                                             ("wolf_sheep", 3), ("aids", 3)])  # fmt: skip
+def test_models_of_netlogo_take_steps(name, steps):
+    with pytest.importorskip("minerva_fast").interpreted():
+        figures = library.figures(name, 1, steps)
+    assert {key: round(number, 2) for key, number in figures.items()} == FIGURES[name]

@@ -23,6 +23,7 @@ from tools.acceptance.bags import ROSBAG2
 from tools.acceptance.codec import MSGPACK
 from tools.acceptance.environments import FARAMA
 from tools.acceptance.federates import HELICS
+from tools.acceptance.library import NETLOGO
 from tools.acceptance.maps import NAV2
 from tools.acceptance.messaging import PAHO
 from tools.acceptance.models import REFERENCE_FMUS
@@ -49,6 +50,7 @@ SUITES = {
         CONFORMANCE,
         MAPF,
         FARAMA,
+        NETLOGO,
     )
 }
 

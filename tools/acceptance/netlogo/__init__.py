@@ -1,0 +1,1 @@
+"""Models of the NetLogo library as worlds, written from their published descriptions."""
