@@ -2,7 +2,7 @@
 
 datasets                  `export_dataset`, and the interface of the formats
 sources                   what several formats read and check
-rosbag, ros_readings      a bag of ROS 2
+rosbag                    a bag of ROS 2
 rerun                     a file for Rerun
 lerobot and the others    a data set of LeRobot
 command, export_command   `minerva export`

@@ -28,9 +28,9 @@ from minerva_bus.log.channels import time_of
 from minerva_bus.log.record import Record
 from minerva_bus.world.readings import Mount, Reading
 from minerva_exporters.datasets import ExportChoice, ExportProgress
-from minerva_exporters.ros_readings import frame_of, message_of, mount_of
 from minerva_exporters.sources import RecordFrames, new_folder, only_record
 from minerva_services.bridges.ros_messages.messages import TRANSFORMS, messages
+from minerva_services.bridges.ros_messages.sending import frame_of, message_of, mount_of
 from minerva_services.options import require
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Conversion of ROS messages to readings, shared by ROS 1 and ROS 2, bags and networks."""
+"""Conversion of ROS messages to readings and back, shared by ROS 1 and 2, bags and networks."""
 
 from minerva_services.bridges.ros_messages.frames import Frames, GarbageError, SensorMount
 

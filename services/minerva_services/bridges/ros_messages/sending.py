@@ -1,4 +1,4 @@
-"""Readings as ROS 2 messages, the inverse of `bridges.ros_messages`."""
+"""Readings as ROS 2 messages, the inverse of the other conversions here."""
 
 from __future__ import annotations
 
