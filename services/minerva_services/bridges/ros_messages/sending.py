@@ -21,7 +21,6 @@ from minerva_bus.world.readings import (
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.messages import messages
 
-NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 _NAN: Final = math.nan
 _APPROXIMATED: Final = 1
 _COVARIANCE: Final = 36
@@ -45,7 +44,7 @@ def message_of(reading: Reading, header: Any) -> tuple[str, Any]:
     if isinstance(reading, Battery):
         return types.BATTERY, _battery(reading, header)
     if isinstance(reading, Position):
-        return NAV_SAT_FIX, _position(reading, header)
+        return types.FIX, _position(reading, header)
     detections = [_detection(sighting, header) for sighting in reading.seen]
     return types.DETECTIONS, messages().make(types.DETECTIONS, header=header, detections=detections)
 
@@ -116,7 +115,7 @@ def _battery(battery: Battery, header: Any) -> Any:
 def _position(position: Position, header: Any) -> Any:
     known = position.accuracy is not None
     return messages().make(
-        NAV_SAT_FIX,
+        types.FIX,
         header=header,
         status=messages().make("sensor_msgs/msg/NavSatStatus", status=0, service=1),
         latitude=position.latitude,
