@@ -230,6 +230,11 @@ class _Space(RigidBodies):
             self._next["roll"] = rolls
         return list(self.generate(tick))
 
+    def send(self, scans: Iterable[Scan], height: float) -> None:
+        """Send scans to the network of ROS 2, if there is one."""
+        if self._node is not None:
+            self._node.publish_scans(scans, height)
+
     @property
     def arrivals(self) -> Mapping[str, tuple[float, Any]]:
         """The shortfall of each robot with a command, and what stopped it."""
@@ -279,6 +284,7 @@ class Rovers(Physics):
         draws: the visual event type of the views.
         pose: the event type of poses of other bodies; "" for none.
         contact: the event type of contacts; "" for none.
+        ros2: the options of `Ros2Network`, to send poses and scans to a network of ROS 2, too.
         poses: topic of `Odometry` with the poses of robots as they are; "" for none.
 
     """
@@ -296,13 +302,22 @@ class Rovers(Physics):
         draws: str = "eRepresent",
         pose: str = "",
         contact: str = "",
+        ros2: Mapping[str, Any] | None = None,
         poses: str = "",
         **options: Any,
     ) -> None:
         if not 0.0 < height < 1e3:
             raise BodiesError(f"rovers: height is {height}; expected metres above 0, as 0.25")
-        types = draws, pose, contact
-        self._space = _Space(gravity, *types, substeps=substeps, threads=threads, renew=renew)
+        self._space = _Space(
+            gravity,
+            draws,
+            pose,
+            contact,
+            substeps=substeps,
+            threads=threads,
+            renew=renew,
+            ros2=ros2,
+        )
         self._height = height
         super().__init__(**options)
         self.draws, self._poses = (draws,), poses
@@ -337,6 +352,8 @@ class Rovers(Physics):
         """Drive, then measure; nothing before the first view."""
         self._others = list[AnyEvent]()
         events = [*super().generate(tick), *self._others]
+        scans = [reading for _, reading in tick.published if isinstance(reading, Scan)]
+        self._space.send(scans, self._height)
         if self._poses and self._shown is not None:
             for name in self._seen:
                 at = self._pose(name)
@@ -401,3 +418,7 @@ class Rovers(Physics):
         """Distance driven and stopped moves over all robots, and those of `bodies`."""
         driven = {"distance_driven": self._driven_um / 1e6, "collisions": self._collisions}
         return driven | dict(self._space.report())
+
+    def close(self) -> None:
+        """Leave the network of ROS 2."""
+        self._space.close()

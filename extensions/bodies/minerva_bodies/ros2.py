@@ -21,25 +21,25 @@ from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL
 from minerva_bodies.rigid import Rigid
 from minerva_bodies.sensors import Sensor, ray_axes
-from minerva_bus.world.readings import Image
+from minerva_bus.world.readings import Image, Scan
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
 from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
 from minerva_services.bridges.ros_messages.definitions import built
 from minerva_services.bridges.ros_messages.messages import (
     CLOCK,
-    IMAGE,
     POINTS,
     RANGE,
     TRANSFORMS,
     messages,
 )
+from minerva_services.bridges.ros_messages.sending import message_of
 from minerva_services.bridging import SourceError
 
 CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
 IMU: Final = "sensor_msgs/msg/Imu"
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
-WORLD: Final = "world"
+WORLD, SCAN = "world", "scan"
 
 _FLOAT32: Final = 7
 """PointField's number of this type."""
@@ -49,7 +49,6 @@ _UNKNOWN: Final = -1.0
 _OPTICAL: Final = Rigid(0.0, 0.0, 0.0, 0.5, -0.5, 0.5, -0.5)
 """The axes of a picture, right, down and ahead, along those of a camera: ahead, left and up."""
 _BEAT_SECONDS: Final = 0.25
-_BYTES: Final = {"rgb8": 3, "32FC1": 4}
 
 Made = tuple[str, str, Any]
 """A topic, the type of its messages, and one of them."""
@@ -63,6 +62,9 @@ class RosNode:
         options: those of `Ros2Network`, as a table in a world file.
 
     Raises MisuseError or BodiesError for options that are none.
+
+    Attributes:
+        fixed: by frames that never move, their parents and where they are on these.
 
     """
 
@@ -80,7 +82,7 @@ class RosNode:
         self._lock = threading.Lock()
         self._session: Ros2Session | None = None
         self._publishers: dict[str, TopicPublisher] = {}
-        self._fixed: dict[str, tuple[str, Rigid]] = {}
+        self.fixed: dict[str, tuple[str, Rigid]] = {}
         self._sent_fixed: dict[str, tuple[str, Rigid]] = {}
         self._link: NetworkLink | None = None
 
@@ -110,16 +112,16 @@ class RosNode:
 
     def place(self, parent: str, frame: str, pose: Rigid) -> None:
         """Note where a frame is that never moves on its parent."""
-        self._fixed[frame] = parent, pose
+        self.fixed[frame] = parent, pose
 
     def send_fixed(self, nanoseconds: int) -> None:
         """Publish the frames of `place`, if they are others than before."""
-        if self._fixed == self._sent_fixed:
+        if self.fixed == self._sent_fixed:
             return
         publisher = self._publisher(self.network.static_tf, TRANSFORMS)
         if publisher is not None:
-            self._sent_fixed = dict(self._fixed)
-            rows = [(parent, frame, pose) for frame, (parent, pose) in self._fixed.items()]
+            self._sent_fixed = dict(self.fixed)
+            rows = [(parent, frame, pose) for frame, (parent, pose) in self.fixed.items()]
             publisher.put(transforms(rows, nanoseconds))
 
     def _publisher(self, topic: str, kind: str) -> TopicPublisher | None:
@@ -166,6 +168,14 @@ class SpaceNode(RosNode):
             names = [name_of(*name.split("/")[:2]) for name in joints]
             made.append(joint_states(names, kinds, engine.positions(joints), nanoseconds))
         self.send([*made, *[sensed(sensor, each, nanoseconds) for sensor, each in data]])
+
+    def publish_scans(self, scans: Iterable[Scan], height: float) -> None:
+        """Send the scans of robots, whose lasers are at a height above the ground, metres."""
+        for scan in scans:
+            parent = name_of(scan.robot)
+            self.place(parent, name_of(scan.robot, SCAN), Rigid(z=height))
+            self.send_fixed(round(scan.time * 1e9))
+            self.send([scanned(scan)])
 
 
 def name_of(*parts: str) -> str:
@@ -244,12 +254,15 @@ def _points(sensor: Sensor, data: Mapping[str, Any], header: dict[str, Any]) -> 
         "point_step": 16,
         "row_step": 16 * int(beams),
     }
-    return _filled(POINTS, header | about, rows.tobytes())
+    # Not by `built`, which would take long for bytes one by one.
+    return replace(built(POINTS, header | about), data=np.frombuffer(rows.tobytes(), np.uint8))
 
 
-def _filled(kind: str, values: Mapping[str, Any], data: bytes) -> Any:
-    """A message with bytes, which would take long one by one."""
-    return replace(built(kind, values), data=np.frombuffer(data, np.uint8))
+def scanned(scan: Scan) -> Made:
+    """A turn of a robot's laser, whose frame is `AGENT/scan`."""
+    name, nanoseconds = name_of(scan.robot, SCAN), round(scan.time * 1e9)
+    kind, message = message_of(scan, messages().header(name, nanoseconds))
+    return f"/{name}", kind, message
 
 
 def optical(mount: Rigid) -> Rigid:
@@ -262,12 +275,12 @@ def pictured(image: Image, symbol: str, focal: float) -> list[Made]:
     name, nanoseconds = name_of(image.robot, symbol), round(image.time * 1e9)
     folder = f"/{name}/{'depth' if image.encoding == '32FC1' else 'color'}"
     size = {"width": image.width, "height": image.height}
-    header = {"header": _header(f"{name}_optical", nanoseconds)}
-    about = {"encoding": image.encoding, "step": image.width * _BYTES[image.encoding]}
-    picture = _filled(IMAGE, header | size | about, image.data)
+    frame = f"{name}_optical"
+    kind, picture = message_of(image, messages().header(frame, nanoseconds))
     # Of the middle pixels' centres, from 0.
     x, y = (image.width - 1) / 2, (image.height - 1) / 2
     lens = {
+        "header": _header(frame, nanoseconds),
         "distortion_model": "plumb_bob",
         "d": [0.0] * 5,
         "k": [focal, 0.0, x, 0.0, focal, y, 0.0, 0.0, 1.0],
@@ -275,8 +288,8 @@ def pictured(image: Image, symbol: str, focal: float) -> list[Made]:
         "p": [focal, 0.0, x, 0.0, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
     }
     return [
-        (f"{folder}/image_raw", IMAGE, picture),
-        (f"{folder}/camera_info", CAMERA_INFO, built(CAMERA_INFO, header | size | lens)),
+        (f"{folder}/image_raw", kind, picture),
+        (f"{folder}/camera_info", CAMERA_INFO, built(CAMERA_INFO, size | lens)),
     ]
 
 

@@ -14,13 +14,14 @@ pytest.importorskip("rosbags", reason="needs the extra ros")
 from minerva_bodies import Ball, Box, Camera, Imu, Joint, Lidar, Matter, Rigid, euler
 from minerva_bodies.cameras import Cameras
 from minerva_bodies.errors import BodiesError
-from minerva_bodies.ros2 import JOINT_STATE, joint_states, pictured, sensed, transforms
+from minerva_bodies.robots import Rovers
+from minerva_bodies.ros2 import JOINT_STATE, SpaceNode, joint_states, pictured, sensed, transforms
 from minerva_bodies.sensors import Sensor
 from minerva_bodies.service import RigidBodies
 from minerva_bus import Default, EventType, Primitive, Scene, Tick, Transformation, View, Vocabulary
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.world.context import Frame
-from minerva_bus.world.readings import Image
+from minerva_bus.world.readings import Image, Scan
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import Ros2Session
@@ -130,11 +131,26 @@ def test_a_stack_receives_what_a_world_in_space_measures():
     assert heard["/a/PEye/depth/camera_info"][-1].k[0] == pytest.approx(4 / math.tan(math.pi / 6))
 
 
+def test_the_scans_of_vehicles_are_where_their_lasers_are():
+    node, sent = SpaceNode("rovers", {"router": "tcp/h:1"}), []
+    node.send = sent.extend
+    scan = Scan("r-1", np.array([1.0, 8.0], np.float32), -45.0, 90.0, 8.0, 1.5)
+    node.publish_scans([scan], 0.25)
+    ((topic, kind, message),) = sent
+    assert (topic, kind, message.header.frame_id) == (
+        "/r_1/scan",
+        "sensor_msgs/msg/LaserScan",
+        "r_1/scan",
+    )
+    assert message.ranges.tolist() == [1.0, math.inf]
+    assert node.fixed == {"r_1/scan": ("r_1", Rigid(z=0.25))}
+
+
 @pytest.mark.parametrize(
     ("ros2", "text"),
     [({"domain": 3}, "ros2 lacks router"), ({"router": "tcp/h:1", "dmain": 3}, "has no 'dmain'")],
 )
 def test_wrong_options_are_errors_that_name_the_service(ros2, text):
-    for make in (RigidBodies, Cameras):
+    for make in (RigidBodies, Cameras, Rovers):
         with pytest.raises(BodiesError, match=text):
             make(ros2=ros2)

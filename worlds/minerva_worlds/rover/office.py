@@ -125,8 +125,9 @@ class Eyes(Cameras):
     `eCamera` comes from pixels: of the topics `image` and `seen`, which a record may have.
     """
 
-    def __init__(self) -> None:
-        super().__init__("eSight", depths="", poses="poses")
+    def __init__(self, ros2: Mapping[str, Any] | None = None) -> None:
+        """`ros2` is that of `Cameras`."""
+        super().__init__("eSight", depths="", poses="poses", ros2=ros2)
         self._markers = Markers(
             topic="seen",
             dictionary=DICTIONARY,
