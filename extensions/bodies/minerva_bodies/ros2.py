@@ -21,7 +21,7 @@ from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL
 from minerva_bodies.rigid import Rigid
 from minerva_bodies.sensors import Sensor, ray_axes
-from minerva_bus.world.readings import Image, Scan
+from minerva_bus.world.readings import Image, Position, Scan
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
 from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
@@ -221,6 +221,16 @@ def sensed(sensor: Sensor, data: Mapping[str, Any], nanoseconds: int) -> Made:
     header = {"header": _header(topic, nanoseconds)}
     if sensor.kind == "imu":
         return f"/{topic}", IMU, built(IMU, header | _imu(data))
+    if sensor.kind == "gps":
+        position = Position(
+            sensor.owner,
+            data["latitude"],
+            data["longitude"],
+            data["altitude"],
+            data["accuracy"],
+            nanoseconds / 1e9,
+        )
+        return f"/{topic}", *message_of(position, messages().header(topic, nanoseconds))
     if sensor.kind == "distance":
         reach, _ = sensor.values
         about = {"radiation_type": _INFRARED, "max_range": reach, "range": data["dist"]}

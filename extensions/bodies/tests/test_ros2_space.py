@@ -16,7 +16,7 @@ from minerva_bodies.cameras import Cameras
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.robots import Rovers
 from minerva_bodies.ros2 import JOINT_STATE, SpaceNode, joint_states, pictured, sensed, transforms
-from minerva_bodies.sensors import Sensor
+from minerva_bodies.sensors import SENSORS, Sensor
 from minerva_bodies.service import RigidBodies
 from minerva_bus import Default, EventType, Primitive, Scene, Tick, Transformation, View, Vocabulary
 from minerva_bus.grammar.scene import AgentNode
@@ -129,6 +129,18 @@ def test_a_stack_receives_what_a_world_in_space_measures():
     assert {placed.child_frame_id for placed in heard["/tf"][-1].transforms} == {"a", "b"}
     assert heard["/joint_states"][-1].name == ["a/PHinge"]
     assert heard["/a/PEye/depth/camera_info"][-1].k[0] == pytest.approx(4 / math.tan(math.pi / 6))
+
+
+def test_positions_on_the_earth_are_fixes():
+    assert SENSORS.keys() == {"lidar", "imu", "distance", "gps"}, "each has a message in ros2.py"
+    about = {"latitude": 50.1, "longitude": 14.4, "altitude": 200.0, "accuracy": 2.0}
+    topic, kind, fix = sensed(Sensor("gps", "r-1", "PGps", Rigid(), ()), about, NOW)
+    assert (topic, kind) == ("/r_1/PGps", "sensor_msgs/msg/NavSatFix")
+    assert (fix.header.frame_id, fix.latitude, fix.position_covariance[0]) == (
+        "r_1/PGps",
+        50.1,
+        4.0,
+    )
 
 
 def test_the_scans_of_vehicles_are_where_their_lasers_are():
