@@ -63,8 +63,8 @@ class Acting:
         # The world orders events by their types, so only the order within a type matters.
         sent: list[AnyEvent] = []
         for events in by_type.values():
-            batch = Events.of(events)
-            # Some do not fit into columns.
+            # One event takes less as it is, and some do not fit into columns.
+            batch = Events.of(events) if len(events) > 1 else None
             sent += events if batch is None else [batch]
         return sent
 
@@ -105,6 +105,37 @@ class EventActions(Acting):
             raise MisuseError("act: the list is empty; expected events, or None for no event")
         self._events = events
         self.space: AnySpace = spaces.Discrete(len(events))
+        numbers: dict[str, list[int]] = {}
+        for number, event in enumerate(events):
+            if event is not None:
+                numbers.setdefault(event.type, []).append(number)
+        # For each event type, its events as rows of a batch, and which row a number is: -1 is none.
+        self._batches: list[tuple[Events | None, NDArray[np.intp]]] = []
+        for chosen in numbers.values():
+            rows = np.full(len(events), -1)
+            rows[chosen] = np.arange(len(chosen))
+            bare = [replace(cast("Event", events[number]), receivers=()) for number in chosen]
+            self._batches.append((Events.of(bare), rows))
+
+    def events(self, agents: Ids, actions: Rows) -> list[AnyEvent]:
+        """The events of actions in a batch for each event type."""
+        numbers = np.asarray(actions)
+        counted = numbers.dtype.kind in "iu" and numbers.shape == (len(agents),)
+        if len(agents) < 2 or not counted or not self._are_choices(numbers):
+            return super().events(agents, actions)
+        sent: list[AnyEvent] = []
+        for batch, row_of in self._batches:
+            if batch is None:
+                return super().events(agents, actions)
+            rows = row_of[numbers]
+            acting = np.flatnonzero(rows >= 0)
+            if len(acting):
+                receivers = agents if len(acting) == len(agents) else agents.take(acting)
+                sent.append(replace(batch.take(rows[acting]), receivers=receivers))
+        return sent
+
+    def _are_choices(self, numbers: NDArray[Any]) -> bool:
+        return bool(numbers.min() >= 0 and numbers.max() < len(self._events))
 
     def event(self, agent: str, action: Any) -> Event | None:
         """The event of a number, for one agent. Raises MisuseError."""
