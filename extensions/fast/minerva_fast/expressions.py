@@ -26,17 +26,13 @@ from minerva_fast.origin import EXPRESSIONS, MISSING, REAL_EVERYWHERE, TEXT_AS_N
 from minerva_fast.places import copy
 from minerva_fast.values import (
     DECLARED,
-    AgentItself,
     BoundMethod,
-    Chance,
     ColumnAccess,
-    EventItself,
     FunctionScope,
+    Given,
     Items,
     Known,
     Method,
-    Moment,
-    OwnRow,
     Reference,
     RuleGrid,
     RuleTable,
@@ -88,8 +84,6 @@ _NUMBERS: Final[dict[Any, ValueKind]] = {
     bool: ValueKind.BOOL,
     float: ValueKind.REAL,
 }
-Nested: TypeAlias = "Value | tuple[Nested, ...]"
-"""A constant, or a tuple of constants, or of such tuples."""
 Column: TypeAlias = tuple[ast.expr, Items]
 """A name that takes the items of a sequence in turn."""
 MakeHelper: TypeAlias = Callable[[ast.Call, FunctionType, tuple[Reference, ...]], Called]
@@ -146,10 +140,10 @@ class Expressions:
             return None
         base = self.reference(node.value)
         match base:
-            case AgentItself():
+            case Given.AGENT:
                 return self._of_class(node)
-            case Moment() if node.attr == "chance":
-                return Chance()
+            case Given.MOMENT if node.attr == "chance":
+                return Given.CHANCE
             case RuleTable():
                 return self._of_table(node, base)
             case Known() if isinstance(base.value, ModuleType | type):
@@ -206,7 +200,7 @@ class Expressions:
                 return self.variable(node)
             case Known(value):
                 return self._frozen(node, value)
-            case OwnRow():
+            case Given.OWN_ROW:
                 return self.use("v_own")
             case Items():
                 instead = f"use its items: {node.id}[0]"
@@ -273,13 +267,13 @@ class Expressions:
     def _attribute(self, node: ast.Attribute) -> Value:
         base = self.reference(node.value)
         match base:
-            case AgentItself():
+            case Given.AGENT:
                 return self._of_agent(node)
-            case EventItself():
+            case Given.EVENT:
                 return self._of_event(node)
-            case Moment():
+            case Given.MOMENT:
                 return self._of_moment(node)
-            case Chance():
+            case Given.CHANCE:
                 what = f"{ast.unparse(node.value)}, a random stream, has no methods"
                 raise self.problem(node, what, f"write {node.attr}({ast.unparse(node.value)}, ...)")
             case RuleGrid(text=text, type=shape):
@@ -505,7 +499,7 @@ class Expressions:
         items = self.items(node.value)
         if items is None:
             base = self.reference(node.value)
-            if isinstance(base, Chance):
+            if base is Given.CHANCE:
                 instead = "draw numbers: random(draws), integers(draws, 6)"
                 raise self.problem(node, "an item of a random stream", instead)
             if isinstance(base, RuleTable):
@@ -561,7 +555,7 @@ class Expressions:
         if isinstance(reference, Items):
             return reference
         known = self._constant_tuple(node)
-        return None if known is None else self._table(node, self._nested(node, known))
+        return None if known is None else self._table(node, known)
 
     def columns(self, node: ast.expr, target: ast.expr) -> list[Column] | None:
         """The names of a loop with the sequences that they go over; None if there are none."""
@@ -571,18 +565,17 @@ class Expressions:
                 return [(target, items)]
         if not isinstance(node, ast.Tuple | ast.List) and self._constant_tuple(node) is None:
             return None
-        return self._columns(node, target, cast("tuple[Nested, ...]", self._constants(node)))
+        return self._columns(node, target, self._constants(node))
 
-    def _columns(self, node: ast.expr, target: ast.expr, items: Sequence[Nested]) -> list[Column]:
+    def _columns(self, node: ast.expr, target: ast.expr, items: Sequence[Any]) -> list[Column]:
         if not isinstance(target, ast.Tuple | ast.List):
             return [(target, self._table(node, items))]
         names = target.elts
-        if not items or any(isinstance(i, Value) or len(i) != len(names) for i in items):
+        if not items or any(type(i) is not tuple or len(i) != len(names) for i in items):
             what = f"{len(names)} names for items that are not tuples of {len(names)} constants"
             instead = "write as many values in each: for dx, dy in ((0, 1), (1, 0))"
             raise self.problem(target, what, instead)
-        rows = cast("Sequence[tuple[Nested, ...]]", items)
-        parts = zip(names, zip(*rows, strict=True), strict=True)
+        parts = zip(names, zip(*items, strict=True), strict=True)
         return [column for name, part in parts for column in self._columns(node, name, part)]
 
     def _constant_tuple(self, node: ast.expr) -> tuple[Any, ...] | None:
@@ -597,42 +590,30 @@ class Expressions:
             return tuple(array.tolist())
         return cast("tuple[Any, ...]", known) if type(known) is tuple else None
 
-    def _constants(self, node: ast.expr) -> Nested:
-        """A tuple that is written here, or a constant."""
+    def _constants(self, node: ast.expr) -> Any:
+        """A tuple that is written here or a constant of the module or class, or a value."""
         if isinstance(node, ast.Tuple | ast.List):
             return tuple(map(self._constants, node.elts))
         known = self._constant_tuple(node)
         if known is not None:
-            return self._nested(node, known)
+            return known
         value = self.value(node)
         if value.constant is None:
             instead = "make a list and loop over it: values = [self.x, self.y]"
             raise self.problem(node, "a computed value in a tuple of a loop", instead)
         return value
 
-    def _nested(self, node: ast.expr, values: tuple[Any, ...]) -> tuple[Nested, ...]:
-        """A tuple of the module or class."""
-        made = list[Nested]()
-        for value in values:
-            inner = type(value) is tuple
-            item = self._nested(node, cast("Any", value)) if inner else self.constant_of(value)
-            if item is None:
-                raise self._no_table(node)
-            made.append(item)
-        return tuple(made)
-
-    def _no_table(self, node: ast.expr) -> NotCompilable:
-        instead = f"use 1 to {_TABLE:,} numbers, bools or texts"
-        return self.problem(node, f"the tuple {ast.unparse(node)}", instead)
-
-    def _table(self, node: ast.expr, items: Sequence[Nested]) -> Items:
-        values = [item for item in items if isinstance(item, Value)]
-        if len(values) != len(items):
-            what = f"a tuple in the tuple {ast.unparse(node)} as a value"
+    def _table(self, node: ast.expr, items: Sequence[Any]) -> Items:
+        shown = ast.unparse(node)
+        if any(type(item) is tuple for item in items):
+            what = f"a tuple in the tuple {shown} as a value"
             raise self.problem(node, what, "name its values: for dx, dy in ((0, 1), (1, 0))")
-        if not 1 <= len(items) <= _TABLE:
-            raise self._no_table(node)
-        kind, values = self.alike(node, values)
+        made = [item if isinstance(item, Value) else self.constant_of(item) for item in items]
+        known = [each for each in made if each is not None]
+        if len(known) != len(made) or not 1 <= len(made) <= _TABLE:
+            instead = f"use 1 to {_TABLE:,} numbers, bools or texts"
+            raise self.problem(node, f"the tuple {shown}", instead)
+        kind, values = self.alike(node, known)
         self.definite(node, Value(kind, ""))
         key = (kind, *[value.text for value in values])
         name, size = f"TABLE_{len(self.method.tables)}", len(values)
@@ -720,19 +701,19 @@ class Expressions:
         """A call: the kind of its result, and its text."""
         if isinstance(node.func, ast.Attribute):
             base = self.reference(node.func.value)
-            if isinstance(base, Chance) and not self.method.rule:
+            if base is Given.CHANCE and not self.method.rule:
                 return draw(self, node, node.func.attr, node.args)
-            if isinstance(base, Moment):
+            if base is Given.MOMENT:
                 what = f"moment.{node.func.attr}(...) here"
                 raise self.problem(node, what, "write it as a statement of its own")
         reference = self.reference(node.func)
         if isinstance(reference, BoundMethod):
-            return self._helper(node, reference.function, (AgentItself(),))
+            return self._helper(node, reference.function, (Given.AGENT,))
         if isinstance(reference, Known):
             return self._call_known(node, reference.value)
         if isinstance(node.func, ast.Attribute):
             # A more precise error, if the value itself is the problem.
-            owner = isinstance(self.reference(node.func.value), AgentItself | Chance)
+            owner = self.reference(node.func.value) in (Given.AGENT, Given.CHANCE)
             self.value(node.func if owner else node.func.value)
             what = f"the method {node.func.attr} of a value"
             raise self.problem(node, what, instead_of(node.func.attr, self.method.rule))

@@ -20,7 +20,7 @@ from minerva_bus import portable
 from minerva_bus.errors import nearest
 from minerva_fast import draws, places
 from minerva_fast.origin import CHOICES, FUNCTIONS_INSTEAD
-from minerva_fast.values import Chance, RuleGrid, RuleTable, Value, ValueKind, constant
+from minerva_fast.values import Given, RuleGrid, RuleTable, Value, ValueKind, constant
 
 if TYPE_CHECKING:
     from minerva_fast.expressions import Expressions
@@ -177,10 +177,16 @@ OF_MATH: Final = (
 )  # fmt: skip
 """Functions of `math` of one real, with a finite result for a finite argument or an error."""
 
-OF_PORTABLE: Final = (
-    "acos", "asin", "atan", "cos", "exp", "expm1", "log", "log10", "log1p", "log2", "sin", "tan",
-    "tanh",
-)  # fmt: skip
+_ONE: Final = math.nextafter(1.0, 2.0)
+_BIG: Final = 1.7e308
+_FAR: Final = 1.6e6
+OF_PORTABLE: Final[Mapping[str, tuple[float, float]]] = {
+    "acos": (-_ONE, _ONE), "asin": (-_ONE, _ONE), "atan": (-_BIG, _BIG), "cos": (-_FAR, _FAR),
+    "exp": (-740.0, 709.0), "expm1": (-740.0, 709.0), "log": (0.0, _BIG), "log10": (0.0, _BIG),
+    "log1p": (-1.0, _BIG), "log2": (0.0, _BIG), "sin": (-_FAR, _FAR), "tan": (-_FAR, _FAR),
+    "tanh": (-_BIG, _BIG),
+}  # fmt: skip
+"""Functions of `portable` of one real, with the open interval of arguments that are no fault."""
 
 FUNCTIONS: Final[dict[Any, Checked]] = {
     abs: _absolute,
@@ -220,7 +226,7 @@ def _draws(name: str) -> OfRules:
     """A draw as a function, whose first argument is the stream."""
 
     def checked(check: Expressions, node: ast.Call) -> Called:
-        if not node.args or not isinstance(check.reference(node.args[0]), Chance):
+        if not node.args or check.reference(node.args[0]) is not Given.CHANCE:
             instead = f"write {name}(draws, ...)"
             raise check.problem(node, f"{name} without the parameter of type Draws", instead)
         return draw(check, node, name, node.args[1:])
@@ -243,23 +249,25 @@ def _of_space(function: FunctionType) -> OfRules:
     signature = inspect.signature(function)
 
     def checked(check: Expressions, node: ast.Call) -> Called:
+        named = {str(word.arg): word.value for word in node.keywords}
         try:
-            given = signature.bind(*node.args, **{str(w.arg): w.value for w in node.keywords})
+            given = signature.bind(*node.args, **named).arguments
         except TypeError as error:
             called = f"{function.__name__}({', '.join(signature.parameters)})"
             raise check.problem(node, f"this call: {error}", f"write {called}") from None
-        table, own, texts = None, False, list[str]()
-        for name, argument in given.arguments.items():
+        table = _table(check, given["table"]) if "table" in given else None
+        own, texts = False, list[str]()
+        for name in given:
             wanted = str(signature.parameters[name].annotation)
-            if wanted == "Any":
-                table = _table(check, node, argument)
-                texts.append(f"t_{table.name}")
+            if name == "table" and table is not None:
+                text = f"t_{table.name}"
             elif name == "i" and table is not None:
-                value = _number(check, argument, wanted)
+                value = _number(check, given[name], wanted)
                 own = value.text == "v_own"
-                texts.append(_row(check, table, value))
+                text = _row(check, table, value)
             else:
-                texts.append(_argument(check, argument, wanted))
+                text = _argument(check, given[name], wanted)
+            texts.append(text)
         if table is not None:
             _note(check, node, function, table, own=own)
         check.method.called[function] = None
@@ -269,7 +277,7 @@ def _of_space(function: FunctionType) -> OfRules:
     return checked
 
 
-def _table(check: Expressions, node: ast.AST, argument: ast.expr) -> RuleTable:
+def _table(check: Expressions, argument: ast.expr) -> RuleTable:
     table = check.reference(argument) if isinstance(argument, ast.Name) else None
     if not isinstance(table, RuleTable):
         raise check.problem(argument, "this argument", "name the parameter that is a table")
@@ -296,7 +304,7 @@ def _number(check: Expressions, argument: ast.expr, wanted: str) -> Value:
 
 def _argument(check: Expressions, argument: ast.expr, wanted: str) -> str:
     if wanted == "Draws":
-        if not isinstance(check.reference(argument), Chance):
+        if check.reference(argument) is not Given.CHANCE:
             raise check.problem(argument, "this argument", "name the parameter of type Draws")
         check.method.draws = True
         return "words"

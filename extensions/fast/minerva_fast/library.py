@@ -30,10 +30,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from minerva_bus import portable
-from minerva_bus.portable import distributions, exponentials, logarithms, trigonometry
+from minerva_bus.portable import distributions, trigonometry
 from minerva_fast import draws, places
 from minerva_fast.draws import EXACT
-from minerva_fast.functions import OF_MATH
+from minerva_fast.functions import OF_MATH, OF_PORTABLE
 from minerva_fast.machine_code import NUMBA_OPTIONS
 from minerva_fast.places import (
     CellGrid,  # noqa: F401
@@ -453,25 +453,15 @@ def _within(function: Any, least: float, most: float) -> Any:
     return call
 
 
-_FAR: Final = 1.6e6
-_BIG: Final = 1.7e308
-_ONE: Final = math.nextafter(1.0, 2.0)
+globals().update(
+    {
+        f"portable_{name}": _within(getattr(portable, name), *ends)
+        for name, ends in OF_PORTABLE.items()
+    }
+)
 _atan2: Final = form(portable.atan2)
 _hypot: Final = form(portable.hypot)
 _power: Final = form(portable.power)
-portable_acos: Final = _within(trigonometry.acos_one, -_ONE, _ONE)
-portable_asin: Final = _within(trigonometry.asin_one, -_ONE, _ONE)
-portable_atan: Final = _within(trigonometry.atan_one, -_BIG, _BIG)
-portable_cos: Final = _within(trigonometry.cos_one, -_FAR, _FAR)
-portable_exp: Final = _within(exponentials.exp_one, -740.0, 709.0)
-portable_expm1: Final = _within(exponentials.expm1_one, -740.0, 709.0)
-portable_log: Final = _within(logarithms.log_one, 0.0, _BIG)
-portable_log10: Final = _within(logarithms.log10_one, 0.0, _BIG)
-portable_log1p: Final = _within(logarithms.log1p_one, -1.0, _BIG)
-portable_log2: Final = _within(logarithms.log2_one, 0.0, _BIG)
-portable_sin: Final = _within(trigonometry.sin_one, -_FAR, _FAR)
-portable_tan: Final = _within(trigonometry.tan_one, -_FAR, _FAR)
-portable_tanh: Final = _within(exponentials.tanh_one, -_BIG, _BIG)
 
 
 @compiled

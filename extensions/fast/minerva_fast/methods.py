@@ -16,11 +16,9 @@ from minerva_fast.results import MethodResults
 from minerva_fast.statements import Statements
 from minerva_fast.values import (
     DECLARED,
-    AgentItself,
-    EventItself,
     FunctionScope,
+    Given,
     Method,
-    Moment,
 )
 
 
@@ -47,7 +45,7 @@ def _event_type_of(function: Callable[..., Any], name: str) -> EventType | None:
     return None
 
 
-_PARAMETERS: Final = AgentItself(), EventItself(), Moment()
+_PARAMETERS: Final = Given.AGENT, Given.EVENT, Given.MOMENT
 
 
 def _checked(cls: Any, event_type: str, function: Callable[..., Any]) -> Method:

@@ -557,35 +557,11 @@ FUNCTIONS: Final = (
 
 # --- tables: their lists at the start of a frame ---
 
-ENTERED, UNBORN, OUTSIDE = 0, 1, 2
-EXACT: Final = 2.0**52
-"""From here on, reals have no fraction."""
 
-
-def enter(table: LatticeRows) -> int:
-    """Admit all rows of a lattice, and build the lists of its cells, unless it is to have none.
-
-    Returns ENTERED, UNBORN if an id is not below `births`, or OUTSIDE if a cell does not exist.
-    """
+def locate(table: FieldRows) -> None:
+    """Find the cells of all rows of a field, which are those of their positions."""
     for i in range(table.counts[ROWS]):
-        if table.values[0, i] >= table.births[0]:
-            return UNBORN
-        if table.cell[i] < 0 or table.cell[i] >= table.places.shape[1]:
-            return OUTSIDE
-        table.links[ALIVE, i] = 1
-    if table.counts[VACANT] != UNLISTED:
-        enlist(table.cell, table.links, table.places, table.counts)
-    return ENTERED
-
-
-def locate(table: FieldRows) -> int:
-    """Admit all rows of a field, whose cells are those of their positions; ENTERED or UNBORN."""
-    for i in range(table.counts[ROWS]):
-        if table.values[0, i] >= table.births[0]:
-            return UNBORN
         table.cell[i] = cell_of(table.field, table.x[i], table.y[i])
-        table.links[ALIVE, i] = 1
-    return ENTERED
 
 
 def enlist(cell: Ints, links: Links, places: Links, counts: Ints) -> None:
@@ -627,30 +603,3 @@ def sort_by_cell(
             rows[count], sorted_x[count], sorted_y[count] = i, table.x[i], table.y[i]
             count, i = count + 1, table.links[NEXT, i]
     starts[table.places.shape[1]] = count
-
-
-def sharing(
-    x: Numbers, y: Numbers, field: FieldGrid, step: int, known: Numbers, times: Ints
-) -> int:
-    """The pairs of rows that share a cell, among each `step`-th row, each pair counted twice.
-
-    `known` and `times` are a hash table of cells with room for more cells than there are rows.
-    Positions outside have cells beyond the edges here.
-    """
-    for slot in range(len(times)):
-        times[slot] = 0
-    pairs = 0
-    for i in range(0, len(x), step):
-        column = whole(x[i] / field.width * field.across)
-        cell = column * field.down + whole(y[i] / field.height * field.down)
-        slot = int(abs(cell)) % len(times) if abs(cell) < EXACT else 0
-        while times[slot] and known[slot] != cell:
-            slot = slot + 1 if slot + 1 < len(times) else 0
-        pairs += 2 * times[slot]
-        known[slot], times[slot] = cell, times[slot] + 1
-    return pairs
-
-
-def whole(number: float) -> float:
-    """The largest integer that is not above a number, as a real of any size."""
-    return float(math.floor(number)) if abs(number) < EXACT else number

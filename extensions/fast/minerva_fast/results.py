@@ -17,11 +17,10 @@ from minerva_fast.origin import REAL_EVERYWHERE
 from minerva_fast.statements import Results, Statements
 from minerva_fast.values import (
     DECLARED,
-    AgentItself,
     Emission,
+    Given,
     Known,
     Method,
-    Moment,
     Newborn,
     Output,
     Slot,
@@ -135,7 +134,7 @@ def _is_of_agent(check: Statements, node: ast.expr, name: str) -> bool:
     return (
         isinstance(node, ast.Attribute)
         and node.attr == name
-        and isinstance(check.expressions.reference(node.value), AgentItself)
+        and check.expressions.reference(node.value) is Given.AGENT
     )
 
 
@@ -201,7 +200,7 @@ class MethodResults(Results):
     def store(self, check: Statements, target: ast.Attribute, value: Value) -> list[str]:
         """An attribute of the agent."""
         name, method = target.attr, check.method
-        if not isinstance(check.expressions.reference(target.value), AgentItself):
+        if check.expressions.reference(target.value) is not Given.AGENT:
             instead = "change attributes of self only"
             raise check.problem(target, "an assignment to this", instead)
         if name not in method.types:
@@ -222,7 +221,7 @@ class MethodResults(Results):
         """An emitted event."""
         match node.func:
             case ast.Attribute(attr="emit", value=owner):
-                if not isinstance(check.expressions.reference(owner), Moment):
+                if check.expressions.reference(owner) is not Given.MOMENT:
                     return None
             case _:
                 return None

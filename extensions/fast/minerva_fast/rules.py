@@ -47,12 +47,11 @@ from minerva_fast.statements import Results, Statements, stored
 from minerva_fast.tables import BEFORE, Inhabitants, columns_of, loops_of_table
 from minerva_fast.values import (
     STEP,
-    Chance,
     ColumnAccess,
     FunctionScope,
+    Given,
     Items,
     Method,
-    OwnRow,
     Reference,
     RuleGrid,
     RuleTable,
@@ -296,7 +295,7 @@ class RuleParameter:
         if self.table is not None:
             return RuleTable(self.name, self.table, own)
         if self.draws:
-            return Chance()
+            return Given.CHANCE
         if self.item:
             before = self.name == BEFORE
             fixed = f"change the subject of the rule: {self.name} is the state before it" * before
@@ -376,7 +375,7 @@ def checked_rule(made: SpaceRule) -> CheckedRule:
     if again:  # another row from some place on
         kinds[row] = ValueKind.INT
     else:
-        references[row] = OwnRow()
+        references[row] = Given.OWN_ROW
     scope = FunctionScope(origin, references, kinds, assigned=set(kinds))
     lines = Statements(method, scope, Results()).function()
     if again:

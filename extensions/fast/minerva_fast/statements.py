@@ -18,13 +18,12 @@ from minerva_fast.expressions import Expressions
 from minerva_fast.functions import Called
 from minerva_fast.origin import EXPRESSIONS, STATEMENTS, Origin
 from minerva_fast.values import (
-    EventItself,
     FunctionScope,
+    Given,
     Helper,
     Items,
     Known,
     Method,
-    OwnRow,
     Reference,
     RuleGrid,
     RuleTable,
@@ -398,7 +397,7 @@ class Statements:
 
     def _plain(self, node: ast.Call, value: Any) -> Any:
         """An argument; default values are constants."""
-        if isinstance(value, EventItself):
+        if value is Given.EVENT:
             raise self.problem(node, "the event as an argument", "pass the data that are needed")
         if isinstance(value, Reference | Value):
             return value
@@ -414,7 +413,7 @@ class Statements:
             raise self.problem(node, "a function that calls itself", "write a loop")
         origin = Origin.of(function)
         for name in stored(origin.tree) & given.keys():
-            if isinstance(given[name], OwnRow):
+            if given[name] is Given.OWN_ROW:
                 given[name] = self.expressions.use("v_own")
         values = {name: each.kind for name, each in given.items() if isinstance(each, Value)}
         references = {name: each for name, each in given.items() if name not in values}

@@ -31,9 +31,7 @@ from minerva_fast.places import (
     FOUND,
     GONE,
     LATER,
-    OUTSIDE,
     ROWS,
-    UNBORN,
     UNLISTED,
     VACANT,
     CellGrid,
@@ -43,10 +41,8 @@ from minerva_fast.places import (
     X,
     Y,
     enlist,
-    enter,
     locate,
     settle,
-    sharing,
     sort_by_cell,
 )
 from minerva_fast.values import Items, Reference, RuleGrid, ValueKind
@@ -261,8 +257,7 @@ def is_constant(matrix: NDArray[Any]) -> bool:
     return plain and not matrix.flags.writeable
 
 
-ENTER, LOCATE, ENLIST, SETTLE = Loop(enter), Loop(locate), Loop(enlist), Loop(settle)
-SORT, SHARING = Loop(sort_by_cell), Loop(sharing)
+LOCATE, ENLIST, SETTLE, SORT = Loop(locate), Loop(enlist), Loop(settle), Loop(sort_by_cell)
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
@@ -342,21 +337,24 @@ class Opened:
         return self.rows[-1]
 
     def _enter(self) -> None:
-        rows, count = self.rows, self.old.shape[1]
-        if isinstance(rows, LatticeRows):
-            rows.cell[:count] = self.old[1]
-            self.listed = True
-        entered = (ENTER if self.listed else LOCATE)(rows)
-        if entered == UNBORN:
+        """Admit all rows. Raises MisuseError."""
+        rows, (ids, where, *_) = self.rows, self.old
+        largest, births = ids.max(initial=-1), rows.births[0]
+        if largest >= births:
             raise MisuseError(
-                f"{self.kind.__name__}: the id {self.old[0].max():.0f} is not below the space's"
-                f" `births` ({rows.births[0]:.0f}), from which newborns get their ids; set"
-                f" births={count} or more"
+                f"{self.kind.__name__}: the id {largest:.0f} is not below the space's `births`"
+                f" ({births:.0f}), from which newborns get their ids; set births={len(ids)} or more"
             )
-        if entered == OUTSIDE:
+        rows.links[ALIVE, : len(ids)] = 1
+        if isinstance(rows, FieldRows):
+            LOCATE(rows)
+            return
+        rows.cell[: len(ids)] = where
+        last = rows.places.shape[1] - 1
+        if where.min(initial=0) < 0 or where.max(initial=0) > last:
             raise MisuseError(
-                f"{self.kind.__name__}: cells are numbers from 0 to {_size(self.shape) - 1}"
-                f" in a lattice of {self.shape.width} x {self.shape.height}"
+                f"{self.kind.__name__}: cells are numbers from 0 to {last} in a lattice of"
+                f" {self.shape.width} x {self.shape.height}"
             )
 
     def reserve(self, births: int) -> None:
@@ -495,15 +493,13 @@ def _field(extent: tuple[float, float], periodic: bool, x: Column, y: Column) ->
 def _sharing(field: FieldGrid, x: Column, y: Column) -> float:
     """About how many others an inhabitant shares its cell with, from a sample."""
     step = max(1, len(x) // _SAMPLE)
-    size = -(-len(x) // step)
-    pairs = size * (size - 1)
-    if not pairs:
-        return 0.0
-    table = np.empty(2 * size), np.empty(2 * size, np.int64)
-    return len(x) * SHARING(x, y, field, step, *table) / pairs
+    column = np.floor(x[::step] / field.width * field.across)
+    row = np.floor(y[::step] / field.height * field.down)
+    _, counts = np.unique(column * field.down + row, return_counts=True)
+    pairs = len(row) * (len(row) - 1)
+    return len(x) * int((counts * (counts - 1)).sum()) / pairs if pairs else 0.0
 
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[Loop, ...]:
     """The loops that open a table."""
-    in_field = SHARING, LOCATE, ENLIST, SETTLE, SORT
-    return in_field if issubclass(kind, InField) else (ENTER,)
+    return (LOCATE, ENLIST, SETTLE, SORT) if issubclass(kind, InField) else (ENLIST,)

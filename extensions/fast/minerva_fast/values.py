@@ -140,6 +140,16 @@ def indented(lines: Sequence[str]) -> list[str]:
 # --- what names refer to ---
 
 
+class Given(Enum):
+    """What a parameter stands for, beside numbers, tables and matrices."""
+
+    AGENT = "self"
+    EVENT = "the event"
+    MOMENT = "moment"
+    CHANCE = "moment.chance, or the parameter draws of a rule"
+    OWN_ROW = "the row or cell of a rule, which its subject has"
+
+
 @dataclass(frozen=True, slots=True)
 class Known:
     """An object of the module, such as a constant, a function or an event type."""
@@ -148,35 +158,10 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True)
-class AgentItself:
-    """The parameter `self`."""
-
-
-@dataclass(frozen=True, slots=True)
 class BoundMethod:
     """A method of the agent, as in `self.grow(2)`."""
 
     function: Any
-
-
-@dataclass(frozen=True, slots=True)
-class EventItself:
-    """The parameter with the event."""
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """The parameter `moment`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Chance:
-    """`moment.chance`, or the parameter `draws` of a rule."""
-
-
-@dataclass(frozen=True, slots=True)
-class OwnRow:
-    """The row or cell of a rule, which its subject has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,18 +210,7 @@ class Items:
     own: bool = False
 
 
-Reference = (
-    Known
-    | AgentItself
-    | BoundMethod
-    | EventItself
-    | Moment
-    | Chance
-    | OwnRow
-    | RuleGrid
-    | RuleTable
-    | Items
-)
+Reference = Known | Given | BoundMethod | RuleGrid | RuleTable | Items
 
 
 @dataclass(frozen=True, slots=True)
