@@ -257,7 +257,8 @@ def _of_space(function: FunctionType) -> OfRules:
             raise check.problem(node, f"this call: {error}", f"write {called}") from None
         table = _table(check, given["table"]) if "table" in given else None
         own, texts = False, list[str]()
-        for name in given:
+        # In the order in which they are written, which is that of draws.
+        for name in (*[each for each in given if each not in named], *named):
             wanted = str(signature.parameters[name].annotation)
             if name == "table" and table is not None:
                 text = f"t_{table.name}"
@@ -267,7 +268,7 @@ def _of_space(function: FunctionType) -> OfRules:
                 text = _row(check, table, value)
             else:
                 text = _argument(check, given[name], wanted)
-            texts.append(text)
+            texts.append(f"{name}={text}" if name in named else text)
         if table is not None:
             _note(check, node, function, table, own=own)
         check.method.called[function] = None

@@ -38,6 +38,7 @@ from minerva_fast import (
     chance,
     copy,
     exponential,
+    go_to,
     integers,
     interpreted,
     near,
@@ -100,6 +101,19 @@ def test_compiled_rules_without_numba_name_the_extra(monkeypatch):
 
     with pytest.raises(MinervaError, match=r"rules of a space need numba: .*minerva-bus\[fast\]"):
         fatten.prepare()
+
+
+@rule(ORDERED)
+def stray(i: int, birds: Bird, draws: Draws):
+    go_to(birds, i, y=9 * uniform(draws), x=9 * uniform(draws))
+
+
+def test_arguments_of_functions_are_evaluated_in_the_order_in_which_they_are_written():
+    compiled, plain = flock(), flock()
+    compiled.run(moment(), stray)
+    with interpreted():
+        plain.run(moment(), stray)
+    assert compiled.birds.tobytes() == plain.birds.tobytes()
 
 
 class Dots(OnLattice):
