@@ -83,16 +83,11 @@ class Space(Agent):
         as_python: dict[int, int] = {}
         while True:
             frame = OpenedSpace(self, moment, rules, data, as_python)
-            try:
-                failed = frame.failure()
-            except Exception:
-                frame.reset()
-                raise
+            failed = frame.failure()
             if failed is None:
                 frame.close()
                 return
-            frame.reset()
-            as_python[failed.rule] = failed.place
+            as_python |= [failed]
 
     @classmethod
     def machine_code(cls) -> Iterator[tuple[str, Callable[[], object]]]:
@@ -156,14 +151,6 @@ def _names(code: CodeType) -> Iterator[str]:
             yield from _names(constant)
 
 
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """An activation in which machine code failed: its place in the order, and its rule's number."""
-
-    rule: int
-    place: int
-
-
 @dataclass(slots=True)
 class _Started:
     """A rule with the number of rows for which it runs, and the state before it, if it asks.
@@ -215,10 +202,11 @@ class OpenedSpace:
         self._matrices = Matrices(space)
         self._python = interpreting()
 
-    def failure(self) -> Failure | None:
+    def failure(self) -> tuple[int, int] | None:
         """Apply rules in turn; the activation in which machine code failed, which ends this early.
 
-        Raises any error of rules that run as Python, and MisuseError.
+        Returns the number of its rule and its place in the order. The space has its former matrices
+        then, as after an error. Raises any error of rules that run as Python, and MisuseError.
         """
         self._check_data()
         for number, rule in enumerate(self._rules):
@@ -226,16 +214,16 @@ class OpenedSpace:
             before = self._as_python.get(number)
             try:
                 started = self._apply(rule, before)
-            except MinervaError:
-                raise
-            except Exception:
-                if self._python or rule.as_python or before is not None:
+                if before is not None:
+                    # Machine code has neither lines nor ints of any length.
+                    with interpreted():
+                        self._activate(started, before, started.count)
+            except Exception as error:
+                self._matrices.reset()
+                in_python = self._python or rule.as_python or before is not None
+                if in_python or isinstance(error, MinervaError):
                     raise
-                return Failure(number, int(self._progress[PLACE]))
-            if before is not None:
-                # Machine code has neither lines nor ints of any length.
-                with interpreted():
-                    self._activate(started, before, started.count)
+                return number, int(self._progress[PLACE])
         return None
 
     def _check_data(self) -> None:
@@ -248,13 +236,11 @@ class OpenedSpace:
                 hint = nearest(name, list(names))
                 raise MisuseError(f"no rule of this `run` has a parameter {name}{hint}")
 
-    def reset(self) -> None:
-        """Give the space the matrices that it had before the rules."""
-        self._matrices.reset()
-
     def _apply(self, rule: SpaceRule, end: int | None) -> _Started:
         """Run a rule for the rows that exist at its start, or for those before a place."""
-        started = self._start(rule)
+        before = self._snapshot(rule) if rule.sees_before else None
+        count = self._count(rule.subject)
+        started = _Started(rule, count, np.arange(count if rule.order is SHUFFLED else 0), before)
         in_turn = end is not None or self._python or not rule.checked.independent
         # Few cells of a matrix need no threads.
         if in_turn or (rule.subject.item and parts_of(started.count) == 1):
@@ -282,12 +268,6 @@ class OpenedSpace:
             raise error
         if started.rule.checked.calls(go_to):
             self._table(subject).moved = True
-
-    def _start(self, rule: SpaceRule) -> _Started:
-        before = self._snapshot(rule) if rule.sees_before else None
-        count = self._count(rule.subject)
-        rows = np.arange(count if rule.order is SHUFFLED else 0)
-        return _Started(rule, count, rows, before)
 
     def _activate(self, started: _Started, begin: int, end: int) -> None:
         """Run a rule for the rows at these places of its order."""
@@ -346,8 +326,7 @@ class OpenedSpace:
         if parameter.type is Edges:
             return self._opened_edges(parameter)
         self._attribute(parameter)
-        only_read = name in rule.checked.only_read
-        return (self._matrices.to_read if only_read else self._matrices.to_change)(name)
+        return self._matrices.cells(name, change=name not in rule.checked.only_read)
 
     def _seen_by_python(self, started: _Started) -> list[Any]:
         """The arguments of a rule that runs as Python."""

@@ -210,51 +210,33 @@ class Matrices:
     def __init__(self, space: Space) -> None:
         self._space = space
         self._originals: dict[str, NDArray[Any]] = {}
-        self._changing: dict[str, NDArray[Any]] = {}
-        self._unchanged: dict[str, NDArray[Any]] = {}
+        self._cells: dict[str, NDArray[Any]] = {}
 
-    def to_change(self, name: str) -> NDArray[Any]:
-        """The cells of a matrix, for rules that change it."""
-        cells = self._changing.get(name)
-        if cells is None:
+    def cells(self, name: str, *, change: bool) -> NDArray[Any]:
+        """The cells of a matrix, for rules that only read it or also change it."""
+        cells = self._cells.get(name)
+        if cells is None or (change and not cells.flags.writeable):
             matrix: NDArray[Any] = getattr(self._space, name)
-            writable: NDArray[Any] = self._space.writable(name)
-            # The method may have written to the same array before its rules.
-            self._originals[name] = matrix.copy() if writable is matrix else matrix
-            cells = self._changing[name] = writable.reshape(-1)
-        return cells
-
-    def to_read(self, name: str) -> NDArray[Any]:
-        """The cells of a matrix, for rules that only read it."""
-        cells = self._changing.get(name)
-        if cells is None:
-            cells = self._unchanged.get(name)
-        if cells is None:
-            matrix: NDArray[Any] = getattr(self._space, name)
-            if not is_constant(matrix):
-                return self.to_change(name)
-            cells = self._unchanged[name] = matrix.reshape(-1)
+            if change or matrix.flags.writeable:
+                writable: NDArray[Any] = self._space.writable(name)
+                # The method may have written to the same array before its rules.
+                self._originals[name] = matrix.copy() if writable is matrix else matrix
+                matrix = writable
+            cells = self._cells[name] = matrix.reshape(-1)
         return cells
 
     def as_it_is(self, name: str) -> NDArray[Any]:
         """Cells that stay as they are while rules change the matrix, for rules that read them."""
-        matrix: NDArray[Any] = getattr(self._space, name)
-        if name not in self._changing and is_constant(matrix):
-            return self.to_read(name)
-        cells = self.to_change(name).copy()
-        cells.flags.writeable = False
+        cells = self.cells(name, change=False)
+        if cells.flags.writeable:
+            cells = cells.copy()
+            cells.flags.writeable = False
         return cells
 
     def reset(self) -> None:
         """Give the space the matrices that it had before the rules."""
         for name, matrix in self._originals.items():
             setattr(self._space, name, matrix)
-
-
-def is_constant(matrix: NDArray[Any]) -> bool:
-    """Whether an array is a matrix of the string, with the layout that machine code takes."""
-    plain = type(matrix) is np.ndarray and matrix.flags.c_contiguous and matrix.flags.aligned
-    return plain and not matrix.flags.writeable
 
 
 LOCATE, ENLIST, SETTLE, SORT = Loop(locate), Loop(enlist), Loop(settle), Loop(sort_by_cell)
@@ -373,7 +355,7 @@ class Opened:
     def snapshot(self) -> Opened:
         """The current state, which does not change, in read-only arrays of `values`."""
         values = self.old
-        if self.used or not is_constant(values):
+        if self.used or values.flags.writeable:
             values = self.rows.values.copy()
             values.flags.writeable = False
         copied = ["cell", "counts", "births"]
