@@ -44,7 +44,7 @@ from minerva_fast.places import (
 )
 from minerva_fast.printing import FIRST_TURN, LAST_TURN, is_counted, printed_functions
 from minerva_fast.statements import Results, Statements, stored
-from minerva_fast.tables import BEFORE, Inhabitants, columns_of, loops_of_table
+from minerva_fast.tables import BEFORE, InField, Inhabitants, columns_of, loops_of_table
 from minerva_fast.values import (
     STEP,
     ColumnAccess,
@@ -322,17 +322,25 @@ class RuleParameter:
         return ("cells(uint64)" if self.draws else f"typed({self.type.__name__})"), f"g_{self.name}"
 
     def parts(self) -> Iterator[tuple[str, str]]:
-        """The variables that a rule may use of a table, with their texts."""
+        """The variables that a rule may use of a table or grid, with their texts."""
+        name, rows = self.name, f"t_{self.name}"
+        if self.type is CellGrid:
+            yield f"g_{name}", _grid(f"g_{name}", "-1")
         if self.table is None:
             return
-        name, rows = self.name, f"t_{self.name}"
         for column in columns_of(self.table):
             yield f"c_{name}_{column}", f"{rows}.values[{self.table.names.index(column)}]"
         for column in ("cell", *self.table.searched):
             yield f"c_{name}_{column}", f"{rows}.{column}"
-        yield f"g_{name}", f"{rows}.{self.table.rows._fields[-1]}"
+        in_field = issubclass(self.table, InField)
+        yield f"g_{name}", f"{rows}.field" if in_field else _grid(f"{rows}.lattice", "-1")
         yield f"links_{name}", f"{rows}.links"
         yield f"n_{name}", f"{rows}.counts"
+
+
+def _grid(name: str, inner: str) -> str:
+    """A grid with another inner cell; if that is a constant, `beside` has no test for it."""
+    return f"CellGrid({name}.width, {name}.height, {name}.periodic, {inner})"
 
 
 def parameters_of(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:
@@ -491,10 +499,7 @@ def _calls(made: SpaceRule, method: Method, given: Sequence[str]) -> Iterator[st
     if not (grids and made.subject.item and beside in method.called):
         yield call
         return
-    inner = [
-        f"CellGrid({name}.width, {name}.height, {name}.periodic, v_own)" if name in grids else name
-        for name in given
-    ]
+    inner = [_grid(name, "v_own") if name in grids else name for name in given]
     yield f"if surrounded({grids[0]}, v_own):"
     yield f"{STEP}rule({', '.join(['progress', 'words', '0', *inner])})"
     yield "else:"

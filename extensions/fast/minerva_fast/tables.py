@@ -43,6 +43,7 @@ from minerva_fast.places import (
     enlist,
     locate,
     settle,
+    sharing,
     sort_by_cell,
 )
 from minerva_fast.values import Items, Reference, RuleGrid, ValueKind
@@ -239,7 +240,8 @@ class Matrices:
             setattr(self._space, name, matrix)
 
 
-LOCATE, ENLIST, SETTLE, SORT = Loop(locate), Loop(enlist), Loop(settle), Loop(sort_by_cell)
+LOCATE, ENLIST, SETTLE = Loop(locate), Loop(enlist), Loop(settle)
+SORT, SHARING = Loop(sort_by_cell), Loop(sharing)
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
@@ -436,13 +438,13 @@ class Opened:
 
 def _with(rows: Any, **arrays: NDArray[Any]) -> Any:
     """Rows with other arrays, and with new ones for what a search finds."""
-    made = rows._replace(**arrays)
-    capacity = len(made.cell)
-    made = made._replace(nearby=np.empty(capacity, np.int64))
-    if isinstance(made, LatticeRows):
-        return made
-    dx, dy = np.empty((2, capacity))
-    return made._replace(dx=dx, dy=dy, x=made.values[X], y=made.values[Y])
+    made: dict[str, NDArray[Any]] = {"values": rows.values, "cell": rows.cell, **arrays}
+    capacity = len(made["cell"])
+    made["nearby"] = np.empty(capacity, np.int64)
+    if isinstance(rows, FieldRows):
+        made["dx"], made["dy"] = np.empty((2, capacity))
+        made["x"], made["y"] = made["values"][X], made["values"][Y]
+    return rows._replace(**made)
 
 
 def _with_room(count: int, births: int) -> int:
@@ -475,13 +477,15 @@ def _field(extent: tuple[float, float], periodic: bool, x: Column, y: Column) ->
 def _sharing(field: FieldGrid, x: Column, y: Column) -> float:
     """About how many others an inhabitant shares its cell with, from a sample."""
     step = max(1, len(x) // _SAMPLE)
-    column = np.floor(x[::step] / field.width * field.across)
-    row = np.floor(y[::step] / field.height * field.down)
-    _, counts = np.unique(column * field.down + row, return_counts=True)
-    pairs = len(row) * (len(row) - 1)
-    return len(x) * int((counts * (counts - 1)).sum()) / pairs if pairs else 0.0
+    size = -(-len(x) // step)
+    pairs = size * (size - 1)
+    if not pairs:
+        return 0.0
+    table = np.empty(2 * size), np.empty(2 * size, np.int64)
+    return len(x) * SHARING(x, y, field, step, *table) / pairs
 
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[Loop, ...]:
     """The loops that open a table."""
-    return (LOCATE, ENLIST, SETTLE, SORT) if issubclass(kind, InField) else (ENLIST,)
+    in_field = SHARING, LOCATE, ENLIST, SETTLE, SORT
+    return in_field if issubclass(kind, InField) else (ENLIST,)
