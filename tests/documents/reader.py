@@ -105,10 +105,11 @@ class Reader:
             pass  # The page starts its own worlds.
         elif ASKS.match(line) and "--connect" not in line:
             self.let_a_world_run()
-            if line.startswith("minerva pub"):  # People may give orders when all have joined.
-                self.terminal.until("minerva list", r"frame \d")
         elif ASKS.match(line) and self.guests is None:
             self.let_the_open_world_run()
+        if line.startswith("minerva pub") and "--connect" not in line:
+            # People may give orders when all have joined.
+            self.terminal.until("minerva list", r"frame \d")
         if line.startswith("cd "):
             self.terminal.place /= line.removeprefix("cd ")
         elif line.endswith("&"):
