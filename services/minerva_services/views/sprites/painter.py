@@ -7,7 +7,7 @@ import pygame
 
 from minerva_bus.semantics.plane import Bounds
 from minerva_services.geometry.colors import Legend
-from minerva_services.geometry.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.geometry.picture import Discs, Picture, Polyline, Tiles
 from minerva_services.views.palette import CHOSEN, PAPER
 from minerva_services.views.sprites.camera import MapCamera, extent
 from minerva_services.views.sprites.matrices import MatrixLayer
@@ -82,9 +82,7 @@ class SpritePainter:
         self._draw_items(picture)
         self._draw_chosen(picture, sight.selected)
         self._boxes = draw_names(self._world, sight.names, self.camera, self._ui)
-        marked = picture.marked()
-        for texts in picture.of(Texts):
-            self._boxes += draw_labels(self._world, texts, self.camera, self._ui, marked)
+        self._boxes += draw_labels(self._world, picture, self.camera, self._ui, self._boxes)
         draw_overlay(canvas, sight, self.camera, self._ui)
         if self._windowed:
             pygame.display.flip()

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from types import MappingProxyType
 
 import numpy as np
 import pygame
 
 from minerva_services.geometry.colors import rgb
-from minerva_services.geometry.picture import Texts
+from minerva_services.geometry.picture import Picture, Texts, Tiles
+from minerva_services.views.layout import MAX_PLACED, Floats, Ground, LabelPlaces, cells_at
 from minerva_services.views.names import AgentName
 from minerva_services.views.palette import INK
 from minerva_services.views.sprites.camera import MapCamera
@@ -90,28 +90,49 @@ def pin(color: tuple[int, int, int], size: float) -> pygame.Surface:
 
 
 def draw_labels(
-    canvas: pygame.Surface,
-    texts: Texts,
-    camera: MapCamera,
-    ui: float,
-    marked: Mapping[str, str] = MappingProxyType({}),
+    canvas: pygame.Surface, picture: Picture, camera: MapCamera, ui: float, names: Sequence[Box]
 ) -> list[Box]:
-    """Draw labels on pins at their positions; returns their boxes on the screen.
+    """Draw a picture's labels on pins at their positions; returns their boxes on the screen.
 
-    `marked` labels are larger and have another colour.
+    Marked labels are larger and have another colour. They leave `names` free.
     """
+    pins = [pin for texts in picture.of(Texts) for pin in _pins(texts, camera, ui)]
+    taken = [(x - 8 * ui, y - 28 * ui, x + 8 * ui, y) for _, _, x, y in pins[:MAX_PLACED]]
+    # Names are above their agents, which labels should not cover, either.
+    taken += [(name.left, name.top, name.right, name.bottom + 28 * ui) for name in names]
+    width, height = camera.size
+    places = LabelPlaces((0.0, 0.0, width - 4 * ui, float(height)), taken, _ground(picture, camera))
+    marked = picture.marked()
     boxes: list[Box] = []
+    for text, color, *place in pins:
+        sign = marked.get(text, "")
+        shown = (sign, sign, _MARKED * ui) if sign else (color, INK, ui)
+        boxes.append(_draw_label(canvas, text, *shown, (place[0], place[1]), places))
+    return boxes
+
+
+def _pins(texts: Texts, camera: MapCamera, ui: float) -> Iterator[tuple[str, str, float, float]]:
+    """Text, colour and pixel of each label that may be on the screen."""
     x, y = camera.to_screen(texts.x, texts.y)
     width, height = camera.size
-    for at, text in enumerate(texts.texts):
-        place = float(x[at]), float(y[at])
-        if -width < place[0] < 2 * width and -50 * ui < place[1] < height + 50 * ui:
-            name, color = str(text), marked.get(str(text), "")
-            if color:
-                boxes.append(_draw_label(canvas, name, color, color, place, _MARKED * ui))
-            else:
-                boxes.append(_draw_label(canvas, name, texts.form.color, INK, place, ui))
-    return boxes
+    for text, right, down in zip(texts.texts, x.tolist(), y.tolist(), strict=True):
+        if -width < right < 2 * width and -50 * ui < down < height + 50 * ui:
+            yield str(text), texts.form.color, right, down
+
+
+def _ground(picture: Picture, camera: MapCamera) -> Ground | None:
+    """What the floor of a picture, its first matrix, has at a pixel."""
+    floors = picture.of(Tiles)[:1]
+    if not floors:
+        return None
+    cells, pose, cell = floors[0].cells, floors[0].pose, floors[0].cell
+    width, height = camera.size
+
+    def ground(right: Floats, down: Floats) -> Floats:
+        x = camera.x + (right - width / 2) / camera.scale
+        return cells_at(cells, pose, cell, x, camera.y - (down - height / 2) / camera.scale)
+
+    return ground
 
 
 def draw_names(
@@ -132,22 +153,33 @@ def draw_names(
 
 
 def _draw_label(
-    canvas: pygame.Surface, text: str, color: str, ink: str, place: tuple[float, float], ui: float
+    canvas: pygame.Surface,
+    text: str,
+    color: str,
+    ink: str,
+    ui: float,
+    place: tuple[float, float],
+    places: LabelPlaces,
 ) -> Box:
     sign, x, y = pin(rgb(color), ui), place[0], place[1]
     letters = with_halo(one_line(text), round(1.3 * _LABEL_SIZE * ui), ink, max(1, round(2 * ui)))
     left, top = x - sign.get_width() / 2, y - sign.get_height()
     canvas.blit(sign, (round(left), round(top)), special_flags=pygame.BLEND_PREMULTIPLIED)
-    begin = x + 10 * ui
-    # Without space on the right, the text is placed to the left of the pin.
-    if begin + letters.get_width() > canvas.get_width() - 4 * ui:
-        begin = x - 10 * ui - letters.get_width()
-    line = y - 17 * ui - letters.get_height() / 2
+    wide, tall = letters.get_size()
+    beside = y - 17 * ui - tall / 2
+    corners = [
+        (x + 10 * ui, beside),
+        (x - 10 * ui - wide, beside),
+        (x - wide / 2, top - tall),
+        (x - wide / 2, y + 2 * ui),
+    ]
+    boxes = [(left, top, left + wide, top + tall) for left, top in corners]
+    begin, line = corners[places.choose(boxes, x, y)]
     canvas.blit(letters, (round(begin), round(line)))
     return Box(
         text,
         min(left, begin),
         min(top, line),
-        max(left + sign.get_width(), begin + letters.get_width()),
-        y,
+        max(left + sign.get_width(), begin + wide),
+        max(y, line + tall),
     )

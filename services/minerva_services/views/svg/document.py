@@ -37,7 +37,15 @@ from minerva_bus.wording import xml_characters
 from minerva_services.geometry.colors import DrawnColors, Legend, LegendEntry, color_of, colors_of
 from minerva_services.geometry.picture import text_parameter
 from minerva_services.geometry.volumes import color_ranges, rectangles
-from minerva_services.views.layout import flow, round_step
+from minerva_services.views.layout import (
+    MAX_PLACED,
+    Floats,
+    LabelPlaces,
+    Rectangle,
+    cells_at,
+    flow,
+    round_step,
+)
 from minerva_services.views.names import MAX_NAMES
 from minerva_services.views.palette import (
     BORDER,
@@ -164,6 +172,27 @@ class _Placed:
     y: float
 
 
+_SIDES = (
+    'x="12" y="-10"',
+    'x="-12" y="-10" text-anchor="end"',
+    'y="-32" text-anchor="middle"',
+    'y="19" text-anchor="middle"',
+)
+"""Places of a text beside its pin: right, left, above and below."""
+
+
+def _places(text: str, scale: float, x: float, y: float) -> list[Rectangle]:
+    """Rectangles of a text in pixels: those of `_SIDES`, and that of a name with its agent."""
+    width = 20 * LETTER_WIDTH * len(text)
+    half = width / 2
+    corners = [(12, -26, 12 + width, -6), (-12 - width, -26, -12, -6), (-half, -48, half, -28),
+               (-half, 3, half, 23), (-half, -16, half, 32)]  # fmt: skip
+    return [
+        (x + scale * left, y + scale * top, x + scale * right, y + scale * bottom)
+        for left, top, right, bottom in corners
+    ]
+
+
 class Drawing(PlaneGeometry):
     """Turns a string of L(E) into SVG elements.
 
@@ -179,6 +208,7 @@ class Drawing(PlaneGeometry):
         self._things: list[str] = []
         self._discs = 0
         self._pins: list[_Placed] = []
+        self._floor: tuple[NDArray[Any], Pose, float] | None = None
         self._names: dict[str, _Placed] = {}
         self._marked: dict[str, str] = {}
         self._page = page
@@ -201,8 +231,21 @@ class Drawing(PlaneGeometry):
     @property
     def labels(self) -> list[str]:
         """Labels on pins, then names of things with a heading unless there are too many."""
-        names = self._names.values() if len(self._names) <= MAX_NAMES else ()
-        return [*map(self._label, self._pins), *map(self._name, names)]
+        names = [*self._names.values()] if len(self._names) <= MAX_NAMES else []
+        page, scale = self._page, self._page.font_size / 20
+        pins = [(pin.x - 8 * scale, pin.y - 28 * scale, pin.x + 8 * scale, pin.y)
+                for pin in self._pins[:MAX_PLACED]]  # fmt: skip
+        taken = pins + [_places(name.text, 0.9 * scale, name.x, name.y)[-1] for name in names]
+        frame = (page.padding, page.padding, page.width - page.padding, float(page.height))
+        places = LabelPlaces(frame, taken, None if self._floor is None else self._floor_at)
+        return [*(self._label(pin, places) for pin in self._pins), *map(self._name, names)]
+
+    def _floor_at(self, right: Floats, down: Floats) -> Floats:
+        """The cells of the floor at pixels of the page."""
+        assert self._floor is not None
+        page, bottom = self._page, self._page.padding + self._page.panel[1]
+        metres = (right - page.padding) / page.scale, (bottom - down) / page.scale
+        return cells_at(*self._floor, *metres)
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         if isinstance(shape, Disc):
@@ -294,6 +337,8 @@ class Drawing(PlaneGeometry):
         parameters = figure.parameters
         corner = raster_corner(raster, parameters, self.pose)
         cell = resolve(raster.cell, parameters)
+        # The first matrix is the ground of everything else.
+        self._floor = self._floor or (parameters[raster.cells], corner, cell)
         paths = self._tracer.paths(parameters[raster.cells], raster.colors)
         self._ground += [
             # Without anti-aliasing, so that no seams appear between neighbouring rectangles.
@@ -304,14 +349,16 @@ class Drawing(PlaneGeometry):
             "</g>",
         ]
 
-    def _label(self, label: _Placed) -> str:
+    def _label(self, label: _Placed, places: LabelPlaces) -> str:
         marked = self._marked.get(label.text, "")
         scale = self._page.font_size / 20 * (_MARKED if marked else 1)
+        at = places.choose(_places(label.text, scale, label.x, label.y)[:4], label.x, label.y)
         return (
             f'<g transform="translate({short(label.x)} {short(label.y)}) scale({short(scale)})">'
             f'<path d="{PIN}" fill="{paint(marked or label.color)}" stroke="#fff"'
             f' stroke-width="1.2"/><circle cy="-17" r="3" fill="#fff"/>'
-            f"{self._beside_pin(label, marked or INK)}</g>"
+            f'<text {_SIDES[at]} {_TEXT} fill="{paint(marked or INK)}" paint-order="stroke">'
+            f"{line_of_text(label.text)}</text></g>"
         )
 
     def _name(self, name: _Placed) -> str:
@@ -320,16 +367,6 @@ class Drawing(PlaneGeometry):
             f'<g transform="translate({short(name.x)} {short(name.y)}) scale({short(scale)})">'
             f'<text text-anchor="middle" {_TEXT} fill="{INK}" paint-order="stroke">'
             f"{line_of_text(name.text)}</text></g>"
-        )
-
-    def _beside_pin(self, label: _Placed, color: str) -> str:
-        """The text to the right of its pin, or to its left if the picture is too narrow."""
-        page = self._page
-        ends_at = label.x + page.font_size * (0.6 + LETTER_WIDTH * len(label.text))
-        side = 'x="-12" text-anchor="end"' if ends_at > page.width - page.padding else 'x="12"'
-        return (
-            f'<text {side} y="-10" {_TEXT} fill="{paint(color)}" paint-order="stroke">'
-            f"{line_of_text(label.text)}</text>"
         )
 
     def _m(self, metres: float) -> str:
