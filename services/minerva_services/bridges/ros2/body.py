@@ -15,7 +15,7 @@ from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
-from minerva_services.bridges.ros2.uses import misfits
+from minerva_services.bridges.ros2.uses import NetworkUser
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.event_factory import EventFactory
@@ -25,7 +25,9 @@ from minerva_services.physics.geometry import PhysicalGeometry, Robot
 from minerva_services.sensors.playback import checked_offset
 
 
-class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=("eCollision",)):
+class Ros2Robot(
+    Device, Generator, NetworkUser, draws=("eRepresent",), coupled=True, events=("eCollision",)
+):
     """Drives a ROS 2 robot as the views command, and then publishes its readings.
 
     In a world file it replaces physics and behaves the same: a turn and a move are executed within
@@ -98,7 +100,6 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         if topics.clock and not topics.odometry:
             raise MisuseError("ros2_robot: a robot driven by a clock must publish odometry")
         self.network, self.uses = network, self._options.uses()
-        """The robot's network, and the topics that it uses."""
         self._robot = robot
         self._begin()
 
@@ -114,7 +115,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         """What fits no robot. Raises MisuseError without rosbags, or without the event."""
         messages()
         self._collision = EventFactory("ros2_robot", world, "eCollision", shortfall=Metres)
-        return [problem for _, problem in misfits(self.network, self.uses)]
+        return self.unfit()
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)

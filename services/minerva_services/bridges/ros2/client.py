@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, ClassVar, Final
 
@@ -16,15 +16,17 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_bus.world.services import Device, Emit, Generator, WorldInfo
+from minerva_services.bridges.ros2.graph import Announced
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session
+from minerva_services.bridges.ros2.uses import NetworkUser, missing_server
 from minerva_services.bridging.bridge import Counting, SourceError
 
 _POLL_SECONDS: Final = 0.05
 PLACE: Final = ("x", "y", "angle")
 
 
-class RobotClient(Generator, Device, Counting, when="freely, each frame"):
+class RobotClient(Generator, Device, Counting, NetworkUser, when="freely, each frame"):
     """A free-running generator on a robot's network, whose requests come from views.
 
     All its work is done in its own thread: others hand it over with `do`. A lost network does not
@@ -87,6 +89,12 @@ class RobotClient(Generator, Device, Counting, when="freely, each frame"):
     @abstractmethod
     def servers(self) -> Sequence[tuple[str, str]]:
         """The names and types of the services that it calls. Raises MisuseError."""
+
+    def problems(self, graph: Iterable[Announced]) -> Iterator[tuple[str, str]]:
+        for called, kind in self.servers():
+            problem = missing_server(graph, self.network, called, kind)
+            if problem:
+                yield called, problem
 
     def opened(self, session: Ros2Session) -> None:
         """Subscribe to what is needed in a new session, in a thread of the link."""

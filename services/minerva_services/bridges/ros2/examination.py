@@ -8,10 +8,6 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.world_files import read_world_file
-from minerva_services.bridges.ros2.body import Ros2Robot
-from minerva_services.bridges.ros2.client import RobotClient
 from minerva_services.bridges.ros2.graph import (
     LAYOUTS,
     NO_HASH,
@@ -23,9 +19,7 @@ from minerva_services.bridges.ros2.graph import (
 )
 from minerva_services.bridges.ros2.layout import ENDPOINTS, Ros2Network
 from minerva_services.bridges.ros2.network import look_at
-from minerva_services.bridges.ros2.sensors import Ros2
-from minerva_services.bridges.ros2.uses import is_of, mismatches, missing_server, nobody
-from minerva_services.bridges.ros2.view import Ros2View
+from minerva_services.bridges.ros2.uses import NetworkUser, is_of, nobody
 
 _OF_EACH_NODE: Final = ("rcl_interfaces/", "type_description_interfaces/")
 """Types of services that each node has, which are not listed."""
@@ -38,7 +32,6 @@ Found: TypeAlias = tuple[str, bool, str]
 """What was examined, whether it is good, and a note."""
 
 _LOOK_SECONDS: Final = 0.5
-Service: TypeAlias = Ros2 | Ros2Robot | Ros2View | RobotClient
 
 
 def examine(source: str) -> Iterator[Found]:
@@ -49,6 +42,9 @@ def examine(source: str) -> Iterator[Found]:
     if source.partition("/")[0] in ENDPOINTS:
         yield from _listed(Ros2Network(source))
     else:
+        # Late: a person waits for the list of a network, which needs none of this.
+        from minerva_bus.launch.installed import find_world
+
         yield from _compared(find_world(source))
 
 
@@ -105,6 +101,8 @@ def _named(there: list[Announced], kind: str) -> str:
 
 
 def _compared(path: Path) -> Iterator[Found]:
+    from minerva_bus.launch.world_files import read_world_file
+
     services = {
         process.name: process.make_service()
         for process in read_world_file(path).processes
@@ -112,7 +110,7 @@ def _compared(path: Path) -> Iterator[Found]:
     }
     examined = False
     for name, service in services.items():
-        if isinstance(service, Service):
+        if isinstance(service, NetworkUser):
             examined = True
             yield from _fit(name, service)
         service.close()
@@ -120,21 +118,14 @@ def _compared(path: Path) -> Iterator[Found]:
         yield str(path), False, "no process with a service of ros2"
 
 
-def _fit(name: str, service: Service) -> Iterator[Found]:
+def _fit(name: str, service: NetworkUser) -> Iterator[Found]:
     network = service.network
     try:
         everything = list(look_at(network, _LOOK_SECONDS))
     except MinervaError as error:
         yield name, False, f"{error}; start its Zenoh router, or set router"
         return
-    if isinstance(service, RobotClient):
-        problems = [
-            (called, problem)
-            for called, kind in service.servers()
-            if (problem := missing_server(everything, network, called, kind))
-        ]
-    else:
-        problems = list(mismatches(everything, network, service.uses))
+    problems = list(service.problems(everything))
     for option, problem in problems:
         yield f"{name}: {option}", False, problem
     if not problems:

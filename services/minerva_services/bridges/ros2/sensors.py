@@ -18,8 +18,8 @@ from minerva_services.bridges.ros2.network import Ros2Session
 from minerva_services.bridges.ros2.qos import HEARING, LASTING, asked_qos
 from minerva_services.bridges.ros2.uses import (
     EVENTS,
+    NetworkUser,
     TopicUse,
-    misfits,
     topic_uses,
     transforms_uses,
 )
@@ -59,7 +59,7 @@ _CHECK_SECONDS: Final = 0.25
 _LOST: Final = "lost on the way"
 
 
-class Ros2(Bridge):
+class Ros2(Bridge, NetworkUser):
     """Publishes the readings of a ROS 2 robot: scans, odometry, images, positions, battery.
 
     Empty topics are not subscribed to. Mounts come from the fixed transforms, unless `mount` is
@@ -154,14 +154,13 @@ class Ros2(Bridge):
             asked = asked_qos(f"{where}: qos", topic.qos, HEARING)
             uses.append(TopicUse(f"{EVENTS}{name}", name, topic.kind, qos=asked))
         self.uses = topic_uses(self.network, uses, qos)
-        """The topics that it subscribes to."""
 
     def check(self, world: WorldInfo) -> list[str]:
         """What fits no robot. Raises MisuseError without rosbags, or an event for maps."""
         messages()
         for topic in self._events.values():
             topic.check(world)
-        return [problem for _, problem in misfits(self.network, self.uses)]
+        return self.unfit()
 
     def generates(self) -> tuple[str, ...]:
         """The event types of maps and of other messages."""

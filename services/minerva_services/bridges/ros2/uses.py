@@ -146,6 +146,21 @@ def misfits(network: Ros2Network, uses: Sequence[TopicUse]) -> Iterator[tuple[st
             )
 
 
+class NetworkUser:
+    """A service on a robot's network, and the topics that it uses."""
+
+    network: Ros2Network
+    uses: tuple[TopicUse, ...] = ()
+
+    def unfit(self) -> list[str]:
+        """What fits no robot, for warnings."""
+        return [problem for _, problem in misfits(self.network, self.uses)]
+
+    def problems(self, graph: Iterable[Announced]) -> Iterator[tuple[str, str]]:
+        """By option, what does not fit between it and its network. Raises MisuseError."""
+        return mismatches(graph, self.network, self.uses)
+
+
 def is_of(each: Announced, network: Ros2Network) -> bool:
     """Whether something is announced in the layout and domain of a network."""
     # A bridge for DDS does not announce its domain.

@@ -21,7 +21,7 @@ from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
 from minerva_services.bridges.ros2.qos import DEFAULT, LASTING
-from minerva_services.bridges.ros2.uses import TopicUse, misfits, topic_uses
+from minerva_services.bridges.ros2.uses import NetworkUser, TopicUse, topic_uses
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.messages import messages
@@ -92,7 +92,7 @@ def nearest_place(places: dict[str, Pose], goal: Pose, radius: float) -> str:
     return ordered[0][1]
 
 
-class Ros2View(Device, Counting, draws=("ePicture",)):
+class Ros2View(Device, Counting, NetworkUser, draws=("ePicture",)):
     """Publishes a robot's knowledge for RViz, and turns a clicked goal into an objective.
 
     World coordinates are those of the map frame. A goal stands for the marker nearest to it.
@@ -144,8 +144,6 @@ class Ros2View(Device, Counting, draws=("ePicture",)):
         ]
         uses.append(TopicUse("goal", goal, types.POSE_STAMPED, needed=False))
         self.uses = topic_uses(self.network, uses, qos)
-        """The topics for RViz."""
-
         # Each objective that is published would come back as an order.
         if goal and goal == objective:
             raise MisuseError("ros2_view: goal and objective must be different topics")
@@ -161,7 +159,7 @@ class Ros2View(Device, Counting, draws=("ePicture",)):
     def check(self, world: WorldInfo) -> list[str]:
         """What fits no robot. Raises MisuseError if rosbags is missing."""
         messages()
-        return [problem for _, problem in misfits(self.network, self.uses)]
+        return self.unfit()
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)
