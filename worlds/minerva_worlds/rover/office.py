@@ -14,7 +14,7 @@ from typing import Any
 from minerva_agents.robot import world as plane
 from minerva_agents.robot.errands import AParcel
 from minerva_agents.robot.robot import ALocalisingRobot, ARobot
-from minerva_agents.robot.vocabulary import TPlace
+from minerva_agents.robot.vocabulary import PRobot, TPlace
 from minerva_bodies import Box, Camera, Matter, Poster, euler
 from minerva_bodies.cameras import Cameras, focal_length
 from minerva_bus import (
@@ -65,8 +65,9 @@ class _WithCamera:
 
     @view("eSight")
     def see(self: Any, event: Event) -> Scene:
-        """θ: the camera."""
-        return TPlace(*self.metres(self.position), self.angle)(TLay(0.0, 0.0, MIDDLE)(PCamera()))
+        """θ: the camera, and its robot, which those of others see."""
+        carried = PRobot(self.id, self.radius) + TLay(0.0, 0.0, MIDDLE)(PCamera())
+        return TPlace(*self.metres(self.position), self.angle)(carried)
 
 
 class ARover(_WithCamera, ARobot, symbol="ARobot"):
