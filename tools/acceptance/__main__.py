@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tools import blocks
 from tools.acceptance.assistants import CONFORMANCE
-from tools.acceptance.bags import ROSBAG2
+from tools.acceptance.bags import ROSBAG2, SICK
 from tools.acceptance.codec import MSGPACK
 from tools.acceptance.environments import FARAMA
 from tools.acceptance.federates import HELICS
@@ -51,6 +51,7 @@ SUITES = {
         MAPF,
         FARAMA,
         NETLOGO,
+        SICK,
     )
 }
 

@@ -1,14 +1,18 @@
-"""ROS 2 bags: topics and types as in their metadata; none of the bags has readings to play."""
+"""Bags of ROS: topics and types as in the metadata of those of rosbag2, readings of one of SICK."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from minerva_bus.log.recordings import RecordingError
-from minerva_services.bridges.rosbag.bag import open_bag
-from tools.acceptance.suite import Result, Suite, judged, whole_files
+from minerva_bus.world.readings import Scan
+from minerva_services.bridges.rosbag.bag import Bag, open_bag
+from tools.acceptance.suite import Outcome, Result, Suite, judged, whole_files
 
 _FORMAT = re.compile(r"serialization_format: (\S+)")
 _TOPIC = re.compile(r"name: (/\S+)\n\s+type: (\S+)")
@@ -46,4 +50,56 @@ ROSBAG2 = Suite(
     "rosbag2_tests/resources",
     "the reader of bags: topics and types, from the folder and from the file",
     _results,
+)
+
+NO_PLACE = "the bag does not say where the sensor is on the vehicle (/tf_static): it is refused"
+RAW = "a capture of the sensor's own protocol, which its driver reads: the bridges read the driver"
+
+
+def _scan_problems(bag: Path, topic: str) -> Iterator[str]:
+    """What differs in the scans of a bag from its messages."""
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([bag]) as reader:
+        chosen = [connection for connection in reader.connections if connection.topic == topic]
+        messages: list[Any] = [
+            reader.deserialize(data, connection.msgtype)
+            for connection, _, data in reader.messages(chosen)
+        ]
+    played = Bag(bag, lambda *_: None, topics={topic: "scan"})
+    scans = [recorded.reading for recorded in played.readings()]
+    played.close()
+    if len(scans) != len(messages):
+        yield f"{len(scans)} scans of {len(messages)} messages"
+    for number, (scan, message) in enumerate(zip(scans, messages, strict=False)):
+        assert isinstance(scan, Scan)
+        # A shorter range is no measurement.
+        ranges = np.where(message.ranges < message.range_min, 0.0, message.ranges)
+        angles = np.radians([scan.first, scan.step])
+        wanted = [message.angle_min, message.angle_increment]
+        if not np.array_equal(ranges, scan.ranges) or not np.allclose(angles, wanted, atol=1e-6):
+            yield f"scan {number} differs"
+
+
+def _sick_results(repository: Path) -> Iterator[Result]:
+    for bag in whole_files(repository.rglob("*.bag")):
+        yield judged(f"{bag.name}: /sick_lms_1xx/scan", _scan_problems(bag, "/sick_lms_1xx/scan"))
+        for topic in ("/cloud", "/cloud_radar_track", "/cloud_radar_rawtarget"):
+            try:
+                problems = [*_scan_problems(bag, topic)]
+            except RecordingError as error:
+                refused = "/tf_static" in str(error)
+                yield judged(f"{bag.name}: {topic}", [str(error)], NO_PLACE if refused else "")
+            else:
+                yield judged(f"{bag.name}: {topic}", problems)
+    for capture in sorted(repository.rglob("*.pcapng.json")):
+        yield Result(capture.name, Outcome.EXPECTED, RAW)
+
+
+SICK = Suite(
+    "sick",
+    "SICKAG/sick_scan_xd",
+    ".",
+    "the bridge `rosbag`: scans of a bag of ROS 1 that the driver of SICK's sensors has published",
+    _sick_results,
 )
