@@ -1,4 +1,4 @@
-"""Resume: a recorded run of 50 frames goes on to frame 100, as if it had not ended."""
+"""Resume: a recorded run of 50 frames continues to frame 100, as if it had not ended."""
 
 from minerva_bus import Disc, World, each, on, record, resume, run
 from minerva_study import Placed

@@ -41,7 +41,7 @@ _IN_WORDS: Final = {"str": "text", "list[str]": "text", "int": "whole number", "
 
 def _type_in_words(shown: Callable[[Any], str | None], ctx: Any) -> str:
     kind = (shown(ctx) or "").strip("<>")
-    return f"<{_IN_WORDS.get(kind, kind)}>"
+    return f"<{_IN_WORDS.get(kind.removesuffix(' range'), kind)}>"
 
 
 def use_plain_conversions(parameter: Any) -> None:

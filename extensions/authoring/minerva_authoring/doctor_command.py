@@ -20,9 +20,9 @@ TOPIC: Final = "Set up"
 def doctor(context: typer.Context, json: Json = False) -> None:
     """Check the environment and report missing dependencies.
 
-    Installed checks examine other things in place of it: `--ros2 ENDPOINT` lists the nodes and
-    topics of a ROS 2 robot, and `--ros2 WORLD` says what of the robot does not fit the world. The
-    exit code is 1 if anything is missing or does not fit.
+    Other checks may be installed: `--ros2 ENDPOINT` lists the nodes and topics of a ROS 2 robot,
+    and `--ros2 WORLD` reports what of the robot does not fit the world. The exit code is 1 if
+    anything is missing or does not fit.
     """
     from minerva_authoring.doctor import examine
 

@@ -152,8 +152,8 @@ def recover(
 ) -> None:
     """Copy the intact frames of a damaged record to a new one.
 
-    It reports what is lost. Of the folder FILE.parts, which a run leaves that was killed while it
-    collected data, it makes the tables.
+    It reports what is lost. A run that is killed while it collects data leaves the folder
+    FILE.parts, from which it makes the tables.
     """
     from minerva_analysis.info_command import recover_record
 
