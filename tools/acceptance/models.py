@@ -17,7 +17,6 @@ from zipfile import ZipFile
 
 from minerva_bus import Agent, EventType, MinervaError, Primitive, World, on, run, service, view
 from minerva_bus.grammar.types import INT_END
-from minerva_cosimulation.fmu_service import Fmu
 from tools.acceptance.suite import MissingSuiteError, Outcome, Result, Suite, judged
 
 RELATIVE = 1e-9
@@ -60,6 +59,8 @@ def _kind(variable: Any) -> Any:
 
 def _stepped(fmu: Path, kinds: Mapping[str, Any], dt: float, frames: int, **inputs: Any) -> Any:
     """Rows of the outputs of these types, by name; row `n` follows `n` steps by the bridge."""
+    from minerva_cosimulation.fmu_service import Fmu
+
     received: Any = EventType("eResult", **kinds)
     shown = EventType("eShown", visual=True)
     types: Any = {name: type(value) for name, value in inputs.items()}
