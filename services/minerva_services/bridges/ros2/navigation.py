@@ -282,28 +282,19 @@ class Ros2Navigation(RobotClient):
     def advance(self, session: Ros2Session | None) -> Iterator[Event]:
         now = time.monotonic()
         goal, wish = self._goal, self._wish
-        server = None
-        if session is not None:
-            server = session.server(*self._goals)
         if goal is not None:
-            self._watch(goal, session, server, now)
+            self._watch(goal, session, now)
         if goal is None or goal.state == "running":
             if wish is not None and wish.state == "new":
-                self._begin(wish, session, server, now)
+                self._begin(wish, session, now)
             elif goal is not None and (wish is None or wish.key != goal.key):
                 self._cancel(goal, session, now)
         events, self._events = self._events, []
         yield from events
 
-    def _begin(
-        self,
-        goal: NavigationGoal,
-        session: Ros2Session | None,
-        server: Announced | None,
-        now: float,
-    ) -> None:
+    def _begin(self, goal: NavigationGoal, session: Ros2Session | None, now: float) -> None:
         """Send a goal as soon as there is a server."""
-        if session is None or server is None:
+        if session is None or session.server(*self._goals) is None:
             if now > goal.until:
                 self._end(goal, "lost", self._absent(session))
             return
@@ -345,13 +336,7 @@ class Ros2Navigation(RobotClient):
         end = ("lost", problem) if problem else ("rejected", "the robot rejects the goal")
         self._end(goal, *end)
 
-    def _watch(
-        self,
-        goal: NavigationGoal,
-        session: Ros2Session | None,
-        server: Announced | None,
-        now: float,
-    ) -> None:
+    def _watch(self, goal: NavigationGoal, session: Ros2Session | None, now: float) -> None:
         """Ask for the result of a goal in each session and of each server; limit all waits."""
         if goal.state == "sent":
             if session is None:
@@ -359,6 +344,7 @@ class Ros2Navigation(RobotClient):
             elif now > goal.until + _RETRY_SECONDS:
                 self._on_accepted(goal, None, "the goal could not be sent")
             return
+        server = session and session.server(*self._goals)
         asks = session and server and (session, server)
         if not asks:
             # A short loss of the network changes nothing: the robot goes on.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from minerva_bus.world.readings import Mount, Reading
 from minerva_services.bridges.ros_messages import images, readings
@@ -48,18 +48,6 @@ TOPICS: Final[Mapping[str, str]] = {
 """Topics of the world by message type; rosbags uses the same names of types for ROS 1."""
 
 
-class SensorPlaces(Protocol):
-    """Where the sensors of a robot are. Its methods raise UnplacedError."""
-
-    def mounting(self, kind: str, frame: str) -> SensorMount:
-        """Mount of the sensor that sends messages of a type in a frame."""
-        ...
-
-    def placed(self, frame: str) -> Matrix:
-        """The transform from a frame to the robot, 4 x 4."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class LivePlaces:
     """Places on the `base` of a robot whose transforms arrive; `laser` is the mount of its laser.
@@ -72,6 +60,7 @@ class LivePlaces:
     laser: Mount | None
 
     def mounting(self, kind: str, frame: str) -> SensorMount:
+        """Mount of the sensor that sends messages of a type in a frame. Raises UnplacedError."""
         if kind == LASER_SCAN and self.laser is not None:
             return SensorMount(self.laser)
         mounting = self.frames.mounting(self.base, frame)
@@ -80,6 +69,7 @@ class LivePlaces:
         return mounting or SensorMount()
 
     def placed(self, frame: str) -> Matrix:
+        """The transform from a frame to the robot, 4 x 4. Raises UnplacedError."""
         return self.frames.placed(self.base, frame)
 
 
@@ -91,12 +81,14 @@ class RecordedPlaces:
     override: Callable[[Mount], Mount]
 
     def mounting(self, kind: str, frame: str) -> SensorMount:
+        """Mount of a sensor; at the centre if it is unknown."""
         base = self.frames.base_above(frame)
         known = self.frames.mounting(base, frame) if base != bare(frame) else None
         sensor = known or SensorMount()
         return replace(sensor, mount=self.override(sensor.mount))
 
     def placed(self, frame: str) -> Matrix:
+        """The transform from a frame to that base, 4 x 4. Raises UnplacedError."""
         base = self.frames.base_above(frame)
         # Heights of points are those above the base, which a sensor's own frame does not tell.
         if base == bare(frame) and not base.rpartition("/")[2].startswith("base"):
@@ -109,7 +101,7 @@ class Conversion:
     """Makes readings of a robot from messages. `band` is that of points."""
 
     robot: str
-    places: SensorPlaces
+    places: LivePlaces | RecordedPlaces
     band: HeightBand = field(default_factory=HeightBand)
 
     def reading(self, kind: str, message: Any, time: float | None = None) -> Reading:
