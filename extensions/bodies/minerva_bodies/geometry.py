@@ -13,11 +13,11 @@ from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from itertools import chain
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import (
@@ -241,10 +241,13 @@ class SpaceGeometry(Geometry):
         known = self._known
         rows = {row for row, name in enumerate(names) if name not in known}
         commands = dict[int, tuple[Act, ...]]()
-        for row, command in chain.from_iterable(map(self._commanded, levels[:-1])):
-            commands[row] = (*commands.get(row, self._commands), command)
-            if not all(abs(number) < MAX_NUMBER for number in command[1:]):
-                rows.add(row)  # Its reading raises the error.
+        for level in levels[:-1]:
+            kind, vectors = self._vectors(level)
+            # The reading of a single row raises the error.
+            rows.update(np.flatnonzero(~(np.abs(vectors) < MAX_NUMBER).all(axis=1)).tolist())
+            given = np.flatnonzero(vectors.any(axis=1))
+            for row, (x, y, z) in zip(given.tolist(), vectors[given].tolist(), strict=True):
+                commands[row] = (*commands.get(row, self._commands), (kind, x, y, z))
         rows.update(self._resized(levels[-1], spatial[1 + MATERIAL :], names))
         unread = [name for row, name in enumerate(names) if row not in rows]
         self.seen.update(unread)
@@ -268,17 +271,14 @@ class SpaceGeometry(Geometry):
                 if known is not None and all(part[2] != list(values) for part in known[1]):
                     yield row
 
-    def _commanded(self, level: Columns) -> Iterator[tuple[int, Act]]:
-        """The rows to which a level of transformations gives a command, and the command."""
+    def _vectors(self, level: Columns) -> tuple[str, NDArray[np.float64]]:
+        """The kind and the vectors (n, 3) of commands; zeros for other transformations."""
         declared = self._vocabulary.transformations.get(level.symbol)
         motion = declared.motion if declared is not None else None
         if motion is None or not motion.spatial or motion.spatial[0] not in COMMANDS:
-            return
-        kind = str(motion.spatial[0])
-        vectors = zip(*(_listed(level, measure) for measure in motion.spatial[1:]), strict=True)
-        for row, (x, y, z) in enumerate(vectors):
-            if x or y or z:
-                yield row, (kind, float(x), float(y), float(z))
+            return "", np.zeros((level.count, 3))
+        columns = [_listed(level, measure) for measure in motion.spatial[1:]]
+        return str(motion.spatial[0]), np.array(columns, np.float64).T
 
 
 def _listed(level: Columns, measure: Measure) -> list[Any]:
