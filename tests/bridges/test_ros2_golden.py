@@ -172,9 +172,9 @@ def test_actions(name):
     session = Server(robot.network, graph)
     goal = NavigationGoal("r1", {"x": 1.0, "y": 2.0, "angle": 0.0})
     robot.opened(session)
-    robot._begin(goal, session, session.server(*robot._goals), 0.0)
+    robot._begin(goal, session, 0.0)
     goal.state = "running"
-    robot._watch(goal, session, session.server(*robot._goals), 1.0)
+    robot._watch(goal, session, 1.0)
     robot._send_cancel(session, goal, print)
     assert session.keys.keys() == cases.keys() - {"status"}
     for part, key in session.keys.items():
