@@ -13,6 +13,8 @@ from minerva_bodies.engine import Engine
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.service import RigidBodies
 
+pytestmark = pytest.mark.timeout(400)  # The first use compiles: 10 s of a core that is free.
+
 HERE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 FORMS = (("box", 0.2, 0.1, 0.1), ("ball", 0.15), ("cylinder", 0.1, 0.1), ("capsule", 0.1, 0.1))
 FORMS += (("cone", 0.1, 0.1),)
