@@ -221,6 +221,21 @@ def test_spaces_of_actions_follow_from_the_vocabulary(act, space, action, data):
     assert both == ([] if data is None else [(data, ("c",)), (data, ("a",))])
 
 
+def test_choices_of_several_types_are_a_batch_for_each():
+    acting = parallel_env(
+        pond, Fish, [None, ePick("blue", 2, False), eEat(), ePick("red", 1, True)]
+    )
+    acting = acting._episode.task.acting
+    ids = ["a", "b", "c", "a", "b"]
+    batches = acting.events(Ids.of(ids), np.array([3, 0, 1, 2, 1]))
+    assert [[(each.values, *each.receivers) for each in batch] for batch in batches] == [
+        [(("red", 1, True), "a"), (("blue", 2, False), "c"), (("blue", 2, False), "b")],
+        [((), "a")],
+    ]
+    with pytest.raises(MinervaError, match=r"the action of c is 4; expected a number from 0 to 3"):
+        acting.events(Ids.of(ids), np.array([3, 0, 4, 2, 1]))
+
+
 def test_spaces_of_observations_follow_from_the_vocabulary():
     env = parallel_env(pond, Fish, "eEat", ["color", "big", Fish.x, "tail"])
     assert env.reset()[0]["b"].tolist() == [1, 0, 0, 0, 2, 0.5, 1.5]
