@@ -53,7 +53,6 @@ class FastAccelerator:
         self._cls = cls
         self.methods = methods
         self._checked = checked_methods(cls, methods)
-        self._kernels: dict[str, Kernel] = {}
 
     def code(self) -> Iterator[tuple[str, Callable[[], object]]]:
         """Titles of the compiled code, each with the function that compiles it."""
@@ -64,7 +63,6 @@ class FastAccelerator:
         """The checked form of the method for an event type. Raises NotCompilable."""
         if not all(method.current() for method in self._checked.values()):
             self._checked = checked_methods(self._cls, self.methods)
-            self._kernels = {}
         return self._checked[event_type]
 
     def _kernel(self, event_type: str) -> tuple[Method, Kernel]:
@@ -73,10 +71,7 @@ class FastAccelerator:
         Raises NotCompilable, and MisuseError without numba.
         """
         method = self.checked(event_type)
-        kernel = self._kernels.get(event_type)
-        if kernel is None:
-            kernel = self._kernels[event_type] = load_kernel(method.text, "compiled methods")
-        return method, kernel
+        return method, load_kernel(method.text, "compiled methods")
 
     def run(
         self, turn: Turn, state: PopulationState, streams: FrameStreams, frame: Frame

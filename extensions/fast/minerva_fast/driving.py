@@ -12,13 +12,13 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
-from typing import Any, Final, Protocol
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_fast.draws import PLACE, interpreting, new_progress
-from minerva_fast.machine_code import Kernel, load_kernel
+from minerva_fast.machine_code import load_kernel
 
 PURPOSE: Final = "rules of a space"
 """What needs numba, in messages."""
@@ -37,21 +37,16 @@ class Loop:
             "@kernel(signature)\n"
             f"def run({given}):\n    return function({given})\n"
         )
-        self._compiled: Kernel | None = None
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it, compiled or, within `interpreted`, as Python. Raises MisuseError."""
-        if interpreting():
-            return self._function(*arguments)
-        if self._compiled is None:
-            self.prepare()
-        assert self._compiled is not None
-        return self._compiled(*arguments)
+        run = self._function if interpreting() else load_kernel(self._text, PURPOSE)
+        return run(*arguments)
 
     def prepare(self) -> None:
         """Compile it now, unless it is to run as Python. Raises MisuseError."""
         if not interpreting():
-            self._compiled = load_kernel(self._text, PURPOSE)
+            load_kernel(self._text, PURPOSE)
 
 
 THREADS: Final = "MINERVA_THREADS"
@@ -61,10 +56,8 @@ _ROWS: Final = 8192
 """Fewer rows take less time than a thread takes to start."""
 
 
-class Part(Protocol):
-    """Runs the rows from `begin` to `end`; `progress` has the current one."""
-
-    def __call__(self, part: int, begin: int, end: int, progress: NDArray[np.int64]) -> None: ...
+Part: TypeAlias = Callable[[int, int, int, NDArray[np.int64]], None]
+"""Runs the rows of a part from a begin to an end; `progress`, the last, has the current one."""
 
 
 def parts_of(rows: int) -> int:

@@ -118,7 +118,6 @@ class SpaceRule:
         self.sees_before = any(p.name == BEFORE for p in self.parameters)
         self.births = births
         """The most copies that one activation may make in a table."""
-        self._compiled: Kernel | None = None
         self._checked: CheckedRule | None = None
         try:
             self._check()
@@ -157,7 +156,6 @@ class SpaceRule:
         if not self.as_python:
             if not self.checked.method.current():  # such as a constant of a notebook
                 self._check()
-                self._compiled = None
             self.compiled()
 
     def compiled(self) -> Kernel:
@@ -166,9 +164,7 @@ class SpaceRule:
         `rows` are all rows, which it puts into their order; unless it does, it needs none. Raises
         MisuseError.
         """
-        if self._compiled is None:
-            self._compiled = load_kernel(self.checked.text, PURPOSE)
-        return self._compiled
+        return load_kernel(self.checked.text, PURPOSE)
 
     def interpret(
         self,

@@ -6,7 +6,6 @@ from space_worlds import Flock, Meadow, eStep, graze, grow, hunt, meadow
 from minerva_bus import Vocabulary, World, each, on, run
 from minerva_bus.launch.process_specs import ProcessSpec, compile_agents
 from minerva_fast import Space, driving, interpreted, rules
-from minerva_fast.rules import loops_of
 from minerva_fast.space import rules_of
 
 FLOCK = ProcessSpec("flock", agents=(Flock,))
@@ -56,8 +55,6 @@ def test_rules_are_compiled_before_the_first_frame(monkeypatch):
     compiled, shown = [], []
     for module in (driving, rules):
         monkeypatch.setattr(module, "load_kernel", lambda text, _: compiled.append(text) or len)
-    for loop in loops_of(rules_of(Flock)):  # also those of tables, which other rules share
-        monkeypatch.setattr(loop, "_compiled", None)
     with interpreted():
         compile_agents([FLOCK])
     assert compiled == []
