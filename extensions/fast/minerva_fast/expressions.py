@@ -76,6 +76,7 @@ _OF_REALS: Final[dict[type[ast.operator], str]] = {
     ast.Mod: "modulo_reals",
     ast.Pow: "power",
 }
+_OF_MOMENT: Final = {"dt": ValueKind.REAL, "time": ValueKind.REAL, "number": ValueKind.INT}
 _TABLE: Final = 10_000
 _ITEMS: Final = (np.bool_, np.float64, np.int64)
 """Types of the items of constant arrays, which are those of Python's numbers."""
@@ -322,17 +323,11 @@ class Expressions:
         return self.use(f"g_{name}", kind)
 
     def _of_moment(self, node: ast.Attribute) -> Value:
-        name = node.attr
-        if name in ("dt", "time"):
-            return self.given(name, ValueKind.REAL)
-        if name == "number":
-            return self.given(name, ValueKind.INT)
-        if name == "random":
-            raise self.problem(node, "moment.random", "draw from moment.chance")
-        if name == "chance":
-            instead = "write it in each draw: moment.chance.random()"
-            raise self.problem(node, "moment.chance as a value", instead)
-        raise self.problem(node, f"moment.{name} as a value", "use dt, time, number and chance")
+        kind = _OF_MOMENT.get(node.attr)
+        if kind is not None:
+            return self.given(node.attr, kind)
+        instead = "use dt, time and number, and write in each draw: moment.chance.random()"
+        raise self.problem(node, f"moment.{node.attr} as a value", instead)
 
     def _of_event(self, node: ast.Attribute) -> Value:
         name, declared = node.attr, self.method.event_type
