@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from tools.acceptance.suite import MissingSuiteError, Outcome, Result, Suite
 
-FRAMES = 1000
+FRAMES = 2000
 """Frames within which all robots must be at their goals at once."""
 
 INSTANCES = (
