@@ -8,6 +8,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("rapier3d", reason="needs the extra space")
+pytest.importorskip("scipy", reason="brute force needs a convex hull")
+
+from scipy.spatial import ConvexHull
 
 from minerva_bodies import Ball, Box, Matter, Mesh, quaternion
 from minerva_bodies.errors import BodiesError
@@ -69,8 +72,6 @@ def gap(ours, theirs):
 
 def nearest(corners):
     """The signed distance of the origin from the convex hull of points."""
-    from scipy.spatial import ConvexHull
-
     hull = ConvexHull(corners, qhull_options="QJ") if len(corners) > 3 else None
     faces = [(0, 1, 2)] if hull is None else hull.simplices
     outside = 1.0 if hull is None else float(hull.equations[:, 3].max())

@@ -32,6 +32,8 @@ GOLDEN = {
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the library's bits differ elsewhere")
 @pytest.mark.parametrize("world", GOLDEN)
 def test_worlds_have_their_golden_digests(world):
+    if world == "swarm":
+        pytest.importorskip("scipy", reason="needs the extra neighbours")
     options, digest = GOLDEN[world]
     done = run(world, **options, collect=COLLECTED.get(world))
     if world == "arm":  # It has put the box on its pallet.
@@ -65,6 +67,8 @@ def test_pieces_fall_and_the_yard_holds_them():
     ],
 )
 def test_layouts_and_kills_and_resumes_have_one_string(world, changes, tmp_path):
+    if world == "swarm":
+        pytest.importorskip("scipy", reason="needs the extra neighbours")
     pytest.importorskip("mcap")
     layouts = pytest.importorskip("minerva_determinism.layouts")
     text = find_world(world).read_text(encoding="utf-8")
