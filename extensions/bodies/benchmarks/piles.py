@@ -12,6 +12,7 @@ install mujoco pybullet`; the engine wasm as in bodies.md).
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 from collections.abc import Callable
@@ -121,8 +122,7 @@ def numbers(*values: float) -> str:
 
 
 def mujoco_model(bodies: str, actuators: str = "", boxes: Any = WALLS) -> Any:
-    import mujoco
-
+    mujoco: Any = importlib.import_module("mujoco")
     walls = "".join(
         f'<geom type="box" size="{numbers(*half)}" pos="{numbers(*at)}"/>' for at, half in boxes
     )
@@ -165,8 +165,7 @@ def mujoco_cars(count: int) -> tuple[Callable[[], Any], Finish]:
 
 
 def bullet_space(boxes: Any) -> Any:
-    import pybullet
-
+    pybullet: Any = importlib.import_module("pybullet")
     if not pybullet.isConnected():
         pybullet.connect(pybullet.DIRECT)
     pybullet.resetSimulation()
@@ -232,9 +231,11 @@ def bullet_cars(count: int) -> tuple[Callable[[], Any], Finish]:
 # --- the command ----------------------------------------------------------------------------------
 
 
-def systems() -> dict[str, tuple[Callable[[int], Any], Callable[[int], Any]]]:
+def systems() -> dict[str, Any]:
     """Functions that make a pile and cars, by the name of the system."""
-    made = {"Rapier, bodies": (lambda n: own_pile(Engine, n), lambda n: own_cars(Engine, n))}
+    made: dict[str, Any] = {
+        "Rapier, bodies": (lambda n: own_pile(Engine, n), lambda n: own_cars(Engine, n))
+    }
     if find_spec("wasmtime"):
         from minerva_bodies import wasm
 
