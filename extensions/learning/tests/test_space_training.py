@@ -1,0 +1,39 @@
+"""examples/space: arms that reach and cars that drive, as environments."""
+
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("gymnasium")
+pytest.importorskip("pettingzoo")
+pytest.importorskip("rapier3d", reason="needs the extra space")
+pytest.importorskip("minerva_bodies", reason="needs the extension bodies")
+
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test
+
+from minerva_learning import single_env
+
+FOLDER = Path(__file__).parents[3] / "examples" / "space"
+
+
+@pytest.mark.parametrize("name", ["reach", "drive"])
+def test_a_trained_policy_beats_chance(monkeypatch, name):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    try:
+        import train_space
+
+        task = train_space.TASKS[name]
+        env = train_space.environment(task, robots=4, frames=50)
+        policies = train_space.by_chance(task, env, 1), train_space.linear(task, task.trained)
+        gained = [train_space.episode(env, [policy] * 4, seed=2).mean() for policy in policies]
+        assert gained[1] > gained[0] + 0.3
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            parallel_api_test(env, num_cycles=3)
+            check_env(single_env(task.world(), task.agents, task.act, frames=3, robots=1))
+    finally:
+        for module in ("train_space", "reach", "drive"):
+            sys.modules.pop(module, None)
