@@ -124,6 +124,13 @@ def test_a_late_scan_is_between_the_odometry_of_its_time():
     assert scan.x == pytest.approx(1.1)
 
 
+def test_of_odometry_with_one_time_the_latest_counts():
+    corrected = replace(wheels(1.0), reading=replace(wheels(1.0).reading, x=7.0))
+    for after in ([], [wheels(2.0)]):
+        (scan,) = posed_scans([wheels(0.5), wheels(1.0), corrected, scanned(1.0), *after])
+        assert scan.x == 7.0
+
+
 @pytest.mark.parametrize("ahead", [2.0, 100.0])
 def test_a_scan_before_a_gap_has_the_odometry_before_it(ahead):
     said = [wheels(1.0), wheels(1.1), scanned(1.11), wheels(1.1 + ahead), scanned(1.2 + ahead)]

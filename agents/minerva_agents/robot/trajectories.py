@@ -9,7 +9,7 @@ have moved anywhere nearby.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -183,7 +183,8 @@ def _is_nearer(first: Odometry, scan: Scan, second: Odometry) -> bool:
 
 def _placed(scan: Scan, track: Sequence[Odometry]) -> Posed | Unposed:
     """The scan at its interpolated pose, or at the nearest pose within `NEAR` seconds."""
-    after = bisect_left(track, scan.time, key=lambda reading: reading.time)
+    # Of readings of one time, the latest.
+    after = bisect_right(track, scan.time, key=lambda reading: reading.time)
     around = [track[k] for k in (after - 1, after) if 0 <= k < len(track)]
     near = [known for known in around if abs(known.time - scan.time) <= NEAR]
     if not near:
