@@ -119,7 +119,7 @@ OF_INTS = ["($i + $i)", "($i - $i)", "($i * $i)", "($i & $i)", "($i | $i)", "($i
            "min($i, $i)"]  # fmt: skip
 BOOLS = ["True", "i > 2", "chance(draws, 0.4)", "k % 2 == 0", "u < v"]
 OF_BOOLS = ["($r < $r)", "($r <= $r)", "($r == $r)", "($i != $r)", "($i < $r)", "($i >= $i)",
-            "($b and $b)", "($b or $b)", "(not $b)", "($r < $r < $r)"]  # fmt: skip
+            "($b and $b)", "($b or $b)", "(not $b)", "($r < u < $r)"]  # fmt: skip
 DO = ["u += $r", "u = max(-1e6, min(1e6, $r))", "v = max(-1e6, min(1e6, $r))", "i = $i % 100",
       "i += $i % 50", "u, v = v, u", "counts[$i % 3] += $r", "scent[$i % 16] += $r",
       "scent[k] = max(-1e6, min(1e6, $r))", "assert i < 5000", "grass[$i % 16] = $i % 30"]  # fmt: skip
