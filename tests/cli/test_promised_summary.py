@@ -33,7 +33,7 @@ def test_a_world_whose_frames_are_over(tmp_path):
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["--nonsense"], "--nonsense needs a value"),
+    (["--nonsense"], "has no option --nonsense"),
     (["--seed", "x"], "Invalid value for '--seed'"),
     (["--rate", "-1"], "--rate"),
     (["--set", "there.is=1"], "there is no process"),

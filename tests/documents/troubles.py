@@ -343,7 +343,7 @@ RAISED: Final[Mapping[str, Callable[[Path], object]]] = {
     "robot has no option --frams; did you mean '--frames'?": command(
         "run", "robot", "--frams", "3"
     ),
-    "what is 'what'? Expected options such as --name value": command("run", "meadow", "what"),
+    "unexpected word 'what': write options as --name value": command("run", "meadow", "what"),
     "world has no end: run(world, frames=300); 0: no limit": lambda _: run(
         World("ACounter#a", agents=[Counter], services=[each(eTick)])
     ),
