@@ -117,7 +117,8 @@ def commands(block: Block) -> list[str]:
     """
     lines = block.text.splitlines()
     if block.language == "console":
-        lines = [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+        typed = re.findall(r"^\$ (.*(?:(?<=\\)\n.*)*)", block.text, re.M)
+        lines = "\n".join(typed).splitlines()
     text = re.sub(r"\\\n\s*", "", "\n".join(lines))
     commands: list[str] = []
     end = ""
