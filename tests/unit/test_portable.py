@@ -237,7 +237,7 @@ OURS = "minerva_bus/grammar minerva_bus/semantics minerva_bus/world minerva_bus/
 OURS += " agents/minerva_agents services/minerva_services worlds/minerva_worlds"
 PICTURES = "views datasets vision sight.py picture.py"
 OUTSIDE = (
-    "ros_messages/messages.py ros_robot.py node.py floor.py nav2.py"  # a real robot's side
+    "messages.py sending.py ros_robot.py node.py floor.py nav2.py"  # a real robot's side
     " loop_closure.py mapping.py trajectories.py"  # `minerva map`: no world runs
 )
 SAME_ON_NONE = {
