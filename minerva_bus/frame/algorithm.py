@@ -105,14 +105,14 @@ class FrameAlgorithm:
         self.orders = OrderRules(world, self.now, self.members, self.composition)
         self.goal = WorldGoal(world, self.composition, self.members.saved)
         self.out = Instructions(self.members.declines_columns)
-        self.inputs, self.outcome, self.answers = self._parts()
+        self.collection, self.evolution, self.answers = self._make_steps()
         self.lifecycle = MemberLifecycle(
             world, self.now, self.members, self.placement, self.views, self.out, self.answers,
             self.orders, self,
         )  # fmt: skip
 
-    def _parts(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
-        """What takes the events and results of frames from the members."""
+    def _make_steps(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
+        """The steps that take the events and results of frames, and what takes answers."""
         collection = CollectionStep(
             self.world, self.now, self.members, self.composition, self.inbox, self.norms,
             self.orders, self.out,
@@ -198,15 +198,15 @@ class FrameAlgorithm:
         # These are consecutive ifs because one call may end several phases: a frame that no
         # generator and no host has to answer runs through all of its steps here.
         if now.phase is Phase.TICK and not in_flight.pending:
-            self.inputs.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
+            self.collection.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
             # Repeated frames have reported theirs.
             if in_flight.events.ordered and in_flight.logged is None:
                 self._report_unknown_receivers()
             now.enter(Awaited.EVENTS)
-            self.outcome.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
+            self.evolution.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
         # `settle` is the last condition because it has effects: it applies the norms, and may
         # repeat requests to hosts.
-        if now.phase is Phase.EVOLVE and in_flight.requests.complete and self.outcome.settle():
+        if now.phase is Phase.EVOLVE and in_flight.requests.complete and self.evolution.settle():
             # Views are sent with the results and not before: a coupled device acts on a view, and a
             # frame that its coordinator never commits must not move anything. They are sent
             # before the commit, because they show the string with which the frame began.
@@ -237,7 +237,7 @@ class FrameAlgorithm:
         # Before the string changes, because the sender of such an event may be gone then.
         if self.now.in_flight.result.sent:
             self.goal.note(self.now.in_flight.result.sent, self.out)
-        self.outcome.commit()
+        self.evolution.commit()
 
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""
@@ -288,7 +288,7 @@ class FrameAlgorithm:
         # The phase changes before the request: in EVOLVE a policy may evolve agents without events,
         # and here hosts only make views.
         self.now.enter(Awaited.OVER)
-        self.outcome.evolve()
+        self.evolution.evolve()
 
     def fail(self, reason: str) -> None:
         """End the world prematurely, because of an error."""
@@ -339,7 +339,7 @@ class FrameAlgorithm:
             self.lifecycle.admit_joining()
         self.now.in_flight = FrameInFlight(begin.due, begin.inputs)
         self.now.enter(Awaited.BEGIN)
-        self.inputs.begin()
+        self.collection.begin()
 
     def _repeat(self, inputs: FrameInputs) -> None:
         """Run a frame from its complete inputs, which succession does before any member appears.
@@ -353,11 +353,11 @@ class FrameAlgorithm:
             )
         self.now.in_flight = FrameInFlight(logged=inputs)
         try:
-            self.inputs.begin()
+            self.collection.begin()
             self.now.in_flight.pending = set()
-            self.inputs.collect()
-            self.outcome.evolve()
-            self.outcome.settle()
+            self.collection.collect()
+            self.evolution.evolve()
+            self.evolution.settle()
             # No device is present yet, but logged views are deltas of earlier ones, and devices
             # that join receive the latest view.
             self.show()

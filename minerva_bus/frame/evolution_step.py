@@ -504,15 +504,15 @@ class EvolutionStep:
         frame, events, requests = self._now.frame, in_flight.events, in_flight.requests
         inputs = FrameInputs(
             frame,
-            events.due,
-            in_flight.ticked,
-            events.taken,
-            requests.layout,
-            result.replies,
-            inbox.events,
-            events.people,
-            tuple(result.answers),
-            tuple(sorted(requests.left_out)),
+            due=events.due,
+            ticked=in_flight.ticked,
+            taken=events.taken,
+            layout=requests.layout,
+            replies=result.replies,
+            waiting=inbox.events,
+            people=events.people,
+            answers=tuple(result.answers),
+            left_out=tuple(sorted(requests.left_out)),
         )
         record = partial(frame_record, frame, in_flight, self._composition)
         self._out.add(s.FrameDone(frame, record, events.ordered, inputs))

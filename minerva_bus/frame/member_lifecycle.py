@@ -161,6 +161,7 @@ class MemberLifecycle:
         if member.active:
             self._note_death(member)
             self._lose(member)
+            # The frame may have waited for it alone; its successor joins after what follows.
             self._course.advance()
         member.blamed = False
         self._members.change(member, MemberChange.APPEARED)
@@ -180,7 +181,7 @@ class MemberLifecycle:
             reason = self._orders.refusal_of_guest(hello, hello.generates)
         if member.name in {*self._world.shares.values()} - self._world.expected:
             reason = "processes of the world divide the generator of this name; use another one"
-        reason = reason or self._refusal_of_second_host(hello)
+        reason = reason or self._settle_single_host(hello)
         if reason:
             self._refuse(member, reason)
             return
@@ -195,8 +196,8 @@ class MemberLifecycle:
             self._admit(member, hello)
         self._course.start_if_complete()
 
-    def _refusal_of_second_host(self, hello: m.Hello) -> str:
-        """Why a host of agents may not join another one, or an empty string."""
+    def _settle_single_host(self, hello: m.Hello) -> str:
+        """Exclude guests before the world's own host; why this host may not join, or empty."""
         policy, members = self._world.policy, self._members
         if not (policy.rules.makes_copies and hello.kinds):
             return ""

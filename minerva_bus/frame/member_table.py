@@ -1,10 +1,11 @@
 """The members of a world: the table of their states, their roles, and queries over them.
 
-       appeared          greeted           admitted
-(none) ────────▶ JOINING ───────▶ JOINING ────────▶ PRESENT ◀──▶ LATE
-                    ▲                                  │ vanished  │
-                    │ appeared                         ▼           ▼
-                   LEFT ◀─── gave up, or left ──────── LOST ◀──────
+            appeared             admitted             silent
+(none), LOST ────────▶ JOINING ────────▶ PRESENT ◀────────▶ LATE
+or LEFT                                           answered
+
+From each of JOINING, PRESENT and LATE a member goes to LOST if it vanished, and to LEFT if it went;
+from LOST to LEFT if it gave up, or went. Members of the world file begin in LOST.
 
 A member that leaves of its own accord sends `Leaving`, and its token vanishes. Either may arrive
 first, because Zenoh delivers token changes before data.

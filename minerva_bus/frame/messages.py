@@ -154,7 +154,7 @@ class Hello:
     WIRE: ClassVar = Wire("hello", ("from",), "what it is: a map, see below", "greet", keyed=True)
 
     member: Sender
-    version: Annotated[int, Note("7")]
+    version: Annotated[int, Note(str(PROTOCOL_VERSION))]
     kinds: Annotated[
         tuple[AgentKind, ...],
         AtMost("kinds"),

@@ -2,8 +2,8 @@
 
 Random streams are keyed by (seed, id, frame), so draws do not depend on where an agent runs. `Rng`
 draws for one agent, `RngBatch` a number for each agent of a population. Both have the same
-interface and draw the same numbers: SplitMix64 (`portable.splitmix`), seeded for each agent with a
-hash of the key. numpy's generators cannot be seeded for a million streams per frame.
+interface and draw the same numbers: SplitMix64 (portable/distributions.py), seeded for each agent
+with a hash of the key. numpy's generators cannot be seeded for a million streams per frame.
 `stream` is a numpy Generator with all of numpy's distributions.
 
 Normal and exponential draws use `minerva_bus.portable`, because numpy's logarithm depends on the

@@ -162,7 +162,7 @@ class ReplayAlgorithm(FrameAlgorithm):
         self._stay = stay
         super().__init__(world)
 
-    def _parts(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
+    def _make_steps(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
         self._source = source = RecordedSource(
             self._cursor, self._kinds, self.world, self.now, self.members, self.composition,
             self.inbox, self.out,
