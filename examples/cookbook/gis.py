@@ -1,4 +1,4 @@
-"""GIS points: cities of a GeoJSON file, in kilometres; a fashion goes to those within 900 km."""
+"""GIS points: cities of a GeoJSON file, in kilometres; a fashion spreads to those within 900 km."""
 
 import json
 import math

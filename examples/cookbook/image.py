@@ -1,4 +1,4 @@
-"""Map from an image: its dark pixels are walls, and balls turn back from them."""
+"""Map from an image: dark pixels are walls, and balls turn back at them."""
 
 import numpy as np
 from PIL import Image, ImageDraw

@@ -1,4 +1,4 @@
-"""Many runs in parallel: 20 random walks, on all cores, and the band of their courses."""
+"""Many runs in parallel: 20 random walks, on all cores, and the band of their places."""
 
 from minerva_bus import World, each, on
 from minerva_study import Placed, sweep

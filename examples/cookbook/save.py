@@ -1,4 +1,4 @@
-"""Save to a table: each walker in every tenth frame, and the last string, as CSV files."""
+"""Save to a table: each walker in every tenth frame, and the fast ones of the last, as CSV."""
 
 from minerva_bus import Disc, World, data, each, on, run
 from minerva_study import Placed

@@ -1,4 +1,4 @@
-"""Torus: birds turn to where their neighbours fly; opposite edges of the plane touch."""
+"""Torus: birds turn in the direction of their neighbours; opposite edges of the plane touch."""
 
 import numpy as np
 
