@@ -32,11 +32,6 @@ from minerva_bus.world.services import WorldInfo
 from minerva_services.views.opengl.canvas import without_window
 from tests.runtime.running import here
 
-try:
-    without_window().release()
-except MisuseError as error:
-    pytest.skip(str(error), allow_module_level=True)
-
 NONE = Default(Metres, 0.0)
 PCube = Primitive("PCube", Box(0.2, 0.2, 0.2, "#cc3311"))
 PPoster = Primitive("PPoster", Poster("cells", "cell"), cells=Cells, cell=Metres)
@@ -54,6 +49,15 @@ TAt = Transformation(
 eBodies = EventType("eBodies", visual=True)
 WORDS = Vocabulary.of(PCube, PPoster, PEye, PNamed, TAt, eBodies, AgentKind("AEye", Fields.of({})))
 INFO = WorldInfo("yard", WORDS, 7, 0.1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def driver():
+    """Skips where there is none; not at import, because a fork lacks the driver's threads."""
+    try:
+        without_window().release()
+    except MisuseError as error:
+        pytest.skip(str(error))
 
 
 def joined(**options):
