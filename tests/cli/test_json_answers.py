@@ -179,7 +179,7 @@ def test_plot(tmp_path):
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    (["pause", "nowhere"], "nowhere"), (["drain"], "Missing argument"), (["rate", "x"], "a valid number"),
+    (["pause", "nowhere"], "nowhere"), (["drain"], "Missing argument"), (["rate", "x"], "expected a number"),
     (["logs", "--world", "nowhere"], "nowhere"), (["echo", "--world", "nowhere"], "nowhere"),
     (["list", "nowhere"], "nowhere"), (["top", "nowhere"], "nowhere"), (["stop", "nowhere"], "nowhere"),
     (["info", "no.mcap"], "no.mcap"), (["diff", "no.mcap", "no.mcap"], "no.mcap"),
