@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from minerva_analysis.causes import person_behind, sources_of
-from minerva_analysis.comparing import Difference, compare, same_events
+from minerva_analysis.comparing import Difference, compare, same_events, starts_apart
 from minerva_analysis.first_cause import CauseAnswer, CauseQuestion, SourceFunction
 from minerva_analysis.past_frames import PastFrame, past_frames
 from minerva_analysis.replays import no_progress
@@ -135,12 +135,27 @@ def _parting(a: Path, b: Path, sides: tuple[str, str], world_a: str, world_b: st
         number = difference.frame
         if number is None:
             return Parting(difference)
+        begun = "; ".join(starts_apart(first, second))
         in_a, in_b = (next(past_frames(each, number, number + 1), None) for each in (first, second))
     if in_a is None or in_b is None or in_a.frame.number != in_b.frame.number:
         return Parting(difference)
     asked = (CauseQuestion(str(a), world_a, number), CauseQuestion(str(b), world_b, number))
-    if not same_events(in_a.frame.events, in_b.frame.events):
-        return _of_events(difference, asked, (in_a, in_b))
+    parting = _of_frame(difference, asked, (in_a, in_b))
+    if begun and not parting.functions:
+        # The same code on other inputs, whose results say nothing of the code.
+        return replace(parting, remark=f"the runs begin differently: {begun}")
+    return parting
+
+
+def _of_frame(
+    difference: Difference,
+    asked: tuple[CauseQuestion, CauseQuestion],
+    pasts: tuple[PastFrame, PastFrame],
+) -> Parting:
+    """The cause of the first difference of a frame."""
+    number = pasts[0].frame.number
+    if not same_events(*[past.frame.events for past in pasts]):
+        return _of_events(difference, asked, pasts)
     for change in difference.changes:
         agent = change.agent.partition("#")[2]
         if agent:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import chain, groupby, islice, zip_longest
 from typing import Any, Final
@@ -250,22 +250,33 @@ def _damage(*records: Record) -> tuple[str, ...]:
     return tuple([message for record in records if (message := record.damage())])
 
 
-def _before(a: Record, b: Record) -> Iterator[str]:
+def starts_apart(a: Record, b: Record) -> Iterator[str]:
+    """In what two runs differ before their first frame, apart from code and versions."""
     da, db = a.description, b.description
     for what in ("name", "seed", "dt", "policy"):
         x, y = getattr(da.world, what), getattr(db.world, what)
         if x != y:
             yield f"{what} {x} in A, {y} in B"
-    if plain_vocabulary(da.world.vocabulary) != plain_vocabulary(db.world.vocabulary):
-        yield "the vocabularies differ"
+    yield from _unequal("option ", da.options, db.options)
     if da.world.order != db.world.order:
         yield "the order relations differ"
     if da.world.scene != db.world.scene:
         yield "the initial strings differ"
-    for name in sorted({*da.versions, *db.versions}):
-        x, y = da.versions.get(name, "none"), db.versions.get(name, "none")
+
+
+def _before(a: Record, b: Record) -> Iterator[str]:
+    yield from starts_apart(a, b)
+    da, db = a.description, b.description
+    if plain_vocabulary(da.world.vocabulary) != plain_vocabulary(db.world.vocabulary):
+        yield "the vocabularies differ"
+    yield from _unequal("", da.versions, db.versions)
+
+
+def _unequal(what: str, a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
+    for name in sorted({*a, *b}):
+        x, y = a.get(name, "none"), b.get(name, "none")
         if x != y:
-            yield f"{name} {x} in A, {y} in B"
+            yield f"{what}{name} {short(str(x))} in A, {short(str(y))} in B"
 
 
 def _ended(in_a: RecordedFrame | None, count: int) -> str:

@@ -76,7 +76,7 @@ vocabulary = Vocabulary.of(Miller, Mouse, eWind, eGrain)
 """
 
 
-def write_mill(folder, *changes):
+def write_mill(folder, *changes, seed=5):
     """A world in a folder of its own, with its record; `changes` are pairs of old and new text."""
     folder.mkdir()
     code = MILL
@@ -84,7 +84,7 @@ def write_mill(folder, *changes):
         assert old in code
         code = code.replace(old, new)
     (folder / "mill.py").write_text(code)
-    (folder / "mill.toml").write_text(WORLD)
+    (folder / "mill.toml").write_text(WORLD.replace("seed = 5", f"seed = {seed}"))
     sys.modules.pop("mill", None)
     done = here(folder, "run", "mill.toml", "--in-process", "--rate", 0, "--record", "run.mcap")
     assert not done.returncode, done.stderr
@@ -155,6 +155,14 @@ def test_code_that_computes_something_else_each_time_is_named(tmp_path):
     assert code == 1
     assert parting["cause"].startswith("luck of AMiller#")
     assert parting["remark"].startswith("the code is not deterministic: from the same inputs")
+
+
+def test_runs_that_begin_differently_say_nothing_of_the_code(mill, tmp_path):
+    other = write_mill(tmp_path / "b", seed=6)
+    code, parting = bisected(mill, other)
+    assert code == 1
+    assert parting["before"] == ["seed 5 in A, 6 in B"]
+    assert parting["remark"] == "the runs begin differently: seed 5 in A, 6 in B"
 
 
 def test_code_that_fails_when_it_runs_again_is_reported(tmp_path):
