@@ -56,6 +56,7 @@ RECENT: Final = 10
 MAX_PERCEIVED: Final = 6
 MAX_REJECTED: Final = 5
 MAX_VALUE: Final = 60
+MAX_EARLIER: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -398,9 +399,11 @@ class Causes:
         if not actor:
             return [link], "unknown: its id derives from no other agent"
         calls = self.calls(actor, change.frame)
-        call = _last_setter(calls, change.before, name, attribute, new)
+        setters = _setters(calls, change.before, name, attribute, new)
+        call = setters[-1] if setters else None
         remark = self._remark(change, attribute, call, calls)
-        link, event = self._caused(replace(link, remark=remark), actor, call, attribute)
+        shown = remark or _earlier(setters[:-1], name, attribute)
+        link, event = self._caused(replace(link, remark=shown), actor, call, attribute)
         return self._follow(link, event, remark)
 
     def of_event(self, event: Event, number: int) -> tuple[list[Cause], str]:
@@ -523,18 +526,31 @@ class Causes:
         return parents_of([name], births).get(name, "")
 
 
-def _last_setter(
+def _setters(
     calls: Sequence[TracedCall], before: AgentNode | None, name: str, attribute: str, new: Value
-) -> TracedCall | None:
-    """The last call that gave an attribute its value, or else the last one that changed it."""
+) -> list[TracedCall]:
+    """The calls that changed an attribute, up to the last one that gave it its value, if any."""
     setters: list[TracedCall] = []
     for call in calls:
         after = call.agent(name)
         if after is not None and not same_value(before, after, attribute):
             setters.append(call)
         before = after
-    exact = [call for call in setters if _is_value(call, name, attribute, new)]
-    return next(iter((*exact[-1:], *setters[-1:])), None)
+    exact = [n for n, call in enumerate(setters) if _is_value(call, name, attribute, new)]
+    return setters[: exact[-1] + 1] if exact else setters
+
+
+def _earlier(setters: Sequence[TracedCall], name: str, attribute: str) -> str:
+    """What other calls of the same frame had made of an attribute before the last one."""
+    values: list[str] = []
+    for call in setters:
+        agent = call.agent(name)
+        if agent is not None:
+            value = shown_value(value_of(agent, attribute), MAX_VALUE)
+            values.append(f"{value} by {handler_name(call.method)} ({call.event.type})")
+    more = f" ({len(values) - MAX_EARLIER} more)" if len(values) > MAX_EARLIER else ""
+    steps = ", then ".join(values[-MAX_EARLIER:])
+    return f"earlier in this frame: {steps}{more}" if values else ""
 
 
 def _is_value(call: TracedCall, name: str, attribute: str, value: Value) -> bool:

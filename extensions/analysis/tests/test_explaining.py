@@ -7,7 +7,7 @@ import pytest
 from minerva_analysis import explain
 from minerva_analysis.causes import observe_agent
 from minerva_analysis.past_frames import last_change
-from minerva_bus import Agent, on, record
+from minerva_bus import Agent, EventType, World, each, on, record
 from minerva_bus.errors import MinervaError, RecordError
 from minerva_bus.log import chunks
 from minerva_bus.log.record import Record
@@ -249,3 +249,26 @@ def test_a_live_world_explains_a_value_of_its_last_frame(tmp_path):
 def test_a_record_of_another_world_is_refused(records):
     with pytest.raises(MinervaError, match="another world"):
         explain(records / "meadow.mcap", "f1", "energy", world="traffic")
+
+
+eFill, eLeak = EventType("eFill"), EventType("eLeak")
+
+
+class Pot(Agent, symbol="APot"):
+    water: float = 1.0
+
+    @on("eFill")
+    def fill(self, _filled, _moment):
+        self.water += 3.0
+
+    @on("eLeak")
+    def leak(self, _leak, _moment):
+        self.water -= 0.5
+
+
+def test_earlier_changes_of_a_frame_are_shown(tmp_path):
+    world = World("APot#p", agents=[Pot], services=[each(eFill), each(eLeak)])
+    record(world, tmp_path / "pot.mcap", frames=2, quiet=True)
+    lines = explain(tmp_path / "pot.mcap", "p", "water", 1, world).lines()
+    assert any(line.strip().startswith("in Pot.leak") for line in lines)
+    assert "  earlier in this frame: 4 by Pot.fill (eFill)" in lines
