@@ -78,7 +78,7 @@ def world_file_of(
     path: Path, world: WorldSource, description: RecordHeader, given: Overrides
 ) -> WorldFile:
     """The world file with the code of a record's agents."""
-    wanted = f"minerva replay {path} WORLD"
+    wanted = f"as in minerva replay {path} WORLD, or minerva bisect {path} --world-a WORLD"
     file = read_source(world, description, wanted, completed(given, description))
     # Only the vocabulary must agree: seed, rules and norms are those of the record.
     what = differing_vocabulary(file.world.vocabulary, description.world.vocabulary)
