@@ -23,6 +23,18 @@ def nonsense(known, moment):
     return 3
 
 
+def nowhere(known, moment):
+    return [(float("nan"), 1.0)]
+
+
+def far(known, moment):
+    return [(2.0, 2.0), (1e9, 1.0)]
+
+
+def alone(known):
+    return []
+
+
 def seeking(planner, wall=False):
     grid = np.full((40, 40), FREE, np.int16)
     grid[10, 10] = MARKER
@@ -59,5 +71,11 @@ def test_without_a_way_the_robot_waits_and_asks_again():
 def test_mistakes_are_explained():
     with pytest.raises(MinervaError, match="returned 3; expected corners in metres"):
         after(seeking("nonsense"), eDecide(), frame=0)
+    with pytest.raises(MinervaError, match=r"planner .*:nowhere returned .*expected corners"):
+        after(seeking("nowhere"), eDecide(), frame=0)
+    with pytest.raises(MinervaError, match=r"planner .*:far returned the corner \(1e\+09, 1\)"):
+        after(seeking("far"), eDecide(), frame=0)
+    with pytest.raises(WorldFileError, match=r"alone: too many .* called with \(known, moment\)"):
+        RobotOptions.read({"planner": f"{__name__}:alone"})
     with pytest.raises(WorldFileError, match="has no ahed; did you mean 'ahead'"):
         RobotOptions.read({"planner": f"{__name__}:ahed"})

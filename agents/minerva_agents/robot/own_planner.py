@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import cache
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -18,7 +19,7 @@ from minerva_agents.robot.clearance import is_clear
 from minerva_agents.robot.grid import UNKNOWN, holds
 from minerva_agents.robot.pose import STAY, Move, Position, cell_of, centre_of
 from minerva_bus import Context
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch.specs import load
 
 if TYPE_CHECKING:
@@ -62,11 +63,18 @@ class Knowledge:
         """Set the robot's way. Raises MisuseError if it is none."""
         try:
             corners = [self._robot.in_cells(float(x), float(y)) for x, y in way]
-        except (TypeError, ValueError):
+            outside = [each for each in corners if not holds(self._robot.grid, cell_of(each))]
+        except (TypeError, ValueError, OverflowError):  # cells of infinity and of no number
             raise MisuseError(
                 f"the planner {planner} returned {way!r:.60}; expected corners in metres, such as"
                 " [(2.0, 3.5)], or none to wait"
             ) from None
+        if outside:
+            x, y = self._robot.metres(outside[0])
+            raise MisuseError(
+                f"the planner {planner} returned the corner ({x:g}, {y:g}), in metres, which is not"
+                " on the map"
+            )
         self._robot.set_way(corners, planner)
 
 
@@ -74,6 +82,12 @@ class Knowledge:
 def own_planner(spec: str) -> Callable[[Any, Context], Move]:
     """The planner of a `module:function`. Raises WorldFileError if there is none."""
     function = load(spec, Path.cwd())
+    try:
+        signature(function).bind(None, None)
+    except TypeError as error:
+        raise WorldFileError(
+            f"the planner {spec}: {error}; it is called with (known, moment)"
+        ) from None
 
     def next_move(robot: RobotState, moment: Context) -> Move:
         if not is_open(robot):
