@@ -148,11 +148,13 @@ def test_images_that_are_too_many_are_lost_on_the_way_and_counted():
             robot.session.put(key, data, attachment=Attachment(number, 0, b"a" * 16).packed())
 
         eventually(lambda: put(1) or heard, "an image")
-        for number in range(2, 42):
-            before = len(routed)
-            # Again, because the way to the router may drop it, too.
-            eventually(lambda: put(number) or len(routed) > before, "it is in the router")  # noqa: B023
-        go.set()
+        try:
+            for number in range(2, 42):
+                before = len(routed)
+                # Again, because the way to the router may drop it, too.
+                eventually(lambda: put(number) or len(routed) > before, "in the router")  # noqa: B023
+        finally:
+            go.set()  # Threads of Zenoh, which other tests use, wait for it.
         # What has come has waited in buffers of the network, not in a queue of 256 messages.
         eventually(lambda: put(42) or sum(lost) > 20, "most are lost")
         session.close()
