@@ -51,10 +51,17 @@ def lab(light):
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
+class Every(frozenset[str]):
+    """All colours."""
+
+    def __contains__(self, _: object) -> bool:
+        return True
+
+
 def shown_colors():
     """Colours on the floor with their legend's texts; a colour of several things counts once."""
     colors: dict[tuple[float, ...], str] = {}
-    for entry in legend(vocabulary, vocabulary.primitives):
+    for entry in legend(vocabulary, dict.fromkeys(vocabulary.primitives, Every())):
         for color in entry.colors:
             over = entry.opacity * np.array(rgb(color)) + (1 - entry.opacity) * np.array(rgb(FLOOR))
             colors.setdefault(tuple(over / 255), entry.text)
