@@ -49,8 +49,8 @@ ePose = EventType("ePose", **PLACE)
 eBodies = EventType("eBodies", visual=True)
 
 
-class Wheel(Agent, symbol="AWheel"):
-    """Physics moves it; the methods take all wheels at once."""
+class Posed(Agent):
+    """An agent whose pose physics sets, for all of its kind at once."""
 
     x: Metres
     y: Metres
@@ -65,21 +65,21 @@ class Wheel(Agent, symbol="AWheel"):
         for name in PLACE:
             setattr(self, name, getattr(pose, name))
 
+    def placed(self, scene):
+        return TPose(self.x, self.y, self.z, self.w, self.i, self.j, self.k)(scene)
+
+
+class Wheel(Posed, symbol="AWheel"):
+    """A wheel, whose view is made for all wheels at once."""
+
     @view("eBodies", population=True)
     def picture(self, event):
-        return TPose(self.x, self.y, self.z, self.w, self.i, self.j, self.k)(PWheel(self.id))
+        return self.placed(PWheel(self.id))
 
 
-class Car(Agent, symbol="ACar"):
+class Car(Posed, symbol="ACar"):
     """It knows the way to a place along its own axes; `gained` are the metres that it came near."""
 
-    x: Metres
-    y: Metres
-    z: Metres = 0.25
-    w: float = 1.0
-    i: float = 0.0
-    j: float = 0.0
-    k: float = 0.0
     gx: Metres
     gy: Metres
     left: float = 0.0
@@ -88,11 +88,6 @@ class Car(Agent, symbol="ACar"):
     aside: Metres = 0.0
     apart: Metres = 0.0
     gained: Metres = 0.0
-
-    @on("ePose")
-    def move(self, pose, moment):
-        for name in PLACE:
-            setattr(self, name, getattr(pose, name))
 
     @on("eDrive")
     def drive(self, drive, moment):
@@ -116,8 +111,7 @@ class Car(Agent, symbol="ACar"):
             )
             for name, (x, y) in AXLES.items()
         ]
-        pose = TPose(self.x, self.y, self.z, self.w, self.i, self.j, self.k)
-        return pose(sum(axles, PBody()))
+        return self.placed(sum(axles, PBody()))
 
 
 def cars(options):
