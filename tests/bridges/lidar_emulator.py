@@ -65,15 +65,19 @@ class Emulator:
 
     `healths` are the health codes that it reports, one for each reset; `breaks` maps the n-th packet
     to the bytes that are sent instead; `part` splits the output into parts of that many bytes.
+    `express` is what it makes of an express scan: the type of its answer, and its packets.
     """
 
-    def __init__(self, cable, firmware=(1, 29), healths=(0,), breaks=None, part=0, boot=b""):
+    def __init__(
+        self, cable, firmware=(1, 29), healths=(0,), breaks=None, part=0, boot=b"",
+        express=(0x82, capsules),
+    ):  # fmt: skip
         self.cable = cable
         self.firmware = firmware
         self.healths = list(healths)
         self.breaks = breaks or (lambda n, packet: packet)
         self.part = part
-        self.boot = boot
+        self.boot, self.express = boot, express
         self.mute = False
         self.heard = []
         self.packets = None
@@ -130,8 +134,9 @@ class Emulator:
             self._say(descriptor(5, 1, 0x81))
             self.packets = samples()
         elif command == 0x82:
-            self._say(descriptor(84, 1, 0x82))
-            self.packets = capsules()
+            kind, packets = self.express
+            self._say(descriptor(84, 1, kind))
+            self.packets = packets()
 
     def _say(self, data):
         part = self.part or len(data) or 1

@@ -1,7 +1,7 @@
 """The RPLIDAR bridge with an emulated lidar, over a cable that can be unplugged."""
 
 import errno
-from itertools import islice
+from itertools import islice, repeat
 
 import numpy as np
 import pytest
@@ -24,6 +24,7 @@ from minerva_services.sensors.rplidar.packets import (
     StandardPackets,
     ranges,
 )
+from tests.patience import patience
 
 BEAMS = 120
 
@@ -74,6 +75,28 @@ def test_by_itself_it_does_what_the_firmware_can(cable, firmware, command):
         runs.readings(1)
         scans = [said[1] for said in lidar.heard if said[1] in (0x20, 0x82)]
         assert scans == [command]
+
+
+@pytest.mark.parametrize(
+    ("express", "why"),
+    [
+        ((0x85, capsules), "data of type 0x85"),
+        ((0x82, lambda: repeat(b"")), "stopped sending"),
+        ((0x82, lambda: repeat(b"\xa5\x5a" + bytes(82))), "no revolution"),
+    ],
+    ids=["another type", "no packets", "damaged packets"],
+)
+def test_without_revolutions_it_changes_to_the_standard_mode(
+    cable, capsys, monkeypatch, express, why
+):
+    limits = {"FIRST_PACKET_SECONDS": 0.3, "REVOLUTION_SECONDS": patience(1.5)}
+    for limit, seconds in limits.items():
+        monkeypatch.setattr(f"minerva_services.sensors.rplidar.service.{limit}", seconds)
+    with Emulator(cable, express=express) as lidar, RunningBridge(bridge(cable)) as runs:
+        assert off(runs.readings(1)[0]) < 0.06
+        scans = [said[1] for said in lidar.heard if said[1] in (0x20, 0x82)]
+        assert scans[:2] == [0x82, 0x20]
+    assert why in capsys.readouterr().out
 
 
 def test_scans_carry_their_mount(cable):

@@ -41,7 +41,8 @@ class Rplidar(Bridge):
     Args:
         port: the device, such as /dev/ttyUSB0, or socket://HOST:PORT.
         baud: 115200 for A1 and A2M8; 256000 for A2M7, A2M12 and A3.
-        mode: "express" (firmware 1.17 or later), "standard", or "auto": express if supported.
+        mode: "express" (firmware 1.17 or later), "standard", or "auto": express, and standard if
+          that gives no revolution.
         beams: number of beams of a scan.
         range_max: in metres; longer measurements count as no hit.
         robot: the id of the agent that carries it.
@@ -92,6 +93,7 @@ class Rplidar(Bridge):
         self._born = time.monotonic()
         self._logged = ""
         self._health = ""
+        self._express_fails = False
 
     def open(self) -> Source:
         """Raises SourceError if no lidar answers, or it is in protection mode."""
@@ -100,8 +102,12 @@ class Rplidar(Bridge):
             lidar = Lidar(line)
             self._log_identity(lidar)
             express = self._mode == "express" or (
-                self._mode == "auto" and lidar.info.firmware >= EXPRESS_SINCE
+                self._mode == "auto"
+                and lidar.info.firmware >= EXPRESS_SINCE
+                and not self._express_fails
             )
+            # Until its first revolution, so that the next attempt is in the other mode.
+            self._express_fails = express
             packets = lidar.scan(express, self.count)
         # The line is open exclusively: left open, it would reject the next attempt.
         except SourceError:
@@ -112,12 +118,16 @@ class Rplidar(Bridge):
     def _scans(
         self, lidar: Lidar, packets: Packets, stop: threading.Event
     ) -> Iterator[tuple[str, Scan] | None]:
-        """Scans, one per completed revolution."""
-        turns = RevolutionBuffer(self.count)
+        """Scans, one per completed revolution. Raises SourceError if there are none for long."""
+        turns, latest = RevolutionBuffer(self.count), time.monotonic()
         for data in lidar.read(stop):
             for samples in packets.feed(data):
                 for turn in turns.add(samples):
+                    latest = time.monotonic()
+                    self._express_fails = isinstance(packets, StandardPackets)
                     yield self._read(turn)
+            if time.monotonic() - latest > REVOLUTION_SECONDS:
+                raise SourceError(f"{self.source} sends no revolution; check that it rotates")
             yield None
 
     def _read(self, turn: Samples) -> tuple[str, Scan]:
@@ -153,6 +163,9 @@ STOP_SECONDS: Final = 0.02
 BOOT_SECONDS: Final = 5.0
 FIRST_PACKET_SECONDS: Final = 4.0
 """Time in seconds within which a scan must start and continue: motors need one or two."""
+
+REVOLUTION_SECONDS: Final = 8.0
+"""Time in seconds for a revolution, also of a motor that starts."""
 
 # Maximum length of the samples of a previous scan that may precede a response.
 MAX_PREAMBLE_BYTES: Final = 4096
@@ -249,7 +262,7 @@ class Lidar:
             if descriptor is not None:
                 raise SourceError(
                     f"the lidar at {self._line.port} answers with data of type"
-                    f" 0x{descriptor.type:02x}, not 0x{wanted.type:02x}; try the other mode"
+                    f' 0x{descriptor.type:02x}, not 0x{wanted.type:02x}; mode = "auto" tries both'
                 )
             if len(window) == p.DESCRIPTOR_SIZE:
                 window, skipped = window[1:], skipped + 1
