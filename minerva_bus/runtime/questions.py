@@ -457,7 +457,7 @@ def _fragment(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     # Names of parts are internal, and change when hosts join or leave.
     node = composition.agent(agent) if not agent.startswith(PART) else None
     if node is None:
-        raise ProtocolError(f"there is no agent #{agent[:64]}")
+        raise ProtocolError(_no_agent(running, agent))
     return {"frame": running.algorithm.frame, "fragment": str(Scene((node,)))}
 
 

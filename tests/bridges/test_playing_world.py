@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from recorded import flaser, messages, write, write_bag
 
+from minerva_bus.cli.options import JoinOptions
+from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.events import single
@@ -17,6 +19,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.settings.world_settings import Overrides
+from minerva_services.bridges.command import bridge_source
 
 TESTS = Path(__file__).parents[1]
 FRAMES = 12
@@ -132,12 +135,15 @@ def test_a_recording_is_attached_to_a_running_world_and_ends(tmp_path):
         world.runs("gLaser", "physics")
         words = ["bridge", "rosbag", bag, "--speed", "0", "--topics", '{"/base" = "scan"}']
         words += ["--name", "bag", "--connect", world.endpoint(), "--world", world.name]
-        with worlds.Run(tmp_path, *words) as bag:
-            assert bag.ends() == 0
-        assert "has ended" in "\n".join(bag.output)
-        assert "no more events; leaving the world" in bag.text
+        with worlds.Run(tmp_path, *words) as played:
+            assert played.ends() == 0
+        assert "has ended" in "\n".join(played.output)
+        assert "no more events; leaving the world" in played.text
         worlds.eventually(lambda: state_of(asked, "bag") == "left", "it has left")
         assert figures_of(asked, "bag") == {"readings": 40, "source": "ended"}
+        join = JoinOptions(connect=world.endpoint(), world=world.name)
+        with pytest.raises(MisuseError, match=r"--robot r11: .*; did you mean 'r1'"):
+            bridge_source("rosbag", str(bag), join, {"robot": "r11"})
         torn = write(tmp_path / "torn.mcap", "no bag")
         words[2] = torn
         with worlds.Run(tmp_path, *words) as bag:

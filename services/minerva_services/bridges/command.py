@@ -68,4 +68,21 @@ def bridge_source(kind: str, source: str, join: JoinOptions, options: dict[str, 
     if source:
         path = Path(source)  # Not resolved: a link to a device may have another target later.
         options = {**options, option: str(path.absolute()) if path.exists() else source}
+    if robot := options.get("robot"):
+        _check_agent(join, robot)
     return attach_member(kind, join, options)
+
+
+def _check_agent(join: JoinOptions, agent: str) -> None:
+    """Raise MisuseError if the world has no such agent; one that does not answer yet may have."""
+    from minerva_bus.cli.places import identity, place
+    from minerva_bus.errors import BusError, MisuseError
+    from minerva_bus.runtime.operator_client import Client
+
+    own = identity(join.name) if join.connect else None
+    try:
+        with Client(*place(join, own), own) as world:
+            world.operator.fragment(agent)
+    except BusError as error:
+        if str(error).startswith("there is no agent"):
+            raise MisuseError(f"--robot {agent}: {error}") from None
