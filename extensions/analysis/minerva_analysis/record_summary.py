@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from minerva_analysis.frame_texts import FrameText, kinds_in
+from minerva_analysis.indexes import wrong_indexes
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import check_new, replacing
 from minerva_bus.frame.stimuli import RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.chunks import Losses
+from minerva_bus.log.chunks import Damage, Losses
 from minerva_bus.log.entries import Dropped
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.log.record_writer import RecordWriter
@@ -227,24 +228,35 @@ def written(string: Scene) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """Result of a recovery: the new record, its number of frames, and the losses."""
+    """Result of a recovery: the new record, its number of frames, and the losses.
+
+    `indexes`: wrong indexes between chunks, which cost no frame.
+    """
 
     path: Path
     frames: int
     losses: Losses
+    indexes: tuple[Damage, ...] = ()
 
     def plain(self) -> dict[str, Any]:
         """The result as a JSON object."""
-        return {"record": str(self.path), "frames": self.frames} | self.losses.plain()
+        indexes = [[wrong.begin, wrong.end - 1] for wrong in self.indexes]
+        plain = {"record": str(self.path), "frames": self.frames, "indexes": indexes}
+        return plain | self.losses.plain()
 
     def lines(self) -> list[str]:
         """The result as lines of text."""
         losses = self.losses
         shown = [f"{self.path}: {counted(self.frames, 'frame')}"]
+        if self.indexes:
+            count = sum(wrong.end - wrong.begin for wrong in self.indexes)
+            where = f"bytes {self.indexes[0].begin:,} to {self.indexes[-1].end - 1:,}"
+            wrong = f"{count:,} bytes of indexes between chunks are wrong ({where})"
+            shown.append(f"{wrong}; no frame is lost, and the new record has right ones")
         # The reader warns of damage.
         if losses.cut and not losses.damage:
             shown.append(f"cut off: its last {losses.cut:,} bytes belong to no complete chunk")
-        elif not losses.damage:
+        elif not (losses.damage or self.indexes):
             shown.append("nothing was damaged")
         return shown
 
@@ -272,4 +284,4 @@ def recover(path: Path, into: Path) -> Recovered:
                 writer.finish()
         except OSError as error:
             raise MisuseError(f"{into}: cannot be written: {error.strerror}") from None
-    return Recovered(into, writer.frames, losses)
+    return Recovered(into, writer.frames, losses, tuple(wrong_indexes(path, losses)))

@@ -18,7 +18,7 @@ from minerva_bus.errors import DamagedRecordWarning, MisuseError, RecordError
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import Overrides
 from tests.log.recorded_runs import bytes_of, record_of
-from tests.log.test_damaged import CHUNK, flipped, parts, stopped
+from tests.log.test_damaged import CHUNK, MESSAGE_INDEX, flipped, parts, stopped
 from tests.runtime.running import here
 
 pytestmark = pytest.mark.filterwarnings("ignore::minerva_bus.errors.DamagedRecordWarning")
@@ -182,6 +182,25 @@ def test_a_recovered_record_is_usable_like_any_other(chunk, tmp_path):
             assert record.string(number + 1) == strings[number]
         assert done.losses == old.losses()
         assert done.losses.lost or done.losses.open_from == 56
+
+
+def test_a_recovery_names_wrong_indexes_between_chunks(tmp_path):
+    path, new = tmp_path / "run.mcap", tmp_path / "new.mcap"
+    data = bytes_of("meadow")
+    (first, length), *_, (last, other) = parts(data, MESSAGE_INDEX)
+    # A time in the first one, and the channel of the last one.
+    path.write_bytes(flipped(flipped(data, first + 17), last + 9))
+    done = recover(path, new)
+    assert [(wrong.begin, wrong.end) for wrong in done.indexes] == [
+        (first, first + length), (last, last + other)
+    ]  # fmt: skip
+    assert done.frames == 60
+    assert f"{length + other:,} bytes of indexes between chunks are wrong" in done.lines()[1]
+    new.unlink()
+    # No record at all: only the scan names it.
+    path.write_bytes(flipped(data, last))
+    done = recover(path, new)
+    assert (done.indexes, done.losses.damage[0].begin) == ((), last)
 
 
 def test_recover_overwrites_nothing(tmp_path):
