@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from minerva_bus.errors import RecordError
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.log.record import Cursor, Record
+from minerva_bus.wording import frames_up_to
 
 
 def kinds_in(scene: Scene) -> dict[str, int]:
@@ -53,10 +55,13 @@ class FrameText:
 
 
 def frames_after(record: Record, begin: int) -> Iterator[FrameText]:
-    """The frames of a record from number `begin` on."""
+    """The frames of a record from number `begin` on. Raises RecordError if it has no such frame."""
     dt = record.description.world.dt
     cursor = Cursor(record)
     cursor.skip_to(begin)
+    if begin < 0 or (begin and cursor.ahead is None):
+        end = record.last()[0]
+        raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {begin}")
     while (frame := cursor.ahead) is not None:
         string = cursor.advance()
         if frame.number >= begin:

@@ -125,6 +125,7 @@ def test_other_code_gives_other_frames(recorded, tmp_path):
     [
         (("none.mcap",), "No such file"),
         (("run.mcap", "--from", 60), "it has frames 0 to 59, not 60"),
+        (("run.mcap", "--from", 60, "--no-code"), "it has frames 0 to 59, not 60"),
         (("run.mcap", "--speed", -1), "--speed must be a number from 0, not -1"),
         (("run.mcap", "nothing.toml"), "there is no world file nothing.toml"),
     ],
