@@ -198,8 +198,8 @@ def _parsed(text: str, path: Path, overrides: Overrides) -> Table:
         return _opened(Table(read_toml(text), "", text, str(path), overrides))
     except TomlError as error:
         if path.suffix == ".py":
-            problem = "a Python program, not a world file (.toml); to run it, write: python"
-            raise WorldFileError(f"{path}: {problem} {path.name}") from None
+            run = f"python {path.name} runs it, and World.save in it writes its world file"
+            raise WorldFileError(f"{path}: a Python program, not a world file; {run}") from None
         place = SceneError(
             f"not TOML: {error}",
             text=text,

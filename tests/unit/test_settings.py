@@ -101,6 +101,12 @@ def test_an_error_of_the_file_has_its_line_and_a_caret():
     assert excerpt[caret.index("^") :] == "frames = -1"
 
 
+def test_a_program_in_place_of_a_world_file_is_refused_with_what_to_do(tmp_path):
+    (path := tmp_path / "snails.py").write_text("import sys\n")
+    with pytest.raises(WorldFileError, match=r"python snails\.py runs it, and World\.save in it"):
+        read_world_file(path)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
