@@ -43,7 +43,7 @@ def main() -> None:
     open_standard_files()
     try:
         from minerva_bus.cli.main import main as run
-        from minerva_bus.process_end import ended_by_system
+        from minerva_bus.process_life import ended_by_system
 
         if signal.getsignal(signal.SIGINT) is leave:
             signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -101,7 +101,7 @@ def package_folders():
 
 def renew(folders):
     """Renew what was computed for the server: when the program began, and what is installed."""
-    sys.modules["minerva_bus.cli.startup"].BEGAN = time.monotonic() - time.process_time()
+    sys.modules["minerva_bus.process_life"].BEGAN = time.monotonic() - time.process_time()
     beside = importlib.metadata.distributions(path=sys.path[:1])
     if folders != package_folders() or next(iter(beside), None):
         sys.modules["minerva_bus.entry_points"]._all_entries.cache_clear()

@@ -37,7 +37,7 @@ from minerva_bus.cli.output import (
 )
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.files import forget_inputs
-from minerva_bus.process_end import ended_by_system, limit_threads
+from minerva_bus.process_life import ended_by_system, limit_threads
 from minerva_bus.uncaught import report_threads
 
 if TYPE_CHECKING:

@@ -30,7 +30,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from minerva_bus.errors import BusError
-from minerva_bus.process_end import session_opened
+from minerva_bus.process_life import session_opened
 from minerva_bus.runtime.endpoints import (
     check_endpoint,
     check_port_free,

@@ -7,7 +7,7 @@ import pytest
 
 LEAVING = """
 import sys, threading, time
-from minerva_bus.process_end import limit_threads
+from minerva_bus.process_life import limit_threads
 
 threading.Thread(target=time.sleep, args=({seconds},), name="sleeper", daemon={daemon}).start()
 print("over")
@@ -31,7 +31,7 @@ def test_a_thread_that_does_not_end_is_named_and_ended(seconds, daemon, said, na
 def test_threads_of_an_executor_end_by_themselves():
     text = """
 from concurrent.futures import ThreadPoolExecutor
-from minerva_bus.process_end import limit_threads
+from minerva_bus.process_life import limit_threads
 
 pool = ThreadPoolExecutor(2)
 pool.submit(print, "done").result()

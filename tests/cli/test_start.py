@@ -33,7 +33,7 @@ os.execv(sys.executable, [sys.executable, "-c", sys.argv[1], str(time.monotonic(
 """
 SAYS_ITS_AGE = """
 import sys
-from minerva_bus.cli.startup import BEGAN
+from minerva_bus.process_life import BEGAN
 
 print(float(sys.argv[1]) - BEGAN)
 """

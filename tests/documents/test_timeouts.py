@@ -10,11 +10,11 @@ from minerva_bus.launch import process_table, supervisor
 from minerva_bus.runtime import coordinator, joining, participants, session, waiting
 
 PAGE = Path(__file__).parents[2] / "docs" / "timeouts.md"
-ROW = re.compile(r"^\| `((?:runtime|launch|process_end)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
+ROW = re.compile(r"^\| `((?:runtime|launch|process_life)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
 
 
 def constant(path):
-    modules = 1 if path.startswith("process_end") else 2
+    modules = 1 if path.startswith("process_life") else 2
     package, names = path.split(".")[:modules], path.split(".")[modules:]
     value = import_module(".".join(["minerva_bus", *package]))
     for name in names:

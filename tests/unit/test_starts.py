@@ -16,7 +16,7 @@ from tests import starts
 
 PROBE = """
 import atexit, json, os, signal, sys, threading, time
-from minerva_bus.cli import startup
+from minerva_bus import process_life
 class Last:
     def __del__(self):
         os.write(2, b"destroyed, ")
@@ -45,7 +45,7 @@ print(json.dumps({
     "line": "minerva_bus.cli.main" in sys.modules,
     "file": __file__,
     "program": sys.argv[0],
-    "began": startup.BEGAN,
+    "began": process_life.BEGAN,
 }))
 print("warning", file=sys.stderr)
 if "dies" in sys.argv:

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from minerva_bus.cli import completing, startup
+from minerva_bus import process_life
+from minerva_bus.cli import completing
 from minerva_bus.cli.options import (
     Force,
     JoinOptions,
@@ -19,8 +20,8 @@ from minerva_bus.cli.options import (
     grouped,
     options_of,
 )
-from minerva_bus.cli.startup import uncollected
 from minerva_bus.errors import MinervaError, MisuseError, SceneError
+from minerva_bus.process_life import uncollected
 from minerva_bus.settings.world_settings import Overrides
 
 TOPIC: Final = "Run"
@@ -77,7 +78,7 @@ def run(
             options_of(words), overrides.settings, views, overrides.collect, **overrides.values
         )
         file = read_world(world, given) if resume is None else read_resumed(resume, world, given)
-    run_world(file, startup.BEGAN, options)
+    run_world(file, process_life.BEGAN, options)
 
 
 def _with_video(views: list[str], video: str) -> tuple[str, ...]:

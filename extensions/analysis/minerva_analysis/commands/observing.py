@@ -10,7 +10,7 @@ import typer
 from minerva_analysis.commands import completing as contents
 from minerva_bus.cli import completing
 from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
-from minerva_bus.cli.startup import uncollected
+from minerva_bus.process_life import uncollected
 
 TOPIC: Final = "Observe"
 

@@ -9,7 +9,8 @@ from typing import Annotated, Final
 import typer
 
 from minerva_analysis.commands import completing as contents
-from minerva_bus.cli import completing, startup
+from minerva_bus import process_life
+from minerva_bus.cli import completing
 from minerva_bus.cli.options import (
     Collect,
     Force,
@@ -23,8 +24,8 @@ from minerva_bus.cli.options import (
     grouped,
     options_of,
 )
-from minerva_bus.cli.startup import uncollected
 from minerva_bus.errors import MisuseError
+from minerva_bus.process_life import uncollected
 from minerva_bus.settings.world_settings import Overrides
 
 TOPIC: Final = "Records"
@@ -77,7 +78,14 @@ def replay(
         _refuse(played, "cannot be combined with --recompute")
         raise typer.Exit(recompute_record(file, world, json))
     code = replay_record(
-        file, world, overrides, startup.BEGAN, begin=begin, speed=speed, as_json=json, quiet=quiet
+        file,
+        world,
+        overrides,
+        process_life.BEGAN,
+        begin=begin,
+        speed=speed,
+        as_json=json,
+        quiet=quiet,
     )
     raise typer.Exit(code)
 

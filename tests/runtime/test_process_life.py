@@ -8,7 +8,7 @@ import pytest
 BUSY = """
 import atexit, threading
 from zenoh.handlers import Callback
-from minerva_bus.process_end import ended_by_system
+from minerva_bus.process_life import ended_by_system
 from minerva_bus.runtime.session import LOOPBACK, open_session, session_config
 
 with ended_by_system():
@@ -49,7 +49,7 @@ def test_threads_in_zenoh_do_not_abort_a_process(ends, code):
 
 def test_a_process_without_sessions_ends_as_usual():
     program = (
-        "from minerva_bus.process_end import ended_by_system\n"
+        "from minerva_bus.process_life import ended_by_system\n"
         "class Last:\n    def __del__(self):\n        print('deleted')\n"
         "with ended_by_system():\n    last = Last()\n"
     )

@@ -1,4 +1,4 @@
-"""The end of a process of Minerva Bus whose threads are those of Zenoh, too.
+"""The start and the end of a process of the command line, whose threads are those of Zenoh, too.
 
 While it ends, Python stops each thread where that next needs the interpreter. In a callback of
 Zenoh, or in a call of it that another thread makes, this unwinds compiled code, which aborts the
@@ -10,6 +10,7 @@ without that step, after all else: its threads, exit handlers and output.
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import sys
 import threading
@@ -17,6 +18,25 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Final
+
+BEGAN = time.monotonic() - time.process_time()
+"""When this program started, on the monotonic clock, seconds.
+
+It is derived from CPU time, because start-up only computes. The age of the process is not a
+measure: a shell may have become this process by exec.
+"""
+
+
+@contextmanager
+def uncollected() -> Generator[None]:
+    """Disable garbage collection during imports, which create almost no garbage."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
 
 _sessions = False
 
