@@ -18,14 +18,7 @@ from typing import Any, Final, Protocol
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection_step import (
-    EVENTS,
-    CollectionStep,
-    EventWork,
-    FrameInbox,
-    OrderRules,
-    visual_events,
-)
+from minerva_bus.frame.collection_step import CollectionStep, FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import EvolutionStep
 from minerva_bus.frame.member_lifecycle import MemberAnswers, MemberLifecycle, Shutdown
@@ -35,6 +28,7 @@ from minerva_bus.frame.member_table import (
 )
 from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.placement import Placement
+from minerva_bus.frame.sender_rights import EVENTS, EventWork, OrderRules
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, Instructions, is_people, is_set_aside
 from minerva_bus.frame.view_streams import Views
 from minerva_bus.frame.world_state import Awaited, FrameInFlight, Phase, Progress, WorldSpec

@@ -14,11 +14,12 @@ import numpy as np
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection_step import FrameInbox, are_light, report_dropped
+from minerva_bus.frame.collection_step import FrameInbox, report_dropped
 from minerva_bus.frame.composition import Composition, first_in, ids_of
 from minerva_bus.frame.member_table import Members
 from minerva_bus.frame.norm_rejections import Norms, Trial
 from minerva_bus.frame.placement import Offers, Placement
+from minerva_bus.frame.sender_rights import are_light
 from minerva_bus.frame.stimuli import (
     AGENTS,
     HALTED,

@@ -12,7 +12,6 @@ from typing import Final, Protocol
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection_step import OrderRules
 from minerva_bus.frame.member_table import (
     MemberChange,
     MemberEntry,
@@ -22,6 +21,7 @@ from minerva_bus.frame.member_table import (
 )
 from minerva_bus.frame.messages import Figures
 from minerva_bus.frame.placement import Offers, Placement
+from minerva_bus.frame.sender_rights import OrderRules
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.view_streams import Views
 from minerva_bus.frame.world_state import Phase, Progress, WorldSpec

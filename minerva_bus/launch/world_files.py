@@ -31,9 +31,9 @@ from minerva_bus.errors import (
     WorldFileError,
     nearest,
 )
-from minerva_bus.frame.collection_step import ID
 from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.placement import PlacementRules, Rule
+from minerva_bus.frame.sender_rights import ID
 from minerva_bus.frame.stimuli import source_of
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Event

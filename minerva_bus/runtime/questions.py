@@ -38,9 +38,9 @@ import zenoh
 from minerva_bus.errors import BusError, MinervaError, ProtocolError, SceneError, nearest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.collection_step import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.member_table import MemberEntry
+from minerva_bus.frame.sender_rights import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Event, Events, senders_of
 from minerva_bus.grammar.parser import parse

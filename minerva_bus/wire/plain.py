@@ -19,8 +19,9 @@ from typing import Annotated, Any, Final, get_args, get_type_hints
 import msgpack
 
 from minerva_bus.errors import MisuseError, ProtocolError
-from minerva_bus.frame.collection_step import MAX_HOST_EVENTS, MAX_SINGLE_EVENTS, MAX_WAITING
+from minerva_bus.frame.collection_step import MAX_WAITING
 from minerva_bus.frame.messages import Note, Wire
+from minerva_bus.frame.sender_rights import MAX_HOST_EVENTS, MAX_SINGLE_EVENTS
 from minerva_bus.grammar.fields import NAME
 from minerva_bus.wire.keys import checked_name
 

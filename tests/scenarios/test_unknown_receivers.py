@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 from pond import VOCABULARY, Add, counters, eAdd, eDone, eStep, service
 
-from minerva_bus.frame.collection_step import UnknownReceivers
 from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.sender_rights import UnknownReceivers
 from minerva_bus.grammar.events import as_batch
 from minerva_bus.grammar.ids import Ids
 

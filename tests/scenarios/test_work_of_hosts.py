@@ -22,8 +22,8 @@ from pond import (
 from minerva_bus import EMPTY, Event, Generator, on
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection_step import EventWork
 from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.sender_rights import EventWork
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.norms import Norm, Then
