@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
@@ -21,7 +21,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection_step import CollectionStep, FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import EvolutionStep
-from minerva_bus.frame.member_lifecycle import MemberAnswers, MemberLifecycle, Shutdown
+from minerva_bus.frame.member_lifecycle import MemberLifecycle, Shutdown
 from minerva_bus.frame.member_table import (
     MemberChange,
     Members,
@@ -31,42 +31,21 @@ from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.sender_rights import EVENTS, EventWork, OrderRules
 from minerva_bus.frame.stimuli import Checkpoint, FrameInputs, Instructions, is_people, is_set_aside
 from minerva_bus.frame.view_streams import Views
-from minerva_bus.frame.world_state import Awaited, FrameInFlight, Phase, Progress, WorldSpec
+from minerva_bus.frame.world_state import (
+    Awaited,
+    FrameInFlight,
+    InputSteps,
+    OutcomeSteps,
+    Phase,
+    Progress,
+    WorldSpec,
+)
 from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.wording import counted
 from minerva_bus.world.event_order import collect
 from minerva_bus.world.norms import SOURCE
-
-
-class InputSteps(Protocol):
-    """Steps 2 to 4 of Table 2."""
-
-    def begin(self) -> None:
-        """Request the events of the frame that begins."""
-        ...
-
-    def collect(self) -> None:
-        """The events of the frame."""
-        ...
-
-
-class OutcomeSteps(Protocol):
-    """Steps 5, 6 and 8 of Table 2."""
-
-    def evolve(self) -> None:
-        """Steps 5 and 6: request the next string and the views."""
-        ...
-
-    def settle(self) -> bool:
-        """Whether the results are final, with norms applied; otherwise more are requested."""
-        ...
-
-    def commit(self) -> None:
-        """Step 8: w = w_next and t = t + 1."""
-        ...
-
 
 MAX_NAMED_STRANGERS: Final = 3
 MAX_PROBLEM_LINES: Final = 10
@@ -78,6 +57,9 @@ class FrameAlgorithm:
 
     `now` is the phase, and the frame in flight. Each part receives what it needs of the others;
     replies that violate the protocol come back as reasons.
+
+    A replay runs the same table from a record. It replaces `make_steps`, `has_next`, `why_over`,
+    `announce`, `members_changed` and `on_seek`, and nothing else.
     """
 
     def __init__(self, world: WorldSpec) -> None:
@@ -99,32 +81,11 @@ class FrameAlgorithm:
         self.orders = OrderRules(world, self.now, self.members, self.composition)
         self.goal = WorldGoal(world, self.composition, self.members.saved)
         self.out = Instructions(self.members.declines_columns)
-        self.collection, self.evolution, self.answers = self._make_steps()
+        self.collection, self.evolution = self.make_steps()
         self.lifecycle = MemberLifecycle(
-            world, self.now, self.members, self.placement, self.views, self.out, self.answers,
-            self.orders, self,
+            world, self.now, self.members, self.placement, self.views, self.out, self.collection,
+            self.evolution, self.orders, self,
         )  # fmt: skip
-
-    def _make_steps(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
-        """The steps that take the events and results of frames, and what takes answers."""
-        collection = CollectionStep(
-            self.world, self.now, self.members, self.composition, self.inbox, self.norms,
-            self.orders, self.out,
-        )  # fmt: skip
-        evolution = EvolutionStep(
-            self.world, self.now, self.members, self.composition, self.placement, self.views,
-            self.inbox, self.norms, self.out,
-        )  # fmt: skip
-        answers = MemberAnswers(
-            collection.tick_reply,
-            evolution.reply,
-            collection.emitted,
-            collection.order,
-            collection.ask,
-            evolution.ask_again,
-            evolution.lighten,
-        )
-        return collection, evolution, answers
 
     @cached_property
     def _handlers(self) -> dict[type, Callable[[Any], str | None]]:
@@ -132,13 +93,13 @@ class FrameAlgorithm:
 
         Bound methods, because a frame has a stimulus for each member.
         """
-        answers, lifecycle = self.answers, self.lifecycle
+        collection, lifecycle = self.collection, self.lifecycle
         return {
             s.Begin: self.on_begin,
-            m.TickReply: answers.tick_reply,
-            m.EvolveReply: answers.evolve_reply,
-            m.Emitted: answers.emitted,
-            s.Publish: answers.order,
+            m.TickReply: collection.tick_reply,
+            m.EvolveReply: self.evolution.reply,
+            m.Emitted: collection.emitted,
+            s.Publish: collection.order,
             s.Seek: self.on_seek,
             s.Appeared: lifecycle.appeared,
             m.Hello: lifecycle.hello,
@@ -179,6 +140,45 @@ class FrameAlgorithm:
         if strangers <= MAX_NAMED_STRANGERS:
             more = "" if strangers < MAX_NAMED_STRANGERS else "; further ones are not logged"
             self.out.log(sender[:64], f"unknown member: message ignored{more}")
+
+    # --- what a replay replaces ---
+
+    def make_steps(self) -> tuple[InputSteps, OutcomeSteps]:
+        """The steps that take events and results from members; called by the constructor."""
+        collection = CollectionStep(
+            self.world, self.now, self.members, self.composition, self.inbox, self.norms,
+            self.orders, self.out,
+        )  # fmt: skip
+        evolution = EvolutionStep(
+            self.world, self.now, self.members, self.composition, self.placement, self.views,
+            self.inbox, self.norms, self.out,
+        )  # fmt: skip
+        return collection, evolution
+
+    def has_next(self) -> bool:
+        """Whether a frame may begin."""
+        return True
+
+    def why_over(self) -> str:
+        """Step 9: reason why no frame follows, or an empty string."""
+        if self.composition.empty:
+            return "the string is empty"
+        if finished := self.goal.finished:
+            return finished
+        # Last, because an empty string or a reached goal is the more specific reason.
+        if self.world.frames and self.now.frame >= self.world.frames:
+            return "the frames are over"
+        return ""
+
+    def announce(self) -> None:
+        """Step 10: announce that the next frame may begin."""
+        self.out.add(s.Ready(self.now.frame))
+
+    def members_changed(self, hello: m.Hello | None) -> None:
+        """Note that a member has joined with this hello, or, for None, has left."""
+
+    def on_seek(self, seek: s.Seek) -> None:
+        """Continue with another frame; only a replay can."""
 
     # --- Table 2 ---
 
@@ -232,24 +232,6 @@ class FrameAlgorithm:
         if self.now.in_flight.result.sent:
             self.goal.note(self.now.in_flight.result.sent, self.out)
         self.evolution.commit()
-
-    def why_over(self) -> str:
-        """Step 9: reason why no frame follows, or an empty string."""
-        if self.composition.empty:
-            return "the string is empty"
-        if finished := self.goal.finished:
-            return finished
-        # Last, because an empty string or a reached goal is the more specific reason.
-        if self.world.frames and self.now.frame >= self.world.frames:
-            return "the frames are over"
-        return ""
-
-    def announce(self) -> None:
-        """Step 10: announce that the next frame may begin."""
-        self.out.add(s.Ready(self.now.frame))
-
-    def members_changed(self, hello: m.Hello | None) -> None:
-        """Note that a member has joined with this hello, or, for None, has left."""
 
     def start_if_complete(self) -> None:
         """Announce the first frame once all expected members are present."""
@@ -326,7 +308,7 @@ class FrameAlgorithm:
         if self.now.phase is Phase.WAITING:
             self.start_if_complete()
             return
-        if self.now.phase is not Phase.READY:
+        if self.now.phase is not Phase.READY or not self.has_next():
             return
         # Before the new frame is made, so that newcomers answer its tick and host its agents.
         if self.members.index.joining:
@@ -404,9 +386,6 @@ class FrameAlgorithm:
     def on_metrics(self, metrics: m.MemberMetrics) -> None:
         """Keep a member's metrics for displays."""
         self.members.get(metrics.member).figures = metrics.figures
-
-    def on_seek(self, seek: s.Seek) -> None:
-        """Continue with another frame, if the world is a replay."""
 
     # --- outstanding answers ---
 

@@ -6,8 +6,7 @@ its course: `FrameCourse`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
 from typing import Final, Protocol
 
 from minerva_bus.frame import messages as m
@@ -24,7 +23,13 @@ from minerva_bus.frame.placement import Offers, Placement
 from minerva_bus.frame.sender_rights import OrderRules
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.view_streams import Views
-from minerva_bus.frame.world_state import Phase, Progress, WorldSpec
+from minerva_bus.frame.world_state import (
+    InputSteps,
+    OutcomeSteps,
+    Phase,
+    Progress,
+    WorldSpec,
+)
 
 MAX_DEATHS: Final = 2
 """Ends of a host in one frame after which the frame is tried without the events of guests."""
@@ -48,26 +53,6 @@ class FrameCourse(Protocol):
     def fail(self, reason: str) -> None:
         """End the world because of an error."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class MemberAnswers:
-    """What accepts the answers of members and the orders of people, and repeats requests.
-
-    `tick_reply`, `evolve_reply` and `emitted` return the reason if a message violates the protocol,
-    otherwise an empty string.
-    `ask`: repeat the request to a generator that has returned while the frame waits for it.
-    `ask_again`: request fragments once more, because their host is gone, or one has returned.
-    `lighten`: repeat a frame that has ended a host twice by fewer events; False if it cannot.
-    """
-
-    tick_reply: Callable[[m.TickReply], str]
-    evolve_reply: Callable[[m.EvolveReply], str]
-    emitted: Callable[[m.Emitted], str]
-    order: Callable[[s.Publish], None]
-    ask: Callable[[MemberEntry], None]
-    ask_again: Callable[[list[str]], None]
-    lighten: Callable[[str], bool]
 
 
 class Shutdown:
@@ -135,7 +120,8 @@ class MemberLifecycle:
         placement: Placement,
         views: Views,
         out: Instructions,
-        answers: MemberAnswers,
+        inputs: InputSteps,
+        outcome: OutcomeSteps,
         orders: OrderRules,
         course: FrameCourse,
     ) -> None:
@@ -146,7 +132,8 @@ class MemberLifecycle:
         self._views = views
         self.shutdown = Shutdown()
         self._out = out
-        self._answers = answers
+        self._inputs = inputs
+        self._outcome = outcome
         self._orders = orders
         self._course = course
 
@@ -255,9 +242,9 @@ class MemberLifecycle:
         self._send_missed(member, hello)
         in_flight = self._now.in_flight
         if self._now.phase is Phase.TICK and member.name in in_flight.pending:
-            self._answers.ask(member)
+            self._inputs.ask(member)
         if in_flight.requests.unassigned and hello.kinds:
-            self._answers.ask_again(sorted(in_flight.requests.unassigned))
+            self._outcome.ask_again(sorted(in_flight.requests.unassigned))
         self._course.members_changed(hello)
 
     def _send_missed(self, member: MemberEntry, hello: m.Hello) -> None:
@@ -417,7 +404,7 @@ class MemberLifecycle:
             return
         if requests.deaths.get(member.name, 0) >= MAX_DEATHS:
             requests.deaths[member.name] = 0
-            if self._answers.lighten(member.name):
+            if self._outcome.lighten(member.name):
                 return
         lost = [name for key in requests.of(member.name) for name in requests.outstanding.pop(key)]
-        self._answers.ask_again(sorted({*lost, *requests.unassigned}))
+        self._outcome.ask_again(sorted({*lost, *requests.unassigned}))

@@ -15,10 +15,10 @@ from typing import Final, Protocol
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
-from minerva_bus.frame.member_table import Members
+from minerva_bus.frame.member_table import MemberEntry, Members
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.frame.placement import PlacementRules
-from minerva_bus.frame.stimuli import DROPPED, Checkpoint, FrameInputs, OrdersBySource
+from minerva_bus.frame.stimuli import DROPPED, Checkpoint, FrameInputs, OrdersBySource, Publish
 from minerva_bus.grammar.columns import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
@@ -293,6 +293,65 @@ class Progress:
     def enter(self, awaited: Awaited) -> None:
         """Continue with the phase that follows this condition."""
         self.phase = TRANSITIONS[self.phase, awaited]
+
+
+class InputSteps(Protocol):
+    """Steps 2 to 4 of Table 2: what asks for the events of a frame, and takes them.
+
+    `tick_reply` and `emitted` return the reason if a message violates the protocol, or "".
+    """
+
+    def begin(self) -> None:
+        """Request the events of the frame that begins."""
+        ...
+
+    def tick_reply(self, reply: m.TickReply) -> str:
+        """Accept C^d(t) of a generator in step."""
+        ...
+
+    def emitted(self, emitted: m.Emitted) -> str:
+        """Accept events of a free-running generator."""
+        ...
+
+    def order(self, order: Publish) -> None:
+        """Accept an event from a person."""
+        ...
+
+    def ask(self, member: MemberEntry) -> None:
+        """Repeat the request to a generator that has returned while the frame waits for it."""
+        ...
+
+    def collect(self) -> None:
+        """The events of the frame."""
+        ...
+
+
+class OutcomeSteps(Protocol):
+    """Steps 5, 6 and 8 of Table 2: what asks for the results of a frame, and takes them."""
+
+    def evolve(self) -> None:
+        """Steps 5 and 6: request the next string and the views."""
+        ...
+
+    def reply(self, reply: m.EvolveReply) -> str:
+        """Accept a host's results; returns the reason for a violation, or ""."""
+        ...
+
+    def ask_again(self, fragments: list[str]) -> None:
+        """Request fragments once more, because their host is gone, or one has returned."""
+        ...
+
+    def lighten(self, host: str) -> bool:
+        """Repeat a frame that has ended a host twice by fewer events; False if it cannot."""
+        ...
+
+    def settle(self) -> bool:
+        """Whether the results are final, with norms applied; otherwise more are requested."""
+        ...
+
+    def commit(self) -> None:
+        """Step 8: w = w_next and t = t + 1."""
+        ...
 
 
 class WorldProgress(Protocol):

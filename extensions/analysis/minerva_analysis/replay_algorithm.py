@@ -14,15 +14,21 @@ from typing import Protocol
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm, InputSteps, OutcomeSteps
+from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection_step import FrameInbox, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import frame_record
-from minerva_bus.frame.member_lifecycle import MemberAnswers
 from minerva_bus.frame.member_side import Host
-from minerva_bus.frame.member_table import Members
+from minerva_bus.frame.member_table import MemberEntry, Members
 from minerva_bus.frame.stimuli import DEVICES, Instructions, RecordedFrame
-from minerva_bus.frame.world_state import FrameInFlight, Phase, Progress, WorldSpec
+from minerva_bus.frame.world_state import (
+    FrameInFlight,
+    InputSteps,
+    OutcomeSteps,
+    Phase,
+    Progress,
+    WorldSpec,
+)
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.agent import Kinds
@@ -128,6 +134,35 @@ class RecordedSource:
         reply = host.answer(request, context, Policy.SEQUENTIAL, world.vocabulary)  # π alone
         in_flight.result.merge(reply, {})
 
+    def tick_reply(self, reply: m.TickReply) -> str:
+        """Ignore a reply, as all messages of members: the record has the events and results."""
+        return self._ignored(reply)
+
+    def emitted(self, emitted: m.Emitted) -> str:
+        """Ignore the events of a generator."""
+        return ""
+
+    def order(self, order: s.Publish) -> None:
+        """Ignore an event of a person."""
+
+    def ask(self, member: MemberEntry) -> None:
+        """No member is asked."""
+
+    def reply(self, reply: m.EvolveReply) -> str:
+        """Ignore a reply of a host."""
+        return self._ignored(reply)
+
+    def _ignored(self, reply: m.TickReply | m.EvolveReply) -> str:
+        self._members.get(reply.member).late += 1
+        return ""
+
+    def ask_again(self, fragments: list[str]) -> None:
+        """No host is asked."""
+
+    def lighten(self, host: str) -> bool:
+        """No frame is repeated."""
+        return False
+
     def settle(self) -> bool:
         """The recorded results are final."""
         return True
@@ -162,34 +197,17 @@ class ReplayAlgorithm(FrameAlgorithm):
         self._stay = stay
         super().__init__(world)
 
-    def _make_steps(self) -> tuple[InputSteps, OutcomeSteps, MemberAnswers]:
+    def make_steps(self) -> tuple[InputSteps, OutcomeSteps]:
+        """The steps that take the events and the strings of the record."""
         self._source = source = RecordedSource(
             self._cursor, self._kinds, self.world, self.now, self.members, self.composition,
             self.inbox, self.out,
         )  # fmt: skip
-        ignored = MemberAnswers(
-            self._ignored,
-            self._ignored,
-            lambda _: "",
-            lambda _: None,
-            lambda _: None,
-            lambda _: None,
-            lambda _: False,
-        )
-        return source, source, ignored
-
-    def _ignored(self, reply: m.TickReply | m.EvolveReply) -> str:
-        self.members.get(reply.member).late += 1
-        return ""
+        return source, source
 
     def has_next(self) -> bool:
-        """Whether a frame follows."""
+        """Whether a frame follows in the record."""
         return self._source.has_next()
-
-    def on_begin(self, begin: s.Begin) -> None:
-        """Begin a frame, if one follows."""
-        if self.phase is Phase.WAITING or self.has_next():
-            super().on_begin(begin)
 
     def why_over(self) -> str:
         """Step 9: reason for the end if the recorded run is over and no member is present."""

@@ -44,6 +44,12 @@ def lived(name):
     return seen.shown, digests
 
 
+def test_a_replay_replaces_only_what_the_algorithm_declares():
+    replaced = vars(ReplayAlgorithm).keys() & vars(FrameAlgorithm)
+    declared = FrameAlgorithm.__doc__
+    assert {name for name in replaced if name[:2] != "__" and f"`{name}`" not in declared} == set()
+
+
 class Projector:
     """A record that is replayed in this process."""
 
