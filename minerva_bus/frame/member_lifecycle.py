@@ -163,13 +163,7 @@ class MemberLifecycle:
         # Greetings are repeated, so a second hello of the same process may arrive; it counts once.
         if member.state is not MemberState.JOINING or member.greeted:
             return
-        reason = incompatibility(hello, self._world.vocabulary)
-        if not reason and not self._members.is_process(member.name):
-            reason = self._orders.refusal_of_guest(hello, hello.generates)
-        if member.name in {*self._world.shares.values()} - self._world.expected:
-            reason = "processes of the world divide the generator of this name; use another one"
-        reason = reason or self._settle_single_host(hello)
-        if reason:
+        if reason := self._why_not(hello):
             self._refuse(member, reason)
             return
         self._members.introduce(member, hello)
@@ -182,6 +176,15 @@ class MemberLifecycle:
         if between or in_time or awaited:
             self._admit(member, hello)
         self._course.start_if_complete()
+
+    def _why_not(self, hello: m.Hello) -> str:
+        """Why a member may not join, or an empty string."""
+        if hello.member in {*self._world.shares.values()} - self._world.expected:
+            return "processes of the world divide the generator of this name; use another one"
+        reason = incompatibility(hello, self._world.vocabulary)
+        if not (reason or self._members.is_process(hello.member)):
+            reason = self._orders.refusal_of_guest(hello, hello.generates)
+        return reason or self._settle_single_host(hello)
 
     def _settle_single_host(self, hello: m.Hello) -> str:
         """Exclude guests before the world's own host; why this host may not join, or empty."""
