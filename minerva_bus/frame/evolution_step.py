@@ -46,13 +46,12 @@ from minerva_bus.world.population import copy_id
 _AGENT: Final[Callable[[tuple[str, str]], str]] = itemgetter(0)
 
 
-def checked(
-    reply: m.EvolveReply, composition: Composition, views: Views, result: FrameResult
+def changed_fragments(
+    reply: m.EvolveReply, composition: Composition, views: Views
 ) -> dict[str, Scene]:
-    """The changed fragments of a reply, with deltas applied; `result` has the earlier replies.
+    """The changed fragments of a reply, with deltas applied.
 
-    Raises Unfit for whatever could prevent that the fragments of all replies form a string, and
-    their views a view.
+    Raises Unfit if its deltas do not fit the string, or its views the last ones.
     """
     former = {
         name: Scene((composition.fragments[name],))
@@ -68,10 +67,6 @@ def checked(
     # A host that declines columns returns a part node by node; the composition holds columns.
     for name in sorted(changed.keys() & composition.parts.keys()):
         changed[name] = packed(changed[name])
-    # Last, because a refused reply claims nothing.
-    twice = claim(changed, result, composition)
-    if twice:
-        raise Unfit(f"it made a second agent #{twice[:MAX_SHOWN]}")
     return changed
 
 
@@ -103,18 +98,18 @@ def foreign_sender(
     return ""
 
 
-def claim(changed: Mapping[str, Scene], result: FrameResult, composition: Composition) -> str:
+def claim_ids(changed: Mapping[str, Scene], result: FrameResult, composition: Composition) -> None:
     """Note the agents of changed fragments, each of which has no id twice.
 
-    Returns an id that belongs to another fragment, by the string before the frame or by an earlier
-    reply: then nothing is noted. Otherwise the text is empty.
+    Raises Unfit for an id that belongs to another fragment, by the string before the frame or by an
+    earlier reply: then nothing is noted.
     """
     single, gained = _reported(changed, composition.parts)
     homes = composition.home_of_each(map(_AGENT, single))
     owners = homes | result.newborns
     for agent, fragment in single:
         if owners.setdefault(agent, fragment) != fragment:
-            return agent
+            raise _second(agent)
     born = result.born.copy()
     if born:  # The owners are without them, because most frames have no need of their texts.
         gained += [(fragment, Ids.of([who])) for who, fragment in single if who not in homes]
@@ -122,11 +117,14 @@ def claim(changed: Mapping[str, Scene], result: FrameResult, composition: Compos
         others = [other for home, other in born if home != fragment]
         twice = composition.elsewhere(ids, fragment, owners) or first_in(ids, others)
         if twice:
-            return twice
+            raise _second(twice)
         born.append((fragment, ids))
     result.newborns.update(single)
     result.born = born
-    return ""
+
+
+def _second(agent: str) -> Unfit:
+    return Unfit(f"it made a second agent #{agent[:MAX_SHOWN]}")
 
 
 def _reported(
@@ -363,24 +361,29 @@ class EvolutionStep:
             return ""
         # The whole reply is checked before any part of it counts, so a
         # violation leaves the frame as it was.
-        wrong, changed = self._objection(reply, frozenset(requests.outstanding[key])), {}
-        try:
-            if not wrong:
-                result = self._now.in_flight.result
-                changed = checked(reply, self._composition, self._views, result)
-        except Unfit as unfit:
-            wrong = str(unfit)
-        if wrong:
+        if wrong := self._objection(reply, frozenset(requests.outstanding[key])):
             return wrong
+        try:
+            changed = self._merge(reply)
+        except Unfit as unfit:
+            return str(unfit)
         del requests.outstanding[key]
         self._members.answered(member, self._now.frame)
         # A repeated request concerns a few fragments only; its
         # duration is not the speed of the host.
         if reply.elapsed and not reply.part:
             self._placement.note_elapsed(reply.member, reply.elapsed)
-        self._now.in_flight.result.merge(reply, changed)
         self._now.in_flight.result.changed_by.update(dict.fromkeys(changed, reply.member))
         return ""
+
+    def _merge(self, reply: m.EvolveReply) -> dict[str, Scene]:
+        """Merge a reply into the result, and return its changed fragments. Raises Unfit."""
+        result = self._now.in_flight.result
+        changed = changed_fragments(reply, self._composition, self._views)
+        # After all other checks, because a refused reply claims nothing.
+        claim_ids(changed, result, self._composition)
+        result.merge(reply, changed)
+        return changed
 
     def _objection(self, reply: m.EvolveReply, asked: frozenset[str]) -> str:
         """Reason for rejecting a reply, or an empty string."""
@@ -416,8 +419,7 @@ class EvolutionStep:
         begin, requests = len(result.replies), len(result.answers)
         end = begin + sum(inputs.answers[requests : requests + 1])
         for reply in inputs.replies[begin:end]:
-            changed = checked(reply, self._composition, self._views, result)
-            result.merge(reply, changed)
+            self._merge(reply)
 
     # --- norms ---
 

@@ -25,7 +25,7 @@ from minerva_bus import (
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.evolution_step import claim
+from minerva_bus.frame.evolution_step import claim_ids
 from minerva_bus.frame.member_side import Host
 from minerva_bus.frame.view_streams import applied
 from minerva_bus.frame.world_state import FrameResult
@@ -180,9 +180,11 @@ def test_a_string_in_parts_finds_newborns(parts):
         born = now.take(row_delta.born) if len(row_delta.born) else None
         after[name] = Scene((part.updated(row_delta, born),))
     texts = Counter(id for scene in after.values() for id in scene.pieces[0].ids)
-    twin = claim(after, FrameResult(), composition)
-    assert bool(twin) == (max(texts.values()) > 1)
-    if not twin:
+    if max(texts.values()) > 1:
+        with pytest.raises(Unfit, match="second agent"):
+            claim_ids(after, FrameResult(), composition)
+    else:
+        claim_ids(after, FrameResult(), composition)
         composition.replace(after)
         assert composition.count == len(texts)
 
