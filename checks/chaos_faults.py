@@ -18,7 +18,7 @@ from checks.chaos_repeater import Repeater
 from checks.chaos_world import HOSTS, NAME, world_text
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.operator_client import Client
-from minerva_bus.testing.proxy import Proxy
+from minerva_conformance.proxy import Proxy
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
 HERE = Path(__file__).resolve().parent.parent

@@ -11,7 +11,7 @@ from spread import PORT, THERE, Spread
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import Run, World, eventually, here, summary, write_world
 
-from minerva_bus.testing.proxy import Proxy, slow_line
+from minerva_conformance.proxy import Proxy, slow_line
 
 ROUTER = Path(__file__).with_name("zenoh_router.py")
 

@@ -8,7 +8,7 @@ from running import MEMBERS, Run, World, eventually, here, summary, write_world
 
 from minerva_bus.runtime.joining import ReconnectMonitor
 from minerva_bus.runtime.session import open_client, open_hub, sockets_to
-from minerva_bus.testing.proxy import Proxy
+from minerva_conformance.proxy import Proxy
 
 ELSEWHERE = MEMBERS.replace('"yard:Steps"', '"yard:Steps"\nelsewhere = true')
 

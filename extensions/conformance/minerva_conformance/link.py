@@ -10,9 +10,9 @@ from typing import Final
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.session_inbox import KeyedSample
-from minerva_bus.testing.proxy import Proxy
 from minerva_bus.wire.codec import Decoder, stamped
 from minerva_conformance.launching import RunningMember, StartMember
+from minerva_conformance.proxy import Proxy
 from minerva_conformance.scripted_world import ScriptedWorld
 from minerva_conformance.world import MEMBER, VOCABULARY, MemberRole
 
