@@ -14,7 +14,7 @@ Numbers are of float64, because a float32 may lie outside of a range of the voca
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final, TypeAlias, cast
@@ -69,14 +69,29 @@ class Acting:
         return sent
 
 
-def acting_of(act: Act, kind: AgentKind, known: Mapping[str, EventType]) -> Acting:
+def acting_of(
+    act: Act,
+    kind: AgentKind,
+    known: Mapping[str, EventType],
+    refusal: Callable[[str], str] = lambda _: "",
+) -> Acting:
     """The actions of a kind of agents; `known` are event types by name.
 
-    Raises MisuseError for events that do not concern the kind.
+    Raises MisuseError for events that do not concern the kind, or for which there is a `refusal`.
     """
+
+    def check(name: str) -> None:
+        if name not in known:
+            raise MisuseError(f"act: the world has no event type {name}{nearest(name, [*known])}")
+        if name not in kind.subscribes:
+            own = ", ".join(sorted(kind.subscribes)) or "none"
+            raise MisuseError(f"act: {kind.name} does not respond to {name}; it responds to {own}")
+        if reason := refusal(name):
+            raise MisuseError(f"act: {reason}")
+
     if isinstance(act, str | EventType):
         name = act if isinstance(act, str) else act.name
-        _check_type(name, kind, known)
+        check(name)
         event_type = known[name]
         return (
             DataActions(event_type) if event_type.fields.all else EventActions([None, event_type()])
@@ -84,17 +99,9 @@ def acting_of(act: Act, kind: AgentKind, known: Mapping[str, EventType]) -> Acti
     events = [act] if isinstance(act, Event) else list(act)
     for event in events:
         if event is not None:
-            _check_type(event.type, kind, known)
+            check(event.type)
     # A single event would be no choice.
     return EventActions([None, *events] if isinstance(act, Event) else events)
-
-
-def _check_type(name: str, kind: AgentKind, known: Collection[str]) -> None:
-    if name not in known:
-        raise MisuseError(f"act: the world has no event type {name}{nearest(name, [*known])}")
-    if name not in kind.subscribes:
-        own = ", ".join(sorted(kind.subscribes)) or "none"
-        raise MisuseError(f"act: {kind.name} does not respond to {name}; it responds to {own}")
 
 
 class EventActions(Acting):

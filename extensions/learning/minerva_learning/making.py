@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,13 @@ from minerva_bus.api.live import Live
 from minerva_bus.api.pictures import WorldViews
 from minerva_bus.api.world import World, own_options, world_of
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.frame.collection_step import OrderRules
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.member_table import Members, MemberState
+from minerva_bus.frame.world_state import Phase, Progress
+from minerva_bus.grammar.scene import EMPTY, Scene, agents
 from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
+from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.world.agent import Agent
 from minerva_learning.acting import Act, acting_of
@@ -136,12 +142,14 @@ def _parts(
             raise MisuseError(f"{min(['seed', *settings])}: the world is running already")
         views, limit = world.views, 0
         episodes, vocabulary, scene = AttachedEpisodes(world), world.vocabulary, world.scene
+        file = None if world.world is None else world.world.read()
     else:
         own = world_of(world, {})
         known = own.file.options
         # The initial string may depend on them, and with it the agents.
         options = {name: value for name, value in settings.items() if name in known}
-        declared = own.read(Overrides(own_options(own, options))).world
+        file = own.read(Overrides(own_options(own, options)))
+        declared = file.world
         vocabulary, scene, limit = declared.vocabulary, declared.scene, declared.frames
         views = WorldViews(own.name, vocabulary, own.agents)
         episodes = OwnEpisodes(own, seed, settings)
@@ -152,7 +160,7 @@ def _parts(
     task = LearningTask(
         kind,
         only,
-        acting_of(act, kind, vocabulary.events),
+        acting_of(act, kind, vocabulary.events, _permission(file)),
         observing_of(observe, first, lambda string, event: views.view(string, event, 0)),
         rewarding_of(reward, kind),
         ending_of(done, kind),
@@ -252,6 +260,20 @@ def vector_env(
 
     seed = own.file.world.seed if seed is None else seed
     return WorldVectorEnv(own.name, make, make(0), worlds, processes, seed)
+
+
+def _permission(file: WorldFile | None) -> Callable[[str], str]:
+    """Why people may not send events of a type, as far as a world file shows; "": they may."""
+    if file is None:
+        return lambda _: ""
+    members, now = Members(file.world.expected, file.world.shares.values()), Progress(0)
+    for process in file.processes:
+        # What a program in another language makes is known only when it joins.
+        if not process.command:
+            entry = members.get(process.name)
+            entry.hello, entry.state = process.make_member().hello(), MemberState.PRESENT
+    now.phase = Phase.READY
+    return OrderRules(file.world, now, members, Composition(EMPTY)).refusal_of_order
 
 
 def _kind_of(

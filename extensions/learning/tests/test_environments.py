@@ -21,7 +21,7 @@ from pettingzoo.test import (
     seed_test,
 )
 from pettingzoo.utils import parallel_to_aec
-from rl_pond import Fish, eEat, ePick, eSwim, pond
+from rl_pond import Fish, eEat, ePick, eSwim, eTick, pond
 
 from minerva_bus import MinervaError, World, run
 from minerva_bus.grammar.events import single
@@ -257,6 +257,10 @@ def test_spaces_of_observations_follow_from_the_vocabulary():
         ({"act": "eSee"}, "AFish does not respond to eSee; it responds to eEat"),
         ({"act": "eEatt"}, "no event type eEatt; did you mean 'eEat'?"),
         ({"act": "eMix"}, "note of eMix is a text, which cannot be an action"),
+        (
+            {"act": [None, eTick()]},
+            "eTick, so people may not send it; to let them, write people = [",
+        ),
         ({"act": []}, "the list is empty"),
         ({"observe": ["fod"]}, "no attribute and no view fod; did you mean 'food'?"),
         ({"observe": lambda string, agent: "no"}, "the observation of a is 'no'"),
