@@ -580,6 +580,7 @@ class OrderFates:
         self._ended = frozenset[str]().union(*ends)
         self._orders: dict[int, _Order] = {}
         self._open: set[int] = set()
+        self._waiting: set[int] = set()
         self._accepted: list[int] = []
         """The orders that this frame has accepted."""
         self._last_number = 0
@@ -599,27 +600,29 @@ class OrderFates:
             frame,
         )
         self._orders[number] = _Order(event, status)
+        self._waiting.add(number)
         if len(self._orders) > MAX_ORDERS:
             oldest = next(iter(self._orders))
             del self._orders[oldest]
             self._open.discard(oldest)
+            self._waiting.discard(oldest)
         return number
 
     def judge(
         self, event: Event, person: str, frame: int, state: str = "accepted", by: str = ""
     ) -> None:
         """Note that a frame accepts an order, a norm rejects it, or the frame drops it again."""
-        before = ("accepted", frame) if state == "dropped" else ("waiting", -1)
         judged = (
             number
-            for number, order in self._orders.items()
-            if (order.status.state, order.accepted) == before
+            for number in (self._accepted if state == "dropped" else sorted(self._waiting))
+            if (order := self._orders.get(number)) is not None
             and order.status.person == person
             and order.event == event
         )
         number = next(judged, None)
         if number is None:  # It arrived at an earlier coordinator of this world.
             number = self.arrive(event, person, frame)
+        self._waiting.discard(number)
         self._orders[number].accepted = frame
         # Open even if no agent reports about it: its frame may still drop it.
         self._change(number, state, frame, by, is_open=state == "accepted")
