@@ -351,7 +351,7 @@ def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
     # Unsigned integers of 2^63 and more have become negative.
     if letter == "u" and kind.kind == "int" and (fitted < 0).any():
         raise Unfit("an array of whole numbers of at most 64 bits")
-    if finite and kind.kind == "real" and not np.isfinite(fitted).all():
+    if finite and kind.kind == "real" and not np.logical_and.reduce(np.isfinite(fitted)):
         raise Unfit(f"an array of {kind} with finite numbers")
     if kind.range is not None and fitted.size:
         # If the extremes are in the range, all values are.

@@ -252,6 +252,8 @@ class Events:
 
     def distinct(self) -> Events:
         """Each event once, at its first occurrence (equation 6)."""
+        if self.count < 2:
+            return self
         kept = self.first_occurrences()
         return self if kept.all() else self.take(np.flatnonzero(kept))
 

@@ -299,9 +299,8 @@ class EventType:
     ) -> Events:
         given = self.fields.merged(self.name, args, kwargs)
         to = receivers if isinstance(receivers, Ids) else None
-        lengths = [len(value) for value in given.values() if is_array(value)]
         # Ids or an array give the number of events; other arrays must have the same length.
-        count = len(to) if to is not None else lengths[0]
+        count = len(next(filter(is_array, given.values())) if to is None else to)
         columns = self.fields.columns(self.name, given, count)
         if condition:
             parse_condition(text("condition", condition))

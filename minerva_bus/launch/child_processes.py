@@ -17,7 +17,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import takewhile
 from pathlib import Path
@@ -421,14 +421,16 @@ def _main_thread(stacks: Iterable[str]) -> list[str]:
     return lines
 
 
+_END_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
 def end_signals() -> tuple[signal.Signals, ...]:
     """The signals that end this process: Ctrl-C, SIGTERM and the terminal's hang-up.
 
     A hang-up that is ignored, as under `nohup`, stays ignored.
     """
-    numbers = signal.SIGINT, signal.SIGTERM
     ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-    return numbers if ignored else (*numbers, signal.SIGHUP)
+    return _END_SIGNALS[:-1] if ignored else _END_SIGNALS
 
 
 @contextmanager
@@ -453,32 +455,35 @@ def interrupts_deferred() -> Generator[Callable[[], bool]]:
 
     Raises UserCodeError if code of the world has raised a KeyboardInterrupt, without a signal.
     """
-    pending = list[int]()
+    pending, timers = list[int](), list[threading.Timer]()
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False
         return
-    with ExitStack() as stack:
 
-        def defer(number: int, frame: FrameType | None) -> None:
-            if pending:
-                raise KeyboardInterrupt
-            pending.append(number)
-            # A signal to the thread, unlike `interrupt_main`, also ends a blocking call like sleep.
-            again = signal.pthread_kill, (threading.main_thread().ident, signal.SIGINT)
-            timer = threading.Timer(FRAME_SECONDS, *again)
-            timer.daemon = True
-            timer.start()
-            stack.callback(timer.cancel)
+    def defer(number: int, frame: FrameType | None) -> None:
+        if pending:
+            raise KeyboardInterrupt
+        pending.append(number)
+        # A signal to the thread, unlike `interrupt_main`, also ends a blocking call like sleep.
+        again = signal.pthread_kill, (threading.main_thread().ident, signal.SIGINT)
+        timers.append(threading.Timer(FRAME_SECONDS, *again))
+        timers[0].daemon = True
+        timers[0].start()
 
-        raising = [n for n in end_signals() if signal.getsignal(n) is signal.default_int_handler]
-        stack.enter_context(handled(dict.fromkeys(raising, defer)))
-        try:
-            yield lambda: bool(pending)
-        except KeyboardInterrupt as error:
-            # A handler that this function has not replaced may raise it for a signal.
-            if pending or signal.SIGINT not in raising:
-                raise
-            raise UserCodeError(WORLD_CODE) from error
+    # A signal that is ignored has another handler.
+    raising = [n for n in _END_SIGNALS if signal.getsignal(n) is signal.default_int_handler]
+    try:
+        with handled(dict.fromkeys(raising, defer)):
+            try:
+                yield lambda: bool(pending)
+            except KeyboardInterrupt as error:
+                # A handler that this function has not replaced may raise it for a signal.
+                if pending or signal.SIGINT not in raising:
+                    raise
+                raise UserCodeError(WORLD_CODE) from error
+    finally:
+        for timer in timers:
+            timer.cancel()
     if pending:
         raise KeyboardInterrupt
 

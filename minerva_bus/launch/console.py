@@ -499,14 +499,15 @@ def printed(tell: Callable[[str], None], own: Container[threading.Thread] = ()) 
             # A program may have replaced it since another run began.
             if not isinstance(output, _Output):
                 output = sys.stdout = _output_of(output)
-            output.runs.setdefault(thread, []).append(lines)
+            runs: dict[threading.Thread, list[_Lines]] = output.runs
+            runs.setdefault(thread, []).append(lines)
         try:
             yield
         finally:
             with _installing:
-                output.runs[thread].remove(lines)
-                if not output.runs[thread]:
-                    del output.runs[thread]
+                runs[thread].remove(lines)
+                if not runs[thread]:
+                    del runs[thread]
                 # Nothing else may have replaced it meanwhile.
-                if not output.runs and sys.stdout is output:
+                if not runs and sys.stdout is output:
                     sys.stdout = output.original

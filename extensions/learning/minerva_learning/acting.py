@@ -128,7 +128,7 @@ class EventActions(Acting):
         """The events of actions in a batch for each event type."""
         numbers = np.asarray(actions)
         counted = numbers.dtype.kind in "iu" and numbers.shape == (len(agents),)
-        if len(agents) < 2 or not counted or not self._are_choices(numbers):
+        if not (len(agents) and counted and self._are_choices(numbers)):
             return super().events(agents, actions)
         sent: list[AnyEvent] = []
         for batch, row_of in self._batches:
