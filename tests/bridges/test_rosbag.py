@@ -82,6 +82,26 @@ def test_position_of_the_laser(tmp_path, suffix):
     assert (scan.reading.mount_x, scan.reading.mount_y) == pytest.approx((0.0, 0.5))
 
 
+@pytest.mark.parametrize("namespace", ["", "/bot1"])
+def test_transforms_of_joints_place_a_laser_when_they_move_it(tmp_path, namespace):
+    def make(ros):
+        yield 0.0, f"{namespace}/scan", ros.scan([1.0], frame="laser")
+        yield 0.1, f"{namespace}/tf_static", ros.transforms(("mast", "laser", 0.0, 0.0, 0.0, 0.0))
+        yield 0.1, "/bot2/tf", ros.transforms(("mast", "laser", 9.0, 0.0, 0.0, 0.0))
+        for seconds, yaw in ((1.0, 0.25), (6.0, 0.5)):
+            turned = ros.transforms(
+                ("odom", "chassis", 5.0 * seconds, 0.0, 1.0, 0.0),
+                ("chassis", "mast", 0.5, 0.0, math.pi * yaw, 0.0),
+            )
+            yield seconds, f"{namespace}/tf", turned
+            yield seconds + 0.1, f"{namespace}/scan", ros.scan([1.0], frame="laser")
+
+    said, passed = bag_of(tmp_path, make)
+    mounts = [(each.reading.mount_x, each.reading.mount_angle) for each in said]
+    assert mounts == [(0.5, 45.0), (0.5, 45.0), (0.5, 90.0)]
+    assert passed == []
+
+
 def test_a_laser_that_hangs_upside_down_turns_the_other_way(tmp_path):
     def make(ros):
         yield 0.0, "/tf_static", ros.transforms(("base_link", "laser", 0, 0, 0, math.pi))
@@ -318,11 +338,11 @@ def test_topics_that_are_not_read_are_counted(tmp_path):
     path = mcap_of(
         tmp_path / "more.mcap",
         (1.0, "/front", "sensor_msgs/LaserScan", types.scan([1.0, 2.0])),
-        (1.0, "/tf", "tf2_msgs/TFMessage", types.transforms(("a", "b", 0.0, 0.0, 0.0, 0.0))),
+        (1.0, "/poses", "tf2_msgs/TFMessage", types.transforms(("a", "b", 0.0, 0.0, 0.0, 0.0))),
     )
     said, passed = readings(path)
     assert [item.topic for item in said] == ["scan"]
-    assert "/tf skipped" in passed.of("topics of other types")[0]
+    assert "/poses skipped" in passed.of("topics of other types")[0]
 
 
 def test_topics_by_their_names(tmp_path):

@@ -92,7 +92,7 @@ class RecordedPlaces:
         base = self.frames.base_above(frame)
         # Heights of points are those above the base, which a sensor's own frame does not tell.
         if base == bare(frame) and not base.rpartition("/")[2].startswith("base"):
-            raise UnplacedError(f"no transform from {frame} to {BASE} in /tf_static")
+            raise UnplacedError(f"no transform from {frame} to {BASE}")
         return self.frames.placed(base, frame)
 
 

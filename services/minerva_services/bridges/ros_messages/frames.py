@@ -1,4 +1,4 @@
-"""Mounts of a robot's sensors, from the tree of fixed transforms, /tf_static [REP 105]."""
+"""Mounts of a robot's sensors, from the tree of transforms, /tf_static and /tf [REP 105]."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ from minerva_services.bridging.transforms import inverse, matrix_of, product
 Matrix = NDArray[np.float64]
 
 BASE: Final = "base_link"
+_WORLD: Final = ("odom", "map", "earth", "world")
+"""Begins of the names of frames above a robot, which its motion connects to it."""
+
 _OPTICAL: Final = "optical_frame"
 _DIGITS: Final = 6
 """Decimals kept of a mount's metres and degrees: smaller digits are rounding noise."""
@@ -91,8 +94,9 @@ class Frames:
         return SensorMount(mount, flipped=bool(not ahead and matrix[2, 2] < 0))
 
     def base_above(self, frame: str) -> str:
-        """The `base_link` above a frame, otherwise the topmost frame."""
-        above = [name for name, _ in self._above(bare(frame))]
+        """The `base_link` above a frame, otherwise the topmost frame of the robot."""
+        names = [(name, name.rpartition("/")[2]) for name, _ in self._above(bare(frame))]
+        above = [name for name, last in names if not last.startswith(_WORLD)] or [bare(frame)]
         return next((name for name in above if name.rpartition("/")[2] == BASE), above[-1])
 
     def _above(self, frame: str) -> Iterator[tuple[str, Matrix]]:

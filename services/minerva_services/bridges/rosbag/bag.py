@@ -23,8 +23,11 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 
-_TF_STATIC: Final = "tf_static"
+_TRANSFORMS: Final = ("tf", "tf_static")
 _NANOSECOND: Final = 1e-9
+_FIRST_NANOSECONDS: Final = 2_000_000_000
+"""Within this time, a robot publishes each transform that may change."""
+
 _UNUSABLE, _GARBAGE, _BROKEN = "messages passed over", "messages not readable", "broken off"
 _NO_SCHEMA: Final = "a type without a schema"
 _SKIPPED_TOPICS: Final = "topics passed over"
@@ -33,7 +36,10 @@ _OTHER_TOPICS: Final = "topics of other types"
 
 @dataclass(frozen=True, slots=True)
 class PlayedTopic:
-    """A topic of the bag, and the topic of the world on which it is played, or its events."""
+    """A topic of the bag, and the topic of the world on which it is played, or its events.
+
+    Without both, it has transforms.
+    """
 
     connection: Connection
     topic: str = ""
@@ -59,7 +65,7 @@ class Bag:
     part: float = 0.0
     _reader: AnyReader = field(init=False)
     _is_open: bool = field(init=False, default=True)
-    _played: Mapping[int, PlayedTopic] = field(init=False)
+    _played: dict[int, PlayedTopic] = field(init=False)
     _frames: Frames = field(init=False, default_factory=Frames)
     _frame: str = field(init=False, default="")
     _conversion: Conversion = field(init=False)
@@ -72,8 +78,6 @@ class Bag:
         self._reader = _opened(self.path)
         try:
             self._played = {topic.connection.id: topic for topic in self._chosen()}
-            # Before any reading: the first scans may precede the transform of their sensor in the
-            # bag.
             self._learn_mounts()
         except BaseException:
             self.close()
@@ -95,7 +99,11 @@ class Bag:
             if message is None:
                 continue
             try:
-                recorded = self._recorded(message, self._played[connection.id], stamp * _NANOSECOND)
+                played = self._played[connection.id]
+                if not (played.topic or played.events):
+                    self._frames.update(message)
+                    continue
+                recorded = self._recorded(message, played, stamp * _NANOSECOND)
                 is_empty = False
                 if recorded is not None:
                     yield recorded
@@ -111,7 +119,13 @@ class Bag:
             raise RecordingError(f"{self.path}: no playable message on {there}{reason}")
 
     def _names(self) -> list[str]:
-        return sorted({topic.connection.topic for topic in self._played.values()})
+        return sorted(
+            {
+                played.connection.topic
+                for played in self._played.values()
+                if played.topic or played.events
+            }
+        )
 
     def _messages(self) -> Iterator[tuple[Connection, int, bytes]]:
         """The played messages, as far as the file is readable."""
@@ -204,8 +218,8 @@ class Bag:
             return item[1] == POINTS, item[0]
 
         for topic, kind in sorted(known.items(), key=rank):
-            if topic.lstrip("/") == _TF_STATIC:
-                continue  # It has the mounts of sensors.
+            if _has_transforms(topic):
+                continue  # They place the sensors.
             if kind not in TOPICS:
                 line = f"{self.path}: {topic} skipped: messages {kind} are not read"
                 self.pass_over(_OTHER_TOPICS, line)
@@ -220,11 +234,26 @@ class Bag:
         return chosen
 
     def _learn_mounts(self) -> None:
-        static = [item for item in self._reader.connections if item.topic.lstrip("/") == _TF_STATIC]
-        if not static:
-            return
+        """Learn where sensors are: their first messages may precede the transforms in the bag."""
+        names = [f"/{name.lstrip('/')}" for name in self._names()]
+        there = [
+            item
+            for item in self._reader.connections
+            if _has_transforms(item.topic)
+            # Of several robots, each has those in its own namespace.
+            and any(name.startswith(f"{item.topic.rpartition('/')[0]}/") for name in names)
+        ]
+        fixed = [item for item in there if item.topic.endswith(_TRANSFORMS[1])]
+        moving = [item for item in there if item not in fixed]
+        self._played |= {item.id: PlayedTopic(item) for item in moving}
+        soon = self._reader.start_time + _FIRST_NANOSECONDS
+        for connections, until in ((moving, soon), (fixed, None)):
+            if connections:
+                self._learn(connections, until)
+
+    def _learn(self, connections: list[Connection], until: int | None) -> None:
         try:
-            for connection, stamp, data in self._reader.messages(static):
+            for connection, stamp, data in self._reader.messages(connections, stop=until):
                 message = self._decoded(data, connection, stamp)
                 if message is None:
                     continue
@@ -233,9 +262,12 @@ class Bag:
                 except GarbageError as error:
                     self._skip(_UNUSABLE, connection, stamp, f"skipped: {error}")
         except Exception as error:  # as above
-            self.pass_over(
-                _BROKEN, f"{self.path}: /{_TF_STATIC} breaks off: {reason_of(error, self.path)}"
-            )
+            line = f"{self.path}: {connections[0].topic} breaks off"
+            self.pass_over(_BROKEN, f"{line}: {reason_of(error, self.path)}")
+
+
+def _has_transforms(topic: str) -> bool:
+    return topic.rpartition("/")[2] in _TRANSFORMS
 
 
 def _kind(connection: Connection) -> str:
