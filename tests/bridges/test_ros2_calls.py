@@ -227,7 +227,7 @@ def test_a_robot_that_is_off_fails_in_time():
         ({"PLight": LIGHT | {"data": {"ok": "message"}}}, "ok as bool, but message is text"),
         ({"PLight": LIGHT | {"timeout": 0}}, "timeout is 0"),
         ({"PLight": LIGHT | {"timeout": True}}, "timeout is True"),
-        ({"PLight": LIGHT | {"qos": "fast"}}, "calls.PLight: qos is 'fast'; expected a profile"),
+        ({"PLight": LIGHT | {"qos": "default"}}, "calls.PLight has no 'qos'"),
         ({"PLight": LIGHT | {"request": {"date": 1}}}, "no field date; did you mean 'data'"),
         ({"PLight": LIGHT | {"request": {"data": "{off}"}}}, "the figure has no off"),
         ({"PLight": LIGHT | {"definition": "bool a"}}, "has 1 parts"),

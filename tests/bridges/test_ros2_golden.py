@@ -143,7 +143,7 @@ class Server:
 
     server = Ros2Session.server
 
-    def call(self, service, kind, data, seconds, answer, qos):
+    def call(self, service, kind, data, seconds, answer):
         about = self.server(service, kind)
         type_hash = about.type_hash if about else ""
         self.keys[service.rpartition("/")[2]] = self.network.key_of(service, kind, type_hash)

@@ -16,7 +16,6 @@ from minerva_bus.world.services import View, WorldInfo
 from minerva_services.bridges.ros2.client import PLACE, RobotClient, check_primitive, figures_of
 from minerva_services.bridges.ros2.layout import Ros2Network, check_name
 from minerva_services.bridges.ros2.network import Ros2Session
-from minerva_services.bridges.ros2.qos import DEFAULT, Qos, asked_qos
 from minerva_services.bridges.ros2.uses import missing_server
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.definitions import (
@@ -34,7 +33,7 @@ from minerva_services.options import check_positive, takes_options
 _KEYS: Final[Mapping[str, Any]] = {
     "service": str, "type": str, "definition": str, "request": Mapping,
     "node": str, "parameter": str, "value": object,
-    "event": str, "data": Mapping, "timeout": int | float, "qos": str,
+    "event": str, "data": Mapping, "timeout": int | float,
 }  # fmt: skip
 """Keys of the table of a call, with the types of their values."""
 
@@ -75,7 +74,6 @@ class Call:
     event: str
     data: Mapping[str, str]
     timeout: float
-    qos: Qos
 
     def events(self, declared: EventType) -> MessageEvents:
         """Makes events of its answers. Raises MisuseError if the type does not fit."""
@@ -94,7 +92,6 @@ def call_of(symbol: str, given: Any, folder: str = "") -> Call:
     common = {
         "symbol": symbol, "event": table["event"], "data": table.get("data", {}),
         "timeout": check_positive(where, "timeout", table.get("timeout", _TIMEOUT)),
-        "qos": asked_qos(f"{where}: qos", table.get("qos"), DEFAULT),
     }  # fmt: skip
     if is_parameter:
         return _parameter(table["node"], table["parameter"], table.get("value"), common)
@@ -175,8 +172,7 @@ class Ros2Calls(RobotClient):
         router: the endpoint of the robot's network; its other options are those of `Ros2Network`.
         calls: by primitive, a table: `service` and `type`, or `node` and `parameter`; `request`
           or `value`, in which "{name}" is a parameter of the figure; `event`, with the paths of its
-          `data` in the answer; `timeout` in seconds; `definition` of a type that is not known;
-          `qos`.
+          `data` in the answer; `timeout` in seconds; `definition` of a type that is not known.
         definitions: a folder with definitions of types, as /opt/ros/jazzy/share.
         draws: the visual event type whose views contain the figures.
         failed: the type of the event without an answer, with the data `call` (the primitive) and
@@ -278,7 +274,7 @@ class Ros2Calls(RobotClient):
                 if request.data and left > 0:
                     data, request.data = request.data, b""
                     answer = partial(self.do, request.answered)
-                    session.call(call.service, call.type.name, data, left, answer, call.qos)
+                    session.call(call.service, call.type.name, data, left, answer)
             if left <= 0:
                 request.problem = request.problem or reason
             if request.problem or request.answer is not None:

@@ -26,7 +26,6 @@ from minerva_services.bridges.ros2.client import PLACE, RobotClient, check_primi
 from minerva_services.bridges.ros2.graph import SEND_GOAL, Announced
 from minerva_services.bridges.ros2.layout import Ros2Network, check_name
 from minerva_services.bridges.ros2.network import Answer, Ros2Session
-from minerva_services.bridges.ros2.qos import DEFAULT
 from minerva_services.bridges.ros2.uses import TopicUse, missing_server, topic_uses
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages import messages as types
@@ -144,7 +143,7 @@ class Ros2Navigation(RobotClient):
         every: seconds between two events of feedback.
         timeout: seconds for an answer to a goal, or to its cancellation.
         silence: seconds without feedback after which a goal is canceled and lost.
-        qos: the quality of service of `feedback`, and of the services for a `goal`.
+        qos: the quality of service of `feedback`; services have none.
 
     """
 
@@ -169,11 +168,8 @@ class Ros2Navigation(RobotClient):
         super().__init__(Ros2Network(router, **network), "minerva_navigation", draws)
         check_name("an action", action)
         self._goals = f"{action}/{SEND_GOAL}", f"{_ACTION}_SendGoal"
-        uses = [
-            TopicUse("goal", *self._goals, sends=True, qos=DEFAULT),
-            TopicUse("feedback", f"{action}/_action/feedback", _FEEDBACK_MESSAGE),
-        ]
-        self._of_goal, self._of_feedback = topic_uses(self.network, uses, qos)
+        feedback_use = TopicUse("feedback", f"{action}/_action/feedback", _FEEDBACK_MESSAGE)
+        (self._of_feedback,) = topic_uses(self.network, [feedback_use], qos)
         self._robot, self._figure, self._action = robot, figure, action
         self._frame, self._behavior = frame, behavior
         self._feedback_event, self._result_event = feedback, result
@@ -310,7 +306,7 @@ class Ros2Navigation(RobotClient):
         goal.state, goal.until = "sent", now + self._timeout
         data = messages().encode("nav2_msgs/msg/Goal", request)
         answer = partial(self.do, self._on_accepted, goal)
-        session.call(*self._goals, data, self._timeout, answer, self._of_goal.qos)
+        session.call(*self._goals, data, self._timeout, answer)
 
     def _on_accepted(self, goal: NavigationGoal, data: bytes | None, problem: str) -> None:
         if goal is not self._goal or goal.state != "sent":
@@ -360,7 +356,7 @@ class Ros2Navigation(RobotClient):
             data = messages().encode("nav2_msgs/msg/Asked", request)
             service, answer = f"{self._action}/_action/get_result", partial(self._on_result, goal)
             about = f"{_ACTION}_GetResult", data, _DAY, partial(self.do, answer)
-            asks[0].call(service, *about, self._of_goal.qos)
+            asks[0].call(service, *about)
         elif now - goal.heard > self._silence:
             self._cancel_by_id(goal)
             self._end(goal, "lost", f"no feedback for {self._silence:g} s")
@@ -439,7 +435,7 @@ class Ros2Navigation(RobotClient):
         request = built(kind.request, {"goal_info": {"goal_id": {"uuid": list(goal.id)}}})
         data = messages().encode(kind.request, request)
         service = f"{self._action}/_action/cancel_goal"
-        session.call(service, kind.name, data, self._timeout, answer, self._of_goal.qos)
+        session.call(service, kind.name, data, self._timeout, answer)
 
     def _absent(self, session: Ros2Session | None) -> str:
         if session is None:

@@ -348,10 +348,7 @@ class Ros2Session:
                 return each
         return None
 
-    def call(
-        self, service: str, kind: str, data: bytes, seconds: float,
-        answer: Answer, qos: Qos = DEFAULT,
-    ) -> None:  # fmt: skip
+    def call(self, service: str, kind: str, data: bytes, seconds: float, answer: Answer) -> None:
         """Send a request to a service of a type, which has `seconds` to answer.
 
         `answer` is called once, in any thread. Raises SourceError if the session is lost.
@@ -366,7 +363,7 @@ class Ros2Session:
                 return
             type_hash = server.type_hash
             self._requests += 1
-            gid = self._client(service, kind, type_hash, qos)
+            gid = self._client(service, kind, type_hash)
             attachment = Attachment(self._requests, time.time_ns(), gid).packed()
         try:
             self._session.get(
@@ -378,10 +375,10 @@ class Ros2Session:
         except zenoh.ZError as error:
             raise SourceError(f"{service} cannot be called: {error}") from None
 
-    def _client(self, service: str, kind: str, type_hash: str, qos: Qos) -> bytes:
+    def _client(self, service: str, kind: str, type_hash: str) -> bytes:
         """The gid of this session's client of a service, which is announced when it is new."""
         if (service, type_hash) not in self._clients:
-            token = self._token("SC", service, kind, qos, type_hash)
+            token = self._token("SC", service, kind, DEFAULT, type_hash)
             self._announce(token)
             self._clients[service, type_hash] = gid_of(token)
         return self._clients[service, type_hash]

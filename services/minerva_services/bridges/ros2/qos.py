@@ -18,8 +18,6 @@ _UNWRITTEN_DEPTH: Final = 42
 _WORDS: Final[Mapping[str, Mapping[str, Any]]] = {
     "default": {"reliable": True, "lasting": False, "depth": 10},
     "sensor_data": {"reliable": False, "lasting": False, "depth": 5},
-    "services_default": {"reliable": True, "lasting": False, "depth": 10},
-    "parameters": {"reliable": True, "lasting": False, "depth": 1000},
     "reliable": {"reliable": True},
     "best_effort": {"reliable": False},
     "transient_local": {"lasting": True},
@@ -105,6 +103,6 @@ def _depth(word: str) -> Mapping[str, Any]:
 
 
 _WANTED: Final = (
-    "expected a profile (default, sensor_data, services_default, parameters) or none, then reliable"
-    f" or best_effort, volatile or transient_local, and keep_all or a depth from 1 to {MAX_DEPTH}"
+    "expected a profile (default, sensor_data) or none, then reliable or best_effort, volatile or"
+    f" transient_local, and keep_all or a depth from 1 to {MAX_DEPTH}"
 )
