@@ -66,7 +66,7 @@ def test_tokens_of_robots_are_understood(name):
             about.topic,
             about.message,
             about.qos.lasting,
-            about.buffered,
+            bool(about.backends),
         )
         assert read == (
             case["kind"], GOLDEN[name]["layout"], case.get("topic", ""), case.get("message", ""),

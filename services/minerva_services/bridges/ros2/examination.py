@@ -73,7 +73,7 @@ def distribution(announced: list[Announced]) -> str:
         return "a zenoh-bridge-ros2dds, which does not tell the distribution"
     topics = [each for each in announced if each.kind != NODE]
     humble = {each.session for each in topics if each.type_hash == NO_HASH}
-    lyrical = {each.session for each in topics if each.buffered} - humble
+    lyrical = {each.session for each in topics if each.backends} - humble
     others = {each.session for each in topics} - humble - lyrical
     known = {"Humble": humble, "Lyrical or later": lyrical, "Jazzy or later": others}
     return " and ".join(name for name, sessions in known.items() if sessions) or "only nodes"

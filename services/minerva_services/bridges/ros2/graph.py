@@ -29,6 +29,8 @@ TOKENS: Final = ("@ros2_lv/**", "@/*/@ros2_lv/**")
 """Key expressions of all tokens: of rmw_zenoh, and of bridges for DDS."""
 
 _BACKENDS: Final = "backends:"
+CPU: Final = "cpu"
+"""The kind of memory whose messages contain their bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +38,8 @@ class Announced:
     """A node, or one of its publishers, subscriptions and services.
 
     `layout` is that of its network; `session` is the Zenoh session that it belongs to. A bridge for
-    DDS announces no nodes and no hashes, and its `domain` is 0. `buffered`: shares memory, as nodes
-    do from Lyrical on.
+    DDS announces no nodes and no hashes, and its `domain` is 0. `backends` are the kinds of memory
+    that it shares, as nodes do from Lyrical on.
     """
 
     layout: str
@@ -49,7 +51,7 @@ class Announced:
     message: str = ""
     type_hash: str = ""
     qos: Qos = DEFAULT
-    buffered: bool = False
+    backends: tuple[str, ...] = ()
 
 
 def announced(token: str) -> Announced | None:
@@ -85,8 +87,13 @@ def _of_rmw_zenoh(
     return Announced(
         "rmw_zenoh", int(domain), session, kind, name,
         _demangled(topic), ros_type(message), type_hash,
-        announced_qos(qos, "rmw_zenoh"), backends.startswith(_BACKENDS),
+        announced_qos(qos, "rmw_zenoh"), _kinds_of_memory(backends),
     )  # fmt: skip
+
+
+def _kinds_of_memory(backends: str) -> tuple[str, ...]:
+    kinds = backends.removeprefix(_BACKENDS).split(";") if backends.startswith(_BACKENDS) else ()
+    return tuple(kind.partition(":")[0] for kind in kinds)
 
 
 def mangled(name: str) -> str:
@@ -136,14 +143,19 @@ class RosGraph:
         with self._lock:
             return iter(list(self._announced.values()))
 
-    def shares(self, topic: str) -> bool:
-        """Whether a publisher of a topic shares memory."""
-        return any(each.buffered for each in self if (each.kind, each.topic) == (PUBLISHER, topic))
+    def numbers(self, topic: str, message: str) -> int:
+        """How many numbers a publisher gives a message, of which this program receives one.
+
+        One that shares memory sends the message once for all who take its bytes, and once more to
+        each who shares other memory; but only once if a subscription shares none.
+        """
+        others = [each.backends for each in self._subscriptions(topic, message)]
+        return 1 if () in others else 1 + sum(each != (CPU,) for each in others)
 
     def hashes(self, topic: str, message: str) -> set[str]:
         """The hashes that subscriptions to a topic expect."""
-        return {
-            each.type_hash
-            for each in self
-            if (each.kind, each.topic, each.message) == (SUBSCRIPTION, topic, message)
-        }
+        return {each.type_hash for each in self._subscriptions(topic, message)}
+
+    def _subscriptions(self, topic: str, message: str) -> Iterator[Announced]:
+        wanted = SUBSCRIPTION, topic, message
+        return (each for each in self if (each.kind, each.topic, each.message) == wanted)

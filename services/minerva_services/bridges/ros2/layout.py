@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Final, Literal
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_services.bridges.ros2.graph import LAYOUTS, dds_type, mangled
+from minerva_services.bridges.ros2.graph import CPU, LAYOUTS, dds_type, mangled
 from minerva_services.bridges.ros2.qos import Qos
 
 ENDPOINTS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURED: Final = ("tls", "quic")
 GID_BYTES: Final = 16
 _ATTACHMENT: Final = struct.Struct(f"<qqB{GID_BYTES}s")
-_CPU_ONLY: Final = "backends:cpu:"
+_CPU_ONLY: Final = f"backends:{CPU}:"
 """Part of a subscription's token from Lyrical on: memory shared by devices is not understood."""
 
 _CPU_KEY: Final = "_buf_cpu"

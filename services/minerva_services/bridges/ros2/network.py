@@ -115,11 +115,15 @@ class TopicPublisher:
 
 
 class Gaps:
-    """Counts the messages that are missing, by the numbers that each publisher gives its own."""
+    """Counts the messages that are missing, by the numbers that each publisher gives its own.
 
-    def __init__(self) -> None:
+    `numbers` returns how many each message has at present.
+    """
+
+    def __init__(self, numbers: Callable[[], int]) -> None:
         self._latest: dict[bytes, int] = {}
 
+        self._numbers, self._each = numbers, 1
     def before(self, attachment: zenoh.ZBytes | None) -> int:
         """How many are missing before the message of an attachment; 0 without a number."""
         if attachment is None:
@@ -128,7 +132,11 @@ class Gaps:
             about = Attachment.unpacked(attachment.to_bytes())
             latest = self._latest.get(about.gid, about.sequence)
             self._latest[about.gid] = max(latest, about.sequence)
-            return max(0, about.sequence - latest - 1)
+            passed = about.sequence - latest
+            if passed > 1:
+                # When a subscription comes or goes, the messages in between have either.
+                before, self._each = self._each, self._numbers()
+                return max(0, passed // max(before, self._each) - 1)
         return 0
 
 
@@ -271,8 +279,8 @@ class Ros2Session:
         `lost` receives how many messages are missing before one that arrives. Raises SourceError
         if the session is lost.
         """
-        gaps, has_bytes = Gaps(), messages().has_bytes(message)
-        name = f"/{self.network.name(topic)}"
+        has_bytes, name = messages().has_bytes(message), f"/{self.network.name(topic)}"
+        gaps = Gaps(lambda: self.graph.numbers(name, message) if has_bytes else 1)
 
         def on_sample(sample: zenoh.Sample) -> None:
             missing = 0 if lost is None else gaps.before(sample.attachment)
