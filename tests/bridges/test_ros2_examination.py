@@ -1,6 +1,7 @@
 """What is on a robot's network, and how it differs from what a service expects."""
 
 import json
+import socket
 
 import pytest
 
@@ -54,6 +55,10 @@ CASES = {
     "another name": ({}, [rmw("MP", "/front/scan", types.LASER_SCAN)], "scan", 'set scan = "/front/scan"'),
     "a namespace": ({}, [rmw("MP", "/bot1/scan", types.LASER_SCAN), rmw("MP", "/bot1/odom", types.ODOMETRY)], "scan", 'set namespace = "/bot1"'),
     "another type": ({}, [rmw("MP", "/scan", types.IMAGE)], "scan", f"/scan is of {types.IMAGE}, not of"),
+    "images of another type": (
+        {"image": "cam"}, [rmw("MP", "/cam", types.COMPRESSED), rmw("MP", "/depth", types.IMAGE)], "image",
+        f'/cam is of {types.COMPRESSED}, not of {types.IMAGE}; set compressed = "cam" instead of image',
+    ),
     "nothing of this type": ({}, [rmw(*ODOM)], "scan", 'start its node, or set scan = ""'),
     "another domain": ({}, [rmw(*SCAN, domain=7)], "domain", "set domain = 7"),
     "a bridge for dds": ({}, [bridged(*SCAN)], "layout", 'set layout = "dds"'),
@@ -192,8 +197,17 @@ def test_the_services_of_a_world_are_compared_with_their_networks(tmp_path):
 
 
 def test_sources_that_cannot_be_examined():
-    ((_, good, note),) = examine("tcp/127.0.0.1:1")
-    assert not good
-    assert "no ROS 2 network answers" in note
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        for address, why in (
+            ("127.0.0.1:1", "nothing listens at port 1 of 127.0.0.1; start"),
+            (f"127.0.0.1:{port}", "what listens there is no Zenoh router; check"),
+            ("no..host:1", "there is no host no..host; check"),
+            ("127.0.0.1", "has no port; expected HOST:7447"),
+        ):
+            ((_, good, note),) = examine(f"tcp/{address}")
+            assert not good
+            assert f"no ROS 2 network answers at tcp/{address}: " in note
+            assert why in note
     with pytest.raises(MinervaError, match="there is no world"):
         list(examine("nowhere"))

@@ -52,7 +52,7 @@ def _listed(network: Ros2Network) -> Iterator[Found]:
     try:
         everything = list(look_at(network, _LOOK_SECONDS))
     except MinervaError as error:
-        yield network.router, False, f"{error}; start its Zenoh router, and check the address"
+        yield network.router, False, str(error)
         return
     if not everything:
         yield network.router, False, nobody(network)
@@ -123,7 +123,7 @@ def _fit(name: str, service: NetworkUser) -> Iterator[Found]:
     try:
         everything = list(look_at(network, _LOOK_SECONDS))
     except MinervaError as error:
-        yield name, False, f"{error}; start its Zenoh router, or set router"
+        yield name, False, str(error)
         return
     problems = list(service.problems(everything))
     for option, problem in problems:

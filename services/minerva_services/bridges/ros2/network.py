@@ -9,6 +9,7 @@ watches it, and opens it again when it is lost.
 from __future__ import annotations
 
 import json
+import socket
 import threading
 import time
 from collections.abc import Callable, Collection, Sequence
@@ -122,8 +123,8 @@ class Gaps:
 
     def __init__(self, numbers: Callable[[], int]) -> None:
         self._latest: dict[bytes, int] = {}
-
         self._numbers, self._each = numbers, 1
+
     def before(self, attachment: zenoh.ZBytes | None) -> int:
         """How many are missing before the message of an attachment; 0 without a number."""
         if attachment is None:
@@ -189,7 +190,30 @@ def _opened(network: Ros2Network, timeout_ms: int = _OPEN_TIMEOUT_MS) -> zenoh.S
     try:
         return zenoh.open(config)
     except zenoh.ZError:
-        raise SourceError(f"no ROS 2 network answers at {network.router}") from None
+        why = _obstacle(network.router, timeout_ms / 1000)
+        raise SourceError(f"no ROS 2 network answers at {network.router}: {why}") from None
+
+
+def _obstacle(router: str, seconds: float) -> str:
+    """Why no session can be opened at an endpoint, and what to do."""
+    protocol, _, address = router.partition("/")
+    if protocol not in ("tcp", "tls"):
+        return "start its Zenoh router, and check the address"
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), seconds).close()
+    except (socket.gaierror, UnicodeError):
+        return f"there is no host {host}; check the name, or give its address"
+    except (ValueError, OverflowError):
+        return f"{address} has no port; expected HOST:7447"
+    except ConnectionRefusedError:
+        return f"nothing listens at port {port} of {host}; start its Zenoh router, or set its port"
+    except TimeoutError:
+        return f"{host} is off, or a firewall blocks port {port}"
+    except OSError as error:
+        return f"{error.strerror or error}; check the address"
+    why = " or refuses the certificates" if protocol == "tls" else ""
+    return f"what listens there is no Zenoh router{why}; check protocol and port"
 
 
 def look_at(network: Ros2Network, seconds: float) -> RosGraph:
@@ -283,9 +307,7 @@ class Ros2Session:
         gaps = Gaps(lambda: self.graph.numbers(name, message) if has_bytes else 1)
 
         def on_sample(sample: zenoh.Sample) -> None:
-            missing = 0 if lost is None else gaps.before(sample.attachment)
-            # Nodes that share memory may send some messages to other keys.
-            if missing and lost is not None and not (has_bytes and self.graph.shares(name)):
+            if lost is not None and (missing := gaps.before(sample.attachment)):
                 lost(missing)
             receive(sample.payload.to_bytes())
 

@@ -135,8 +135,10 @@ class Ros2(Bridge, NetworkUser):
             "detections": (detections, DETECTIONS), "points": (points, POINTS),
             "ranges": (ranges, RANGE), "fix": (fix, FIX),
         }  # fmt: skip
-        sensors = [TopicUse(option, *about) for option, about in topics.items()]
-        self._options = {use.message: use.option for use in sensors}
+        self._options = {message: option for option, (_, message) in topics.items()}
+        sensors = [
+            TopicUse(option, *about, others=self._options) for option, about in topics.items()
+        ]
         self.publishes = tuple(sorted({TOPICS[use.message] for use in sensors if use.topic}))
         uses = [
             *transforms_uses(self.network, needed=self._mount is None),

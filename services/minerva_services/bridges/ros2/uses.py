@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
@@ -38,7 +38,7 @@ class TopicUse:
 
     `sends`: the service publishes on it; `needed`: somebody must be at the other end. `suffix`
     follows the option's value in the topic's name, and `instead` is what to do without such a
-    topic, by default to empty the option.
+    topic, by default to empty the option. `others` are the options for other types of messages.
     """
 
     option: str
@@ -49,6 +49,7 @@ class TopicUse:
     needed: bool = True
     suffix: str = ""
     instead: str = ""
+    others: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @property
     def name(self) -> str:
@@ -287,6 +288,8 @@ def _other_type(wanted: str, there: list[Announced], ends: list[Announced], use:
     text = f"{wanted} is of {_listed(sorted(types))}, not of {use.message}"
     if use.sends and types & {TWIST, TWIST_STAMPED}:
         return f"{text}; set stamped = {'true' if TWIST_STAMPED in types else 'false'}"
+    for message in sorted(types & use.others.keys()):
+        return f'{text}; set {use.others[message]} = "{use.topic}" instead of {use.option}'
     return f"{text}; {_remedy(ends, use)}"
 
 
