@@ -67,7 +67,7 @@ from minerva_bus.log.recordings import (
 )
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import counted, install
-from minerva_bus.world.readings import Displacement, Scan
+from minerva_bus.world.readings import Displacement, Odometry, Scan
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw as Pen
@@ -260,20 +260,29 @@ class _Trajectory:
     def first(
         self, recording: Recording, choice: MapChoice, progress: Progress
     ) -> Iterator[Posed | Unposed]:
-        part_of_all = 1.0 if choice.poses == "published" else 0.6
+        is_published = choice.poses == "published"
+        part_of_reading = 1.0 if is_published else 0.1
         readings = self.offsets.watched(
-            _between(recording, choice, lambda part: progress(part_of_all * part), Counter())
+            _between(recording, choice, lambda part: progress(part_of_reading * part), Counter())
         )
-        if choice.poses == "published":
+        if is_published:
             yield from _published(readings, choice)
             return
-        located = list(_located(readings, choice, NO_MOTION))
-        if choice.poses == "matched":
-            # The matched poses give the motion by which a second round corrects its scans.
-            if any(needs_path(scan.scan) for scan in located):
-                readings = _between(recording, choice, lambda part: None, Counter())
-                located = list(_located(readings, choice, ScanMotion.of(located)))
-            located = self._closed(located, lambda part: progress(0.6 + 0.4 * part))
+        # Only then the number of scans is known, by which progress is measured: without odometry,
+        # all scans are matched when the last one has been read.
+        used = [item for item in readings if isinstance(item.reading, Scan | Odometry)]
+        scans = [item.reading for item in used if isinstance(item.reading, Scan)]
+        matched, motion, located = choice.poses == "matched", NO_MOTION, list[Located]()
+        # The matched poses give the motion by which a second round corrects its scans.
+        rounds = 2 if matched and any(map(needs_path, scans)) else 1
+        for number in range(rounds):
+            located = list[Located]()
+            for scan in _located(used, choice, motion):
+                located.append(scan)
+                progress(0.1 + 0.6 * (number + len(located) / len(scans)) / rounds)
+            motion = ScanMotion.of(located)
+        if matched:
+            located = self._closed(located, lambda part: progress(0.7 + 0.3 * part))
         for scan in located:
             self._remember(scan)
             yield scan.posed
