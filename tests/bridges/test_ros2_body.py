@@ -107,7 +107,7 @@ class Body:
     """Drives the device as a world does."""
 
     def __init__(self, endpoint, **options):
-        self.device = Ros2Robot(endpoint, mount="0, 0, 0", **options)
+        self.device = Ros2Robot(endpoint, mount="0, 0, 0", decide="eDecide", **options)
         self.device.joined(WorldInfo("w", vocabulary, 0, 0.1))
         self.frame = 0
 
@@ -124,9 +124,11 @@ class Body:
             view = TPlace(5.0, 5.0, 90.0)(action_of(move, "r1", 0.18))
             shown = View(self.frame, "eRepresent", view, halted=frozenset(halted))
             self.device.show(shown)
-            tick = Tick(Frame(self.frame, 0.1, 0), "robot")
-            events = list(self.device.generate(tick))
-            published = dict(tick.published)
+            decided = False
+            while not decided:
+                tick = Tick(Frame(self.frame, 0.1, 0), "robot")
+                *events, decided = self.device.generate(tick) or (False,)
+                published = dict(tick.published)
             self.frame += 1
         return events, published
 
@@ -199,6 +201,39 @@ def test_motors_without_odometry_are_believed():
         for (velocity, stamp), (_, after) in pairwise(zip(base.told, base.stamps, strict=True))
     )
     assert far == pytest.approx(0.5, abs=0.03)
+
+
+def test_without_the_robot_frames_go_on_without_decisions(monkeypatch, capsys):
+    monkeypatch.setattr("minerva_services.bridges.ros2.mobile_base._SILENT_SECONDS", 0.0)
+    with network() as (endpoint, _), Body(endpoint, silence=0.2) as body:
+        device, before = body.device, Tick(Frame(0, 0.01, 0), "robot")
+        assert [event.type for event in device.generate(before)] == ["eDecide"]
+        device.show(View(0, "eRepresent", TPlace(5.0, 5.0, 90.0)(action_of(STAY, "r1", 0.18))))
+        for number in range(3):
+            assert device.generate(Tick(Frame(number, 0.01, 0), "robot")) == ()
+        assert device.report()["frames without robot"] == 3
+        with Base(Ros2Network(endpoint)) as base:
+            body.frames(STAY, Move(0.0, 0.1))
+            base.over.set()
+            eventually(lambda: "odometry" in device.report()["source"], "it has gone")
+            view = TPlace(5.0, 5.0, 90.0)(action_of(Move(0.0, 0.5), "r1", 0.18))
+            for number in range(5, 8):
+                device.show(View(number, "eRepresent", view))
+                assert device.generate(Tick(Frame(number, 0.01, 0), "robot")) == ()
+            # The command has begun once, and its successor begins it again.
+            assert device.save()["goal"] == pytest.approx([0.1, 0.0, 0.0])
+            assert device.save()["carried_out"] < 5
+            goal = device._base.driver.goal
+        with Base(Ros2Network(endpoint)) as base:
+            base.pose = Pose(0.1)
+            body.frame = 9
+            body.frames(Move(0.0, 0.5))
+            assert device._base.driver.goal == goal == Pose(pytest.approx(0.6), 0.0, 0.0)
+    said = capsys.readouterr().out
+    assert said.count("no robot yet: no odom and no scan from tcp/127.0.0.1:") == 1
+    assert "; connect it, and compare: minerva doctor --ros2 tcp/" in said
+    for line in ("is there", "stopped until it returns", "has returned"):
+        assert said.count(line) == 1
 
 
 def test_one_body_is_not_for_two_robots():

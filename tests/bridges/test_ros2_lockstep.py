@@ -27,6 +27,7 @@ EXACT = ("--clock", "--laser-yaw", "0", "--acceleration", "inf", "--turn-acceler
 DEVICE = """[process.physics]
 service = "ros2_robot"
 router = "{endpoint}"
+decide = "eDecide"
 clock = "clock"
 speed = 1.0
 turn = 180.0
@@ -38,8 +39,11 @@ LIMITS = MotorLimits(1.0, 180.0, 1.0, 360.0)
 
 
 def with_ros(endpoint):
-    """The text of the robot's world with its physics replaced by a ROS 2 device."""
+    """The text of the robot's world with its physics and decisions replaced by a ROS 2 device."""
+    decide = '[process.gDecide]\nservice = "each"\nevent = "eDecide"\n'
     text = find_world("robot").read_text()
+    assert decide in text
+    text = text.replace(decide, "")
     begin, end = text.index("[process.physics]"), text.index("[process.gLaser]")
     return text[:begin] + DEVICE.format(endpoint=endpoint) + text[end:]
 

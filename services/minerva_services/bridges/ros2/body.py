@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
@@ -24,10 +24,16 @@ from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import PhysicalGeometry, Robot
 from minerva_services.sensors.playback import checked_offset
 
+_WAITING_PART: Final = 0.8
+"""Of the duration of a frame, the part that may pass in waiting for a robot."""
 
-class Ros2Robot(
-    Device, Generator, NetworkUser, draws=("eRepresent",), coupled=True, events=("eCollision",)
-):
+_NO_DECISIONS: Final = (
+    "while its robot is missing, the agent acts, and nothing drives; set decide to the type of the"
+    ' event by which it acts ("eDecide"), and remove the process that emits it'
+)
+
+
+class Ros2Robot(Device, Generator, NetworkUser, draws=("eRepresent",), coupled=True):
     """Drives a ROS 2 robot as the views command, and then publishes its readings.
 
     In a world file it replaces physics and behaves the same: a turn and a move are executed within
@@ -36,6 +42,9 @@ class Ros2Robot(
     robot is steered by its odometry. Scans and sightings are published relative to where the string
     has the robot: the difference to odometry at the time of measurement is in their mounts.
 
+    While the robot is missing, frames go on without events of it. Its agent must not act then, so
+    the event by which it acts is emitted here, after each command.
+
     Args:
         router: the endpoint of the robot's network; further options are those of
           `Ros2Network`, `MotorLimits` and `DriveTolerances`.
@@ -43,6 +52,8 @@ class Ros2Robot(
         scan: topic of LaserScan messages.
         odometry: topic of Odometry messages; "": the motors are assumed to do what they are sent.
         detections: topic of Detection3DArray messages, whose classes are markers.
+        decide: the type of the event by which the agent acts, emitted while the robot is there; no
+          other process may emit it.
         cmd_vel: topic of the velocities.
         stamped: velocities are TwistStamped messages, not Twist.
         base: the robot's base frame.
@@ -68,6 +79,7 @@ class Ros2Robot(
         scan: str = "scan",
         odometry: str = "odom",
         detections: str = "detections",
+        decide: str = "",
         cmd_vel: str = "cmd_vel",
         stamped: bool = False,
         base: str = "base_link",
@@ -100,21 +112,31 @@ class Ros2Robot(
         if topics.clock and not topics.odometry:
             raise MisuseError("ros2_robot: a robot driven by a clock must publish odometry")
         self.network, self.uses = network, self._options.uses()
-        self._robot = robot
+        self._robot, self._decide = robot, decide
         self._begin()
 
     def _begin(self) -> None:
         self._base = MobileBase(self._options)
         self._ordered: Robot | None = None
+        self._present: Robot | None = None
+        self._start: Pose | None = None
         self._shown: int | None = None
         self._carried_out = -1
         self._collisions = 0
         self._name = self._robot
 
+    def generates(self) -> tuple[str, ...]:
+        return tuple(filter(None, ("eCollision", self._decide)))
+
     def check(self, world: WorldInfo) -> list[str]:
-        """What fits no robot. Raises MisuseError without rosbags, or without the event."""
+        """What fits no robot. Raises MisuseError without rosbags, or without the events."""
         messages()
         self._collision = EventFactory("ros2_robot", world, "eCollision", shortfall=Metres)
+        receivers = (self._robot,) if self._robot else ()
+        self._decisions: tuple[Event, ...] = ()
+        if not self._decide:
+            return [*self.unfit(), _NO_DECISIONS]
+        self._decisions = (EventFactory("ros2_robot", world, self._decide)(receivers=receivers),)
         return self.unfit()
 
     def joined(self, world: WorldInfo) -> None:
@@ -135,26 +157,35 @@ class Ros2Robot(
         self._ordered = replace(ordered, command=DriveCommand()) if ordered and halted else ordered
 
     def generate(self, tick: Tick) -> Iterable[Event]:
-        """Drive, then publish readings; nothing before the first view."""
+        """Drive, then publish readings; neither before the first view, nor without the robot."""
         if self._shown is None:
+            return self._decisions
+        if not self._base.is_ready(_WAITING_PART * tick.dt):
             return ()
-        self._base.wait_until_ready()
-        ordered, self._ordered = self._ordered, None
+        if self._present is None and self._ordered is not None:
+            self._present, self._start = self._ordered, self._base.driver.goal
+            self._base.begin(self._present.command, tick.dt)
+        # Views of meanwhile show the same command once more.
+        self._ordered = None
         events: list[Event] = []
-        if ordered is not None:
-            shortfall = self._base.carry_out(ordered.command, tick.dt)
+        if self._present is not None:
+            shortfall = self._base.carry_out(self._present.command, tick.dt)
+            if shortfall is None:
+                return ()
             if shortfall:
                 self._collisions += 1
                 events.append(self._collision(shortfall, receivers=(self._name,)))
-            self._base.place(ordered)
+            self._base.place(self._present)
+            self._present = None
         self._carried_out = self._shown
         if self._name:
             self._base.publish(tick, self._name)
-        return events
+        return [*events, *self._decisions]
 
     def save(self) -> Mapping[str, Any]:
         """The robot's believed pose in the odometry frame, and the last executed view."""
-        goal = self._base.driver.goal
+        # A successor begins a command again that is not done.
+        goal = self._base.driver.goal if self._present is None else self._start
         pose = [] if goal is None else [goal.x, goal.y, goal.angle]
         return {"goal": pose, "carried_out": self._carried_out}
 

@@ -249,7 +249,7 @@ class DriveTolerances:
         near: distance in metres that may be missing when the next command begins.
         aligned: degrees that may be missing then.
         patience: seconds without progress after which a command counts as blocked.
-        silence: seconds without odometry after which the robot stops, and the world waits.
+        silence: seconds without odometry after which the robot stops, and counts as missing.
         dead_man: seconds without a command after which the robot stops.
 
     """

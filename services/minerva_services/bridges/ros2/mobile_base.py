@@ -72,6 +72,7 @@ class FramePacer:
         return self.due - now
 
 
+_WITHOUT_ROBOT: Final = "frames without robot"
 _POLL_SECONDS: Final = 0.005
 _SILENT_SECONDS: Final = 3.0
 
@@ -140,6 +141,8 @@ class MobileBase:
         self._uses = options.uses()
         self._motors = Motors(options.map_frame, options.base, stamped=options.stamped)
         self._sent = STILL, time.monotonic()
+        self._begun = time.monotonic()
+        self._is_absent = self._is_lost = False
         self._clock = ClockWatch()
         self._link = NetworkLink(
             options.network, "minerva_motors", self._declare, self._beat, 1.0 / options.rate,
@@ -170,33 +173,60 @@ class MobileBase:
 
     # --- called by the world's frames ---
 
-    def wait_until_ready(self) -> None:
-        """Wait for the first odometry and scan: nothing is driven blindly."""
-        logged, since = False, time.monotonic()
-        while missing := self._missing():
-            if not logged and time.monotonic() - since > _SILENT_SECONDS:
-                logged = True
-                log(f"no {' and no '.join(missing)} from {self._router} yet")
-            time.sleep(_POLL_SECONDS)
+    def is_ready(self, seconds: float) -> bool:
+        """Whether there is odometry and a scan: nothing is driven blindly.
 
-    def carry_out(self, command: DriveCommand, seconds: float) -> float:
-        """Execute a command; the distance not driven in metres, once there is no more progress."""
+        Waits for them for `seconds`, or in lockstep until they are there.
+        """
+        begin = time.monotonic()
+        while missing := self._missing():
+            now = time.monotonic()
+            if not self._is_absent and now - self._begun > _SILENT_SECONDS:
+                self._is_absent = True
+                log(
+                    f"no robot yet: no {' and no '.join(missing)} from {self._router} since"
+                    f" {time.strftime('%H:%M:%S', time.localtime(time.time() - now + self._begun))}"
+                    f"; connect it, and compare: minerva doctor --ros2 {self._router}"
+                )
+            if self._stepper is None and now - begin >= seconds:
+                self._sensors.count(_WITHOUT_ROBOT)
+                return False
+            time.sleep(_POLL_SECONDS)
+        if self._is_absent:
+            self._is_absent = False
+            log(f"the robot at {self._router} is there")
+        return True
+
+    def begin(self, command: DriveCommand, seconds: float) -> None:
+        """Begin a command of a frame."""
+        if self._stepper is None:
+            now = time.monotonic()
+            self.driver.begin(command, self._pacer.begin(seconds, now), now)
+            # Otherwise the first velocity of the command would wait for the next beat.
+            self._link.wake()
+
+    def carry_out(self, command: DriveCommand, seconds: float) -> float | None:
+        """Execute the command that has begun; the distance not driven in metres, at its end.
+
+        None if odometry has been missing for `seconds`: then the robot stands, and the command goes
+        on with the next call.
+        """
         if self._stepper is not None:
             return self._stepper.carry_out(command, seconds)
-        now = time.monotonic()
-        self.driver.begin(command, self._pacer.begin(seconds, now), now)
-        # Otherwise the first velocity of the command would wait for the next beat.
-        self._link.wake()
-        lost = False
-        while (state := self.driver.state(time.monotonic())) is not State.DONE:
+        since = math.inf
+        while (state := self.driver.state(now := time.monotonic())) is not State.DONE:
             if state is State.BLOCKED:
                 return self.driver.give_up()
-            if state is State.LOST and not lost:
-                lost = True
+            since = min(since, now) if state is State.LOST else math.inf
+            if state is State.LOST and not self._is_lost:
+                self._is_lost = True
                 log(f"no odometry from {self._router}; stopped until it returns")
-            elif lost and state is State.DRIVING:
-                lost = False
+            elif self._is_lost and state is State.DRIVING:
+                self._is_lost = False
                 log(f"odometry from {self._router} has returned")
+            if now - since >= seconds:
+                self._sensors.count(_WITHOUT_ROBOT)
+                return None
             time.sleep(_POLL_SECONDS)
         return 0.0
 
