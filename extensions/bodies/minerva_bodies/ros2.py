@@ -12,6 +12,7 @@ import re
 import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -178,6 +179,7 @@ class SpaceNode(RosNode):
             self.send([scanned(scan)])
 
 
+@lru_cache(1 << 16)
 def name_of(*parts: str) -> str:
     """A name for topics and frames of the parts, whose other characters become `_`."""
     return "/".join(re.sub(r"[^A-Za-z0-9_]", "_", part) for part in parts)
@@ -185,18 +187,19 @@ def name_of(*parts: str) -> str:
 
 def transforms(rows: Iterable[tuple[str, str, Rigid]], nanoseconds: int) -> Any:
     """Poses of frames on their parents, each with the names of both."""
-    placed = [
-        {
-            "header": _header(parent, nanoseconds),
-            "child_frame_id": frame,
-            "transform": {
-                "translation": dict(zip("xyz", pose.numbers[:3], strict=True)),
-                "rotation": dict(zip("wxyz", pose.numbers[3:], strict=True)),
-            },
-        }
-        for parent, frame, pose in rows
-    ]
-    return built(TRANSFORMS, {"transforms": placed})
+    types, placed, headers = messages(), list[Any](), dict[str, Any]()
+    # Not by `built`, which would take long for thousands of bodies.
+    for parent, frame, pose in rows:
+        if parent not in headers:
+            headers[parent] = types.header(parent, nanoseconds)
+        turn = types.make("geometry_msgs/msg/Quaternion", x=pose.i, y=pose.j, z=pose.k, w=pose.w)
+        at = types.make(
+            "geometry_msgs/msg/Transform",
+            translation=types.vector(pose.x, pose.y, pose.z), rotation=turn,
+        )  # fmt: skip
+        about = {"header": headers[parent], "child_frame_id": frame, "transform": at}
+        placed.append(types.make("geometry_msgs/msg/TransformStamped", **about))
+    return types.make(TRANSFORMS, transforms=placed)
 
 
 def clock(nanoseconds: int) -> Made:
