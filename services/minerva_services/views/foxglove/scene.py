@@ -9,6 +9,7 @@ import threading
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -230,22 +231,29 @@ def _discs(
     discs: DiscTable,
 ) -> Iterator[tuple[str, CylinderPrimitive, TriangleListPrimitive | None]]:
     """Owner, cylinder, and heading mark of each disc."""
-    solid, tops = arrow(), discs.mark_height
-    for row in range(len(discs)):
-        x, y, angle = float(discs.x[row]), float(discs.y[row]), float(discs.angle[row])
-        radius, height = float(discs.radius[row]), float(discs.height[row])
+    solid = arrow()
+    owners = chain.from_iterable(part.owners for part in discs.parts)
+    # All rows at once: a cloud has thousands of points.
+    columns = (
+        discs.x, discs.y, upright(discs.angle), discs.radius, discs.height, discs.mark_height,
+        discs.color, discs.heading,
+    )  # fmt: skip
+    rows = zip(owners, *[column.tolist() for column in columns], strict=True)
+    for owner, x, y, (w, i, j, k), radius, height, top, color, heading in rows:
+        turn = Quaternion(x=i, y=j, z=k, w=w)
         cylinder = CylinderPrimitive(
-            pose=_pose(x, y, height / 2, angle),
+            pose=Pose(position=Vector3(x=x, y=y, z=height / 2), orientation=turn),
             size=Vector3(x=2 * radius, y=2 * radius, z=height),
             bottom_scale=1.0,
             top_scale=1.0,
-            color=_color(discs.color[row].tolist()),
+            color=_color(color),
         )
         mark = None
-        if discs.heading[row]:
+        if heading:
             scaled = Solid(solid.vertices * np.float32(radius), solid.faces)
-            mark = _triangles(scaled, _pose(x, y, float(tops[row]), angle), _WHITE)
-        yield discs.owner(row), cylinder, mark
+            pose = Pose(position=Vector3(x=x, y=y, z=top), orientation=turn)
+            mark = _triangles(scaled, pose, _WHITE)
+        yield owner, cylinder, mark
 
 
 def _solids(copies: Copies) -> Iterator[TriangleListPrimitive]:
