@@ -14,15 +14,13 @@ from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.bridges.ros2.driver import DriveTolerances, MotorLimits
 from minerva_services.bridges.ros2.layout import Ros2Network
-from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
+from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase
 from minerva_services.bridges.ros2.uses import NetworkUser
-from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.event_factory import EventFactory
-from minerva_services.options import check_positive, grouped, takes_options
+from minerva_services.options import grouped, takes_options
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import PhysicalGeometry, Robot
-from minerva_services.sensors.playback import checked_offset
 
 _WAITING_PART: Final = 0.8
 """Of the duration of a frame, the part that may pass in waiting for a robot."""
@@ -46,77 +44,28 @@ class Ros2Robot(Device, Generator, NetworkUser, draws=("eRepresent",), coupled=T
     the event by which it acts is emitted here, after each command.
 
     Args:
-        router: the endpoint of the robot's network; further options are those of
+        router: the endpoint of the robot's network; further options are those of `BaseOptions`,
           `Ros2Network`, `MotorLimits` and `DriveTolerances`.
         robot: the id of the agent whose body it is; optional if there is only one.
-        scan: topic of LaserScan messages.
-        odometry: topic of Odometry messages; "": the motors are assumed to do what they are sent.
-        detections: topic of Detection3DArray messages, whose classes are markers.
         decide: the type of the event by which the agent acts, emitted while the robot is there; no
           other process may emit it.
-        cmd_vel: topic of the velocities.
-        stamped: velocities are TwistStamped messages, not Twist.
-        base: the robot's base frame.
-        mount: "x, y, degrees" of the laser on the robot; "": from /tf_static.
-        time_offset: seconds added to the times of scans if the lidar's clock differs from that of
-            odometry.
-        map_frame: if set, the transform from it to the odometry frame is published on /tf.
-        rate: velocities per second.
-        clock: topic of Clock messages, for a simulation driven by them: it receives the time, and
-            must answer each step with all its readings of that time.
-        qos: the quality of service of topics, by option: {scan = "sensor_data"}.
 
     """
 
     source_option: ClassVar[str] = "router"
     publishes = ("scan", "sightings")
 
-    @takes_options(Ros2Network, MotorLimits, DriveTolerances)
-    def __init__(
-        self,
-        router: str,
-        robot: str = "",
-        scan: str = "scan",
-        odometry: str = "odom",
-        detections: str = "detections",
-        decide: str = "",
-        cmd_vel: str = "cmd_vel",
-        stamped: bool = False,
-        base: str = "base_link",
-        mount: str = "",
-        time_offset: float = 0.0,
-        map_frame: str = "",
-        rate: float = 20.0,
-        clock: str = "",
-        qos: Mapping[str, Any] | None = None,
-        **further: Any,
-    ) -> None:
-        options = {"router": router, **further}
-        network, limits, tolerances = grouped(options, Ros2Network, MotorLimits, DriveTolerances)
-        self._options = BaseOptions(
-            network,
-            Topics(scan, odometry, detections, cmd_vel, clock),
-            # A simulation needs the time from which a velocity applies.
-            stamped or bool(clock),
-            base,
-            mount_of(mount),
-            map_frame,
-            checked_offset(time_offset),
-            limits,
-            tolerances,
-            check_positive("ros2", "rate", rate),
-            qos,
-        )
-        topics = self._options.topics
-        network.name(topics.cmd_vel)
-        if topics.clock and not topics.odometry:
-            raise MisuseError("ros2_robot: a robot driven by a clock must publish odometry")
-        self.network, self.uses = network, self._options.uses()
+    @takes_options(BaseOptions, Ros2Network, MotorLimits, DriveTolerances)
+    def __init__(self, router: str, robot: str = "", decide: str = "", **further: Any) -> None:
+        groups = Ros2Network, MotorLimits, DriveTolerances, BaseOptions
+        self._parts = grouped({"router": router, **further}, *groups)
+        self.network, *_, options = self._parts
+        self.uses = options.uses(self.network)
         self._robot, self._decide = robot, decide
         self._begin()
 
     def _begin(self) -> None:
-        self._base = MobileBase(self._options)
+        self._base = MobileBase(*self._parts)
         self._ordered: Robot | None = None
         self._present: Robot | None = None
         self._start: Pose | None = None

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar, cast
 
 from minerva_bus import portable
+from minerva_bus.errors import MisuseError
 from minerva_bus.log.recordings import span
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
@@ -35,7 +36,7 @@ from minerva_services.bridges.ros2.uses import TopicUse, topic_uses, transforms_
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.conversion import Conversion, LivePlaces
-from minerva_services.bridges.ros_messages.frames import UnplacedError
+from minerva_services.bridges.ros_messages.frames import UnplacedError, mount_of
 from minerva_services.bridges.ros_messages.messages import (
     DETECTIONS,
     LASER_SCAN,
@@ -44,9 +45,11 @@ from minerva_services.bridges.ros_messages.messages import (
     messages,
 )
 from minerva_services.bridging.bridge import Counting, log
+from minerva_services.options import check_positive
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import Robot
 from minerva_services.sensors.clocks import ClockWatch
+from minerva_services.sensors.playback import checked_offset
 
 _MAX_DELAY_FRAMES: Final = 5.0
 """Delay in frames up to which the schedule is kept; beyond it, it restarts."""
@@ -78,47 +81,67 @@ _SILENT_SECONDS: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Topics:
-    """ROS topics of a robot; an empty name means that the topic is not used."""
-
-    scan: str
-    odometry: str
-    detections: str
-    cmd_vel: str
-    clock: str
-
-
-@dataclass(frozen=True, slots=True)
 class BaseOptions:
-    """Configuration of a robot: its network, topics, frames, mount, limits and rates."""
+    """A robot's topics, frames and rates. Raises MisuseError.
 
-    network: Ros2Network
-    topics: Topics
-    stamped: bool
-    base: str
-    mount: Mount | None
-    map_frame: str
-    time_offset: float
-    limits: MotorLimits
-    tolerances: DriveTolerances
-    rate: float
-    qos: Mapping[str, Any] | None
+    Args:
+        scan: topic of LaserScan messages.
+        odometry: topic of Odometry messages; "": the motors are assumed to do what they are sent.
+        detections: topic of Detection3DArray messages, whose classes are markers.
+        cmd_vel: topic of the velocities.
+        stamped: velocities are TwistStamped messages, not Twist.
+        base: the robot's base frame.
+        mount: "x, y, degrees" of the laser on the robot; "": from /tf_static.
+        time_offset: seconds added to the times of scans if the lidar's clock differs from that of
+            odometry.
+        map_frame: if set, the transform from it to the odometry frame is published on /tf.
+        rate: velocities per second.
+        clock: topic of Clock messages, for a simulation driven by them: it receives the time, and
+            must answer each step with all its readings of that time.
+        qos: the quality of service of topics, by option: {scan = "sensor_data"}.
 
-    def uses(self) -> tuple[TopicUse, ...]:
+    """
+
+    scan: str = "scan"
+    odometry: str = "odom"
+    detections: str = "detections"
+    cmd_vel: str = "cmd_vel"
+    stamped: bool = False
+    base: str = "base_link"
+    mount: str = ""
+    time_offset: float = 0.0
+    map_frame: str = ""
+    rate: float = 20.0
+    clock: str = ""
+    qos: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        mount_of(self.mount)
+        checked_offset(self.time_offset)
+        check_positive("ros2", "rate", self.rate)
+        if self.clock and not self.odometry:
+            raise MisuseError("ros2_robot: a robot driven by a clock must publish odometry")
+
+    @property
+    def sends_stamps(self) -> bool:
+        """A simulation needs the time from which a velocity applies."""
+        return self.stamped or bool(self.clock)
+
+    def uses(self, network: Ros2Network) -> tuple[TopicUse, ...]:
         """The topics that are configured. Raises MisuseError for their quality of service."""
-        topics = self.topics
+        network.name(self.cmd_vel)
         uses = (
-            TopicUse("scan", topics.scan, LASER_SCAN),
-            TopicUse("odometry", topics.odometry, ODOMETRY),
-            TopicUse("detections", topics.detections, DETECTIONS),
+            TopicUse("scan", self.scan, LASER_SCAN),
+            TopicUse("odometry", self.odometry, ODOMETRY),
+            TopicUse("detections", self.detections, DETECTIONS),
             TopicUse(
-                "cmd_vel", topics.cmd_vel, types.TWIST_STAMPED if self.stamped else types.TWIST,
+                "cmd_vel", self.cmd_vel, types.TWIST_STAMPED if self.sends_stamps else types.TWIST,
                 sends=True, qos=DEFAULT, instead="stop other programs that take its velocities",
             ),
-            TopicUse("clock", topics.clock, types.CLOCK, sends=True, qos=DEFAULT),
+            TopicUse("clock", self.clock, types.CLOCK, sends=True, qos=DEFAULT),
         )  # fmt: skip
-        mounts = transforms_uses(self.network, needed=self.mount is None and bool(topics.scan))
-        return topic_uses(self.network, [*mounts, *uses], self.qos)
+        mounts = transforms_uses(network, needed=not self.mount.strip() and bool(self.scan))
+        return topic_uses(network, [*mounts, *uses], self.qos)
 
 
 class MobileBase:
@@ -127,25 +150,27 @@ class MobileBase:
     A world's frames call `carry_out` and `publish`; the link's thread calls `_declare` and `_beat`.
     """
 
-    def __init__(self, options: BaseOptions) -> None:
-        self._options = options
-        topics = options.topics
-        self.driver = Driver(options.limits, options.tolerances)
+    def __init__(
+        self, network: Ros2Network, limits: MotorLimits, tolerances: DriveTolerances,
+        options: BaseOptions,
+    ) -> None:  # fmt: skip
+        self._options, self._router = options, network.router
+        self.driver = Driver(limits, tolerances)
         self._pacer = FramePacer()
-        self._stepper = self._new_stepper() if topics.clock else None
+        self._stepper = self._new_stepper() if options.clock else None
         notify = self._stepper.notify if self._stepper else lambda: None
         self._sensors = SensorBuffers(
-            options.base, options.mount, self._moved, notify, options.time_offset
+            options.base, mount_of(options.mount), self._moved, notify, options.time_offset
         )
         self._publisher = ReadingPublisher(self.driver, self._sensors)
-        self._uses = options.uses()
-        self._motors = Motors(options.map_frame, options.base, stamped=options.stamped)
+        self._uses = options.uses(network)
+        self._motors = Motors(options.map_frame, options.base, stamped=options.sends_stamps)
         self._sent = STILL, time.monotonic()
         self._begun = time.monotonic()
         self._is_absent = self._is_lost = False
         self._clock = ClockWatch()
         self._link = NetworkLink(
-            options.network, "minerva_motors", self._declare, self._beat, 1.0 / options.rate,
+            network, "minerva_motors", self._declare, self._beat, 1.0 / options.rate,
             self._uses,
         )  # fmt: skip
 
@@ -168,7 +193,7 @@ class MobileBase:
     def state(self) -> str:
         """State of the link, as reported to people."""
         state = self._link.state
-        has_odometry = not self._options.topics.odometry or self.driver.has_odometry(self._now())
+        has_odometry = not self._options.odometry or self.driver.has_odometry(self._now())
         return state if state != "open" or has_odometry else "open, but no odometry"
 
     # --- called by the world's frames ---
@@ -242,14 +267,10 @@ class MobileBase:
         """Publish the readings of this tick."""
         self._publisher.publish(tick, robot)
 
-    @property
-    def _router(self) -> str:
-        return self._options.network.router
-
     def _missing(self) -> list[str]:
-        topics = self._options.topics
-        missing = [] if self.driver.goal is not None else [topics.odometry or "link"]
-        return missing if self._sensors.scanned or not topics.scan else [*missing, "scan"]
+        options = self._options
+        missing = [] if self.driver.goal is not None else [options.odometry or "link"]
+        return missing if self._sensors.scanned or not options.scan else [*missing, "scan"]
 
     # --- called by threads of the link and of Zenoh ---
 
@@ -266,7 +287,7 @@ class MobileBase:
         velocity = self.driver.velocity(now)
         if velocity is not None:
             self._motors.go(velocity)
-        if not self._options.topics.odometry:
+        if not self._options.odometry:
             # Without odometry the motors are assumed to do exactly what was sent.
             pose, elapsed = self.driver.track.newest or Pose(), now - self._sent[1]
             self.driver.update(now, driven(pose, self._sent[0], elapsed), now)
@@ -289,11 +310,11 @@ class MobileBase:
         return time.monotonic() if self._stepper is None else self._stepper.now
 
     def _new_stepper(self) -> Stepper:
-        topics = self._options.topics
+        options = self._options
 
         def measured() -> float:
             sensors = self._sensors.measured(
-                scan=bool(topics.scan), detections=bool(topics.detections)
+                scan=bool(options.scan), detections=bool(options.detections)
             )
             return min(self.driver.track.latest, sensors)
 
