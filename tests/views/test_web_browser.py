@@ -50,6 +50,8 @@ FLAGS = [
 WIDTH, HEIGHT = 800, 400
 WALL_HEIGHT = cast(Raster, vocabulary.primitives["PMap"].shape).height
 COARSE = "&fixedDpr=0.2"  # Fewer pixels, because the processor draws them here.
+RARE = "requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 200);"
+"""Fewer pictures, for the same reason: the page would draw 60 in each second."""
 
 
 class Building:
@@ -139,6 +141,7 @@ def page(building, chromium):
 
 
 def visit(page, building):
+    page.add_init_script(RARE)
     page.goto(building.url + COARSE)
     page.get_by_text("frame ", exact=False).first.wait_for()
     page.get_by_text("Send eErrand").wait_for()
