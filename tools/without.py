@@ -4,14 +4,15 @@
 
 A copy of the project without these extensions, and without what imports them outside of the kernel
 (worlds, examples, benchmarks, tests), is installed in an environment of its own. There all modules
-are imported, all commands and worlds are listed, and the quick tests run, unless --imports is
-given. `all` stands for each extension after another.
+are imported, all commands and worlds are listed, and the quick tests run. With --imports, the copy
+has no tests and documents, and no test runs. `all` stands for each extension after another.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import importlib
 import importlib.util
 import os
@@ -24,11 +25,16 @@ import tempfile
 import traceback
 import venv
 import warnings
+import zipfile
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
+import hatchling.build
+
 ROOT = Path(__file__).parents[1]
+INSTALLED = ("minerva_bus/", "services/", "agents/minerva_", "worlds/", "members/javascript/src/")
+"""The folders of what is installed, without those of extensions."""
 
 
 def import_all(names: Iterable[str]) -> None:
@@ -122,15 +128,25 @@ def unit(path: Path) -> Path:
     return path
 
 
-def copy(names: Iterable[str], to: Path) -> list[Path]:
-    """Copy the project without extensions; returns what else is left out."""
+def is_installed(path: Path) -> bool:
+    """Whether a file belongs to what is installed, or says what that is."""
+    match path.parts:
+        case ("extensions", _, package, *_):
+            return package.startswith("minerva_")
+        case (_,):
+            return True
+    return str(path).startswith(INSTALLED)
+
+
+def copy(names: Iterable[str], to: Path, *, tests: bool) -> list[Path]:
+    """Copy the project without extensions, and perhaps tests; returns what else is left out."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
         cwd=ROOT, capture_output=True, text=True, check=True,
     ).stdout.splitlines()  # fmt: skip
     folders = tuple(f"extensions/{name}/" for name in names)
     files = [Path(name) for name in listed if not name.startswith(folders)]
-    files = [path for path in files if (ROOT / path).is_file()]
+    files = [path for path in files if (ROOT / path).is_file() and (tests or is_installed(path))]
     needs = {path: imported(ROOT / path) for path in files if path.suffix == ".py"}
     absent, left_out = {f"minerva_{name}" for name in names}, list[Path]()
     # What imports an extension that is left out with another one is left out, too.
@@ -165,10 +181,12 @@ def install(project: Path) -> Path:
     # Path files within these folders are not read, so this project is not among the libraries.
     libraries = [path for path in sys.path if path.endswith("site-packages")]
     (site_packages(project) / "libraries.pth").write_text("\n".join(libraries), encoding="utf-8")
-    python = folder / "bin" / "python"
-    pip = [python, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
-    subprocess.run([*pip, "--disable-pip-version-check", "--editable", project], check=True)
-    return python
+    # An installation is an unpacked wheel; pip and uv would take another second to do that.
+    with contextlib.chdir(project):
+        wheel = folder / hatchling.build.build_editable(str(folder))
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site_packages(project))
+    return folder / "bin" / "python"
 
 
 def run(names: list[str], *, tests: bool) -> int:
@@ -176,7 +194,7 @@ def run(names: list[str], *, tests: bool) -> int:
     print(f"without {', '.join(names)}", flush=True)
     with tempfile.TemporaryDirectory(prefix="minerva-without-") as folder:
         project = Path(folder)
-        left_out = copy(names, project)
+        left_out = copy(names, project, tests=tests)
         if left_out:
             print(f"  also left out: {', '.join(map(str, left_out))}", flush=True)
         environment = {key: os.environ[key] for key in os.environ if key != "PYTHONPATH"}
@@ -198,7 +216,7 @@ def main(words: list[str] | None = None) -> int:
     """Run the program with these arguments; returns the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("names", nargs="+", choices=[*extensions(), "all"], metavar="NAME")
-    parser.add_argument("--imports", action="store_true", help="run no tests")
+    parser.add_argument("--imports", action="store_true", help="copy and run no tests")
     given = parser.parse_args(words)
     every = [given.names]
     if "all" in given.names:
