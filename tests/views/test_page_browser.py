@@ -27,21 +27,24 @@ STOPPED_AT = 30
 
 
 @pytest.fixture(scope="module")
-def player():
-    with playwright.sync_playwright() as started:
+def chromium():
+    with playwright.sync_playwright() as player:
+        started = player.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield started
+        started.close()
 
 
 @pytest.fixture
-def browsers(player):
-    """Starts browsers that a test may close."""
+def visitors(chromium):
+    """Makes people who know nothing of each other, and whom a test may close."""
     started = []
 
-    def browser():
-        started.append(player.chromium.launch(executable_path=CHROMIUM, args=FLAGS))
+    def visitor(**options):
+        started.append(chromium.new_context(**options))
+        started[-1].set_default_timeout(1000 * patience())
         return started[-1]
 
-    yield browser
+    yield visitor
     for each in started:
         each.close()
 
@@ -70,7 +73,7 @@ def digest_in_python(folder, frames):
     return digest
 
 
-def test_a_page_that_closes_in_mid_frame_is_replaced_and_changes_nothing(tmp_path, browsers):
+def test_a_page_that_closes_in_mid_frame_is_replaced_and_changes_nothing(tmp_path, visitors):
     """The first page never answers frame 30: its host is closed while it evolves an agent."""
     folder = copied(tmp_path)
     code = folder / "snails.js"
@@ -85,13 +88,13 @@ def test_a_page_that_closes_in_mid_frame_is_replaced_and_changes_nothing(tmp_pat
     assert text.count("\n      const snail = self.values;\n      snail.x +=") == 1
     code.write_text(text.replace("\n      const snail = self.values;\n      snail.x +=", stuck))
     with running(tmp_path, folder / "phone.toml", "--frames", FRAMES, "--rate", "50") as run:
-        first = browsers()
+        first = visitors()
         page = first.new_page()
         with page.expect_console_message(lambda said: f"in frame {STOPPED_AT}" in said.text):
             page.goto(f"{run.url}#first")
         assert run.client.operator.status().frame == STOPPED_AT
         first.close()
-        successor = browsers().new_page()
+        successor = visitors().new_page()
         successor.goto(run.url)
         successor.get_by_text("The world has ended", exact=False).wait_for()
         summary = run.summary()
@@ -99,8 +102,8 @@ def test_a_page_that_closes_in_mid_frame_is_replaced_and_changes_nothing(tmp_pat
     assert summary["digest"] == digest_in_python(folder, FRAMES)
 
 
-def test_one_page_hosts_and_the_next_takes_over(garden, browsers):
-    first, second = browsers(), browsers().new_page()
+def test_one_page_hosts_and_the_next_takes_over(garden, visitors):
+    first, second = visitors(), visitors().new_page()
     page = first.new_page()
     page.goto(garden.url)
     garden.present("snails")
@@ -114,8 +117,8 @@ def test_one_page_hosts_and_the_next_takes_over(garden, browsers):
     shown(second, before + 5)
 
 
-def test_a_tap_on_the_ground_is_an_order(garden, browsers):
-    page = browsers().new_page(viewport={"width": 390, "height": 844})
+def test_a_tap_on_the_ground_is_an_order(garden, visitors):
+    page = visitors(viewport={"width": 390, "height": 844}).new_page()
     page.goto(garden.url)
     shown(page)
     page.get_by_text("lettuce", exact=False).first.wait_for()
@@ -129,8 +132,8 @@ def test_a_tap_on_the_ground_is_an_order(garden, browsers):
     page.get_by_text("sent eLettuce", exact=False).wait_for()
 
 
-def test_the_tilt_of_a_phone_is_an_event(garden, browsers):
-    context = browsers().new_context(viewport={"width": 390, "height": 844})
+def test_the_tilt_of_a_phone_is_an_event(garden, visitors):
+    context = visitors(viewport={"width": 390, "height": 844})
     page = context.new_page()
     page.goto(garden.url)
     shown(page)
@@ -157,11 +160,11 @@ def pin_of(page, name):
 
 
 @pytest.mark.timeout(400)
-def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, browsers):
+def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, visitors):
     """The robots' world: its markers are labels, and its speed has a unit."""
     words = "--robots", "1", "--parcels", "", "--record", "run.mcap"
     with running(tmp_path, "robot", *words, "--view", "page") as run:
-        page = browsers().new_page(viewport={"width": 1000, "height": 700})
+        page = visitors(viewport={"width": 1000, "height": 700}).new_page()
         page.goto(run.url)
         shown(page)
         page.get_by_text("speed +").wait_for()
@@ -208,8 +211,8 @@ def follow_an_order(page):
     shown(page, past + 21)
 
 
-def test_interrupting_the_world_ends_its_pages(garden, browsers):
-    page = browsers().new_page()
+def test_interrupting_the_world_ends_its_pages(garden, visitors):
+    page = visitors().new_page()
     page.route_web_socket(re.compile("/people"), without_explanations)
     page.goto(garden.url)
     shown(page)

@@ -50,9 +50,11 @@ def largest(outcome):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """A Dask cluster of two processes."""
+    """A Dask cluster of two processes, forked by a server that has imported Dask."""
     distributed = pytest.importorskip("distributed")
+    dask = pytest.importorskip("dask")
     with (
+        dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=2, processes=True, dashboard_address=None
         ) as cluster,
