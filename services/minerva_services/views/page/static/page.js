@@ -28,7 +28,8 @@ const timeline = new Timeline({ slider: element("moment"), live: element("live")
   show: (items, frame) => {
     scene.show(items);
     element("frame").textContent = `frame ${frame}`;
-    document.body.dataset.frame = String(frame);
+    // Drawn before this call, so that what the attribute promises can be clicked.
+    requestAnimationFrame(() => (document.body.dataset.frame = String(frame)));
   },
   seek: (frame) => server.send({ seek: frame }),
   onChange: () => inspector.refresh(),
