@@ -1,6 +1,7 @@
 """The worlds in space have one string in all layouts, with kills, and when they continue."""
 
 import platform
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -79,8 +80,7 @@ def test_layouts_and_kills_and_resumes_have_one_string(world, changes, tmp_path)
     records = {}
     for name, layout in {
         "alone": layouts.ALONE,
-        "apart": layouts.APART,
-        "killed": layouts.Layout("killed", 1, kills=6),
+        "killed": replace(layouts.APART, name="killed", kills=6),
         "resumed": layouts.Layout("resumed", 2, begin=13, past=str(tmp_path / "alone.mcap")),
     }.items():
         records[name] = tmp_path / f"{name}.mcap"
