@@ -5,8 +5,8 @@ and garbage. A program handles them by the same code in every role, so they are 
 role, and in all others on demand.
 
 Of the cases about exact values and garbage, a member whose values are compared with the vectors may
-play a part, and all on demand. A virtual machine takes half a second to start, so Java plays a
-fifth; JavaScript plays half.
+play a part, and all on demand: Java and JavaScript play an eighth, because their virtual machines
+take up to half a second to start.
 """
 
 from collections.abc import Sequence

@@ -61,7 +61,7 @@ def test_garbage_does_not_crash_it(build: Path) -> None:
     check_garbage(java(build, "minervabus.Vectors"))
 
 
-@pytest.mark.parametrize(("role", "cases"), role_cases(ROLES, part=5))
+@pytest.mark.parametrize(("role", "cases"), role_cases(ROLES, part=8))
 def test_it_passes_the_conformance_suite(role: MemberRole, cases: list[str], build: Path) -> None:
     card = run_suite(java(build, "Conformance"), cases=cases, roles=[role.value])
     assert "\n".join(report.problems(card)) == ""

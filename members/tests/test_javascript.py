@@ -53,7 +53,7 @@ def test_its_own_tests_pass() -> None:
     assert int(count[1]) > 200
 
 
-@pytest.mark.parametrize(("role", "cases"), role_cases(ROLES, part=4))
+@pytest.mark.parametrize(("role", "cases"), role_cases(ROLES, part=8))
 def test_it_passes_the_conformance_suite(role: MemberRole, cases: list[str]) -> None:
     words = ["node", str(EXAMPLES / "conformance.js")]
     card = run_suite(words, cases=cases, roles=[role.value])
