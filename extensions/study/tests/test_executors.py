@@ -78,7 +78,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_table_of_local_processes(cluste
 
     def lose():
         while not any(cluster.processing().values()):
-            pass
+            time.sleep(0.001)
         os.kill(pid, signal.SIGKILL)
         seen.set()
 
@@ -197,7 +197,7 @@ def test_a_broken_pool_is_no_result():
 
         def lose():
             while not pool._pending_work_items:
-                pass
+                time.sleep(0.001)
             os.kill(pid, signal.SIGKILL)
 
         killer = threading.Thread(target=lose)
