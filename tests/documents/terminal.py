@@ -141,7 +141,10 @@ class Terminal:
             f'#!/bin/sh\nexec {sys.executable} -m pytest -p no:cacheprovider "$@"\n'
         )
         (programs / "pytest").chmod(0o755)
+        # With other ones, tests/starts.py would start servers of its own for these commands.
+        locale = {key: os.environ[key] for key in os.environ if key.startswith(("LANG", "LC_"))}
         self.environment = {
+            **locale,
             "PATH": f"{programs}:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
             "HOME": str(folder),
             "TERM": "xterm-256color",
