@@ -52,13 +52,9 @@ def propose(i: int, people: Person, draws: Draws):
                 count += 1
                 other = j if integers(draws, count) == 0 else other
         if other != ALONE and random(draws) * 10 < people.coupling[other]:
-            join(people, i, other)
-            join(people, other, i)
-
-
-def join(people, i, other):
-    people.partner[i] = other
-    stand(people, i, int(people.x[i]) + 0.5, int(people.y[i]) + 0.5)
+            people.partner[i], people.partner[other] = other, i
+            stand(people, i, int(people.x[i]) + 0.5, int(people.y[i]) + 0.5)
+            stand(people, other, int(people.x[other]) + 0.5, int(people.y[other]) + 0.5)
 
 
 @rule(SHUFFLED)
@@ -95,9 +91,8 @@ def world(seed):
                          asks=draw.integers(0, 2, PEOPLE), coupling=coupling,
                          commitment=commitment, partner=ALONE, together=0, infected=infected,
                          weeks=infected * draw.uniform(0, SYMPTOMS, PEOPLE))  # fmt: skip
-    return ticking(
-        Town("town", width=SIDE, height=SIDE, periodic=True, births=PEOPLE, people=people)
-    )
+    size = {"width": SIDE, "height": SIDE, "births": PEOPLE}
+    return ticking(Town("town", periodic=True, people=people, **size))
 
 
 def shown(state):
