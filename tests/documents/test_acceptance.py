@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from tools.acceptance import library, routing
+from tools.acceptance import library, routing, vehicles
 from tools.acceptance.__main__ import PAGE, SUITES, main, section
 from tools.acceptance.suite import LFS_POINTER, Outcome
 
@@ -93,3 +93,38 @@ def test_models_of_netlogo_take_steps(name, steps):
     with pytest.importorskip("minerva_fast").interpreted():
         figures = library.figures(name, 1, steps)
     assert {key: round(number, 2) for key, number in figures.items()} == FIGURES[name]
+
+
+@pytest.mark.parametrize("room", [0.5, 4.0, 4.6, 30.0, 200.0])
+def test_vehicles_stop_within_the_room_ahead(room):
+    braking, slow = 4.5, 6.0
+    speeds = [vehicles.stopping(room, braking)]
+    while speeds[-1] > 0:
+        speeds.append(max(speeds[-1] - braking, 0.0))
+    assert room - 0.01 < sum(speeds) <= room
+    speed, driven = float(vehicles.slowing(room, slow, braking)), 0.0
+    assert speed >= slow
+    while speed > slow:
+        driven, speed = driven + speed, max(speed - braking, slow)
+    assert driven <= room
+
+
+def test_vehicles_follow_each_other_and_give_way():
+    way = vehicles.Way(("in", ":c_0", "out"), np.array([0.0, 60.0, 70.0]), (14.0, 8.0, 14.0))
+    major = vehicles.Way(("north", ":c_1", "south"), np.array([0.0, 60.0, 74.0]), (14.0,) * 3)
+    columns = {
+        "ids": ["first", "second", "other"], "x": np.array([30.0, 10.0, 20.0]), "speed": np.full(3, 10.0),
+        "goal": np.full(3, 170.0), "departs": np.zeros(3), "length": 5.0, "dawdling": 0.0,
+    }  # fmt: skip
+    ways = {"first": way, "second": way, "other": major}
+    world = vehicles.world(columns, ways, {":c_0": [":c_1"]})
+    with world.start(seed=1) as live:
+        rows = [live.agents(vehicles.Vehicle)]
+        while not (rows[-1]["arrives"] > 0).all():
+            live.step(vehicles.STEP)
+            rows.append(live.agents(vehicles.Vehicle))
+    first, second, other = np.array([row["x"] for row in rows]).T
+    together = (first > 60) & (first < 75) & (other > 60) & (other < 79)
+    assert not together.any()
+    assert ((first - second)[second < 170] >= 5.0).all()
+    assert rows[-1]["arrives"].argmax() == 1

@@ -31,6 +31,7 @@ from tools.acceptance.positions import GPSD, PYNMEAGPS
 from tools.acceptance.records import MCAP
 from tools.acceptance.routing import MAPF
 from tools.acceptance.suite import MissingSuiteError, Outcome, Result, Score, Suite
+from tools.acceptance.traffic import SUMO
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "acceptance.md"
@@ -52,6 +53,7 @@ SUITES = {
         FARAMA,
         NETLOGO,
         SICK,
+        SUMO,
     )
 }
 

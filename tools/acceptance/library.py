@@ -105,23 +105,26 @@ def _judged_statistics(name: str) -> Iterator[Result]:
         yield compared(f"{name}: {key} after {steps} steps", *samples, ERROR / len(ours[0]))
 
 
-def compared(case: str, ours: list[float], theirs: list[float], error: float) -> Result:
+def compared(
+    case: str, ours: list[float], theirs: list[float], error: float, other: str = "Mesa"
+) -> Result:
     """The result of a statistic, by the test of Kolmogorov and Smirnov of two samples.
 
     Args:
         case: its name.
         ours: the statistic in runs of a world.
-        theirs: the same in Mesa.
+        theirs: the same in the other program.
         error: the probability that it fails although both have the same distribution.
+        other: that program.
 
     """
     from scipy.stats import ks_2samp
 
     p = float(ks_2samp(ours, theirs).pvalue)
     shown, wanted = (f"{np.mean(runs):.2f} ± {np.std(runs, ddof=1):.2f}" for runs in (ours, theirs))
-    values = {"Minerva Bus": shown, "Mesa": wanted, "p": f"{p:.2f}"}
+    values = {"Minerva Bus": shown, other: wanted, "p": f"{p:.2f}"}
     if p < error:
-        return Result(case, Outcome.FAILED, f"{shown}, in Mesa {wanted} (p = {p:.1g})", values)
+        return Result(case, Outcome.FAILED, f"{shown}, in {other} {wanted} (p = {p:.1g})", values)
     return Result(case, Outcome.PASSED, "", values)
 
 
