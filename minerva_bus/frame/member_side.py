@@ -909,6 +909,14 @@ class Member:
         self._generating.buffer.put(readings)
         self._tick_if_complete()
 
+    def clear_tick(self) -> None:
+        """Discard an unanswered tick, because another coordinator has greeted the member.
+
+        It requests the tick again after its welcome. Before that it does not know all publishers,
+        so an answer would lack the readings of the others.
+        """
+        self._generating.asked = None
+
     def _on_tick(self, request: m.TickRequest) -> None:
         answer = self._generating.repeated(request.frame)
         if answer is not None:

@@ -322,9 +322,12 @@ class Participant:
 
     def receive(self, data: bytes) -> None:
         """Process a message of the coordinator."""
+        stamp = self.link.stamp
         message = self.link.message(data)
         if message is None:
             return
+        if self.link.stamp != stamp:
+            self.member.clear_tick()
         joining = self.member.world is None
         self.process(message)
         if joining and self.member.world is not None:
