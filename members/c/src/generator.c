@@ -37,7 +37,7 @@ typedef struct generator {
     const mb_generator *spec;
     size_t topic_count; /* topics that it publishes */
     bool is_asked;
-    int64_t asked;
+    int64_t asked, asked_by; /* the frame, and the epoch of the coordinator: its successor asks again */
     bool has_answered;
     answer last;
     order orders[MAX_PENDING];
@@ -274,7 +274,7 @@ static void write_readings(const generator *self, published *topic) {
 }
 
 static void try_to_answer(generator *self, mb_member *member) {
-    if (!self->is_asked || !is_ready(self)) return;
+    if (!self->is_asked || self->asked_by != member->epoch || !is_ready(self)) return;
     self->is_asked = false;
     struct mb_tick tick = {.self = self, .member = member};
     tick.topics = mb_resize(NULL, self->topic_count, sizeof *tick.topics);
@@ -298,6 +298,7 @@ static void receive_tick(generator *self, mb_member *member, int64_t frame) {
     }
     self->is_asked = true;
     self->asked = frame;
+    self->asked_by = member->epoch;
     try_to_answer(self, member);
 }
 

@@ -30,6 +30,7 @@ class Generator {
     this.publishes = spec.publishes;
     this.state = structuredClone(spec.state);
     this.asked = null;
+    this.askedBy = null; // the epoch of the coordinator; its successor asks again
     this.answer = null;
     this.orders = [];
     this.sources = [];
@@ -73,7 +74,7 @@ class Generator {
 
   onTick(frame) {
     if (this.answer?.frame === frame) return this.#give(this.answer);
-    this.asked = frame;
+    [this.asked, this.askedBy] = [frame, this.member.epoch];
     this.#tryToAnswer();
   }
 
@@ -82,7 +83,8 @@ class Generator {
   }
 
   #tryToAnswer() {
-    if (this.asked === null || this.sources.some((source) => !this.readings.has(`${this.asked} ${source}`))) return;
+    if (this.asked === null || this.askedBy !== this.member.epoch) return;
+    if (this.sources.some((source) => !this.readings.has(`${this.asked} ${source}`))) return;
     const frame = this.asked;
     this.asked = null;
     this.answer = this.member.own(() => this.#answer(frame));

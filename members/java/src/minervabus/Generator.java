@@ -23,6 +23,7 @@ public abstract class Generator extends Role {
     private final Map<Source, List<Reading>> readings = new LinkedHashMap<>();
     private Map<?, ?> sources = Map.of();
     private Long asked;
+    private long askedBy; // the epoch of the coordinator; its successor asks again
     private Answer last;
     private Member member;
 
@@ -114,6 +115,7 @@ public abstract class Generator extends Role {
             return;
         }
         asked = frame;
+        askedBy = member.epoch();
         tryToAnswer();
     }
 
@@ -143,7 +145,7 @@ public abstract class Generator extends Role {
     }
 
     private void tryToAnswer() {
-        if (asked == null || !isReady()) return;
+        if (asked == null || askedBy != member.epoch() || !isReady()) return;
         long frame = asked;
         asked = null;
         var moment = new Moment(member, frame, takeOrders(frame), takeReadings(frame), publishes());

@@ -63,6 +63,11 @@ final class Member {
         return name;
     }
 
+    /** The epoch of the coordinator that it obeys. */
+    long epoch() {
+        return epoch;
+    }
+
     /** Its welcome; only after it has joined. */
     Welcome joined() {
         return joined;
