@@ -118,6 +118,8 @@ def test_a_map_reports_closed_loops_and_has_single_walls():
     assert not any("drawn twice" in note for note in made.notes)
     assert made.drift is not None
     assert made.drift.taken.aligned.mean() < 0.15
+    # The first scans do not turn all others: 0.09 m if they do.
+    assert made.drift.taken.metres.mean() < 0.06
     assert parts == sorted(parts)
 
 

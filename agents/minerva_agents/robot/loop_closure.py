@@ -29,10 +29,15 @@ from scipy.sparse import linalg
 
 from minerva_agents.robot.pose import Reals, moved
 from minerva_agents.robot.trajectories import (
+    ANYWHERE,
     MIN_LOOP,
+    MapExtent,
+    Posed,
     ScanKeyframe,
     between,
+    canvas_of,
     keyframes_of,
+    matched_pose,
     poses_of,
     seen_through,
     transformed,
@@ -43,6 +48,9 @@ from minerva_bus.world.readings import Scan
 
 _MIN_WEIGHT: Final = 0.25
 """Minimum weight for a closure to be kept."""
+
+_ANCHOR_CELL: Final = 0.05
+"""Side of a cell in metres of the map that the first scan must fit."""
 
 _MAX_WIDTH: Final = 2.0
 """Search window of the second round, in metres to each side."""
@@ -85,7 +93,29 @@ def closed_loops(scans: Sequence[Scan], places: Sequence[Pose], progress: Progre
     progress(1.0)
     if not closures:
         return ClosedLoops(list(places), 0, rejected)
-    return ClosedLoops(_carried(places, keys, poses), len(closures), rejected)
+    carried = _anchored(scans, keys, _carried(places, keys, poses))
+    return ClosedLoops(carried, len(closures), rejected)
+
+
+def _anchored(
+    scans: Sequence[Scan], keys: Sequence[ScanKeyframe], places: Sequence[Pose]
+) -> list[Pose]:
+    """The poses, moved and turned together so that the first scan fits what later ones have seen.
+
+    The first pose stays. The next ones were matched with a map of few scans, and a small error of
+    heading there turns all others about it.
+    """
+    extent, posed = MapExtent(), list[Posed]()
+    for key in keys:
+        if key.way > MIN_LOOP:
+            at = places[key.number]
+            posed.append(Posed(scans[key.number], at.x, at.y, at.angle))
+            extent.take(posed[-1])
+    canvas = canvas_of(extent, _ANCHOR_CELL)
+    for each in posed:
+        canvas.draw(each)
+    seen = matched_pose(canvas, scans[0], places[0], ANYWHERE)
+    return [places[0], *[places[0].compose(seen.seen(place)) for place in places[1:]]]
 
 
 def _searched(

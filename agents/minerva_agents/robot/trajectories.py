@@ -296,7 +296,7 @@ class Canvas:
 # --- estimated poses ------------------------------------------------------------------------------
 
 
-_ANYWHERE: Final = Uncertainty(0.15, 5.0)
+ANYWHERE: Final = Uncertainty(0.15, 5.0)
 """Uncertainty of a step without odometry: the robot may have moved in any direction."""
 
 
@@ -421,8 +421,7 @@ class _Matcher:
             known = [posed for posed in (published, wheels) if isinstance(posed, Posed)]
             here = place_of(known[0]) if known else self._here
         else:
-            guess, uncertainty = self._step(wheels)
-            here = self._matched(self._canvas, scan, guess, uncertainty)
+            here = matched_pose(self._canvas, scan, *self._step(wheels))
         posed = Posed(scan, here.x, here.y, here.angle)
         self._extent.take(posed)
         if self._canvas is None:
@@ -435,20 +434,22 @@ class _Matcher:
     def _step(self, wheels: Posed | Unposed) -> tuple[Pose, Uncertainty]:
         before, here = self._wheels, self._here
         if before is None or isinstance(wheels, Unposed):
-            return here, _ANYWHERE
+            return here, ANYWHERE
         turn = math.remainder(wheels.angle - before.angle, 360.0)
         dist = portable.dist((wheels.x, wheels.y), (before.x, before.y))
         return moved(here, before, wheels), Uncertainty.after(turn, dist)
 
-    def _matched(self, canvas: Canvas, scan: Scan, guess: Pose, uncertainty: Uncertainty) -> Pose:
-        cell = self._cell
-        dist, angle = hits(scan)
-        start = GridPose((guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle)
-        best = match(canvas.grid, start, (dist / cell, angle), cell, uncertainty)
-        # A conversion to cells and back would round the pose.
-        if best is start:
-            return guess
-        return Pose(canvas.x + best.row * cell, canvas.y + best.column * cell, best.angle)
+
+def matched_pose(canvas: Canvas, scan: Scan, guess: Pose, uncertainty: Uncertainty) -> Pose:
+    """The pose at which a scan fits a map best; the guess itself if it fits nowhere."""
+    cell = canvas.cell
+    dist, angle = hits(scan)
+    start = GridPose((guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle)
+    best = match(canvas.grid, start, (dist / cell, angle), cell, uncertainty)
+    # A conversion to cells and back would round the pose.
+    if best is start:
+        return guess
+    return Pose(canvas.x + best.row * cell, canvas.y + best.column * cell, best.angle)
 
 
 def place_of(posed: Posed) -> Pose:
