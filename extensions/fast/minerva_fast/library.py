@@ -35,6 +35,7 @@ from minerva_fast import draws, places
 from minerva_fast.draws import EXACT
 from minerva_fast.functions import OF_MATH, OF_PORTABLE
 from minerva_fast.machine_code import NUMBA_OPTIONS
+from minerva_fast.pipeline import KernelCompiler, PartCompiler
 from minerva_fast.places import (
     CellGrid,  # noqa: F401
     Columns,
@@ -47,14 +48,14 @@ from minerva_fast.places import (
 )
 
 # Python calls kernels only, so others need no wrapper for it, and none needs one for C.
-_INNER: Final = {**NUMBA_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER: Final = {
+    **NUMBA_OPTIONS,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": PartCompiler,
+}
 compiled: Any = njit(**_INNER)
 inlined: Any = njit(**_INNER, forceinline=True)
-_ONCE: Final[dict[str, Any]] = {**_INNER, "inline": "always"}
-once: Any = njit(**_ONCE)
-"""For a loop that a kernel calls in one place: it has no types and machine code of its own.
-
-Rules are not such, because their machine code takes up to a fifth longer then."""
 
 NAN: Final = math.nan
 INFINITY: Final = math.inf
@@ -69,7 +70,13 @@ def kernel(signature: Any) -> Any:
     """
 
     def entry(function: FunctionType) -> Any:
-        options = {**NUMBA_OPTIONS, "cache": True, "nogil": True, "no_cfunc_wrapper": True}
+        options = {
+            **NUMBA_OPTIONS,
+            "no_cfunc_wrapper": True,
+            "cache": True,
+            "nogil": True,
+            "pipeline_class": KernelCompiler,
+        }
         (made,) = njit(signature, **options)(function).overloads.values()
         return made.entry_point
 
@@ -437,7 +444,7 @@ def loop(name: str) -> Any:
     """A loop over the rows of a table, as part of a kernel, and its signature."""
     function = getattr(places, name)
     hints = get_type_hints(function)
-    return once(_calling_forms(function)), typed(hints.pop("return"))(*map(typed, hints.values()))
+    return form(function), typed(hints.pop("return"))(*map(typed, hints.values()))
 
 
 def _within(function: Any, least: float, most: float) -> Any:

@@ -88,3 +88,25 @@ def test_values_of_a_chosen_tuple():
             self.x += real
 
     same(Drifter, sown(Drifter), [[day()], [day(), day()]])
+
+
+def test_functions_that_a_kernel_calls_have_no_machine_code_of_their_own(tmp_path, monkeypatch):
+    from numba.core.codegen import JitEngine
+
+    from minerva_fast import machine_code
+
+    made, add = set(), JitEngine.add_module
+
+    def noted(engine, module):
+        made.add(module.name)
+        return add(engine, module)
+
+    monkeypatch.setattr(JitEngine, "add_module", noted)
+    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
+    text = (
+        "from minerva_fast.library import *\n\n"
+        "@kernel(int64(int64))\ndef run(number):\n    return bound(absolute(number))\n"
+    )
+    assert machine_code.load_kernel(text, "a test")(-7) == 7
+    assert "run" in made
+    assert not made & {"absolute", "bound"}
