@@ -21,6 +21,7 @@ from site_links import broken, broken_in_markdown, build, page
 
 import minerva_bus
 from minerva_bus.cli.main import COMMANDS, app, topics
+from tests.patience import patience
 
 ROBOT = ROOT / "agents" / "minerva_agents" / "robot" / "robot.toml"
 
@@ -142,20 +143,21 @@ def test_no_page_loads_a_mathematics_script(site):
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
-@pytest.mark.parametrize("page_name", ["index.html", "reference/index.html"])
-def test_a_reader_finds_a_page_by_search_without_a_server(site, page_name):
+def test_a_reader_finds_a_page_by_search_without_a_server(site):
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as player:
         browser = player.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         view = browser.new_page(viewport={"width": 1280, "height": 900})
-        view.goto((site / page_name).as_uri())
-        box = view.locator("input.sidebar-search")
-        box.fill("certificates revoked")
-        box.press("Enter")
-        result = view.locator("#search-results a", has_text="Security").first
-        result.click()
-        view.wait_for_url("**/security.html*")
-        assert "Security" in view.locator("h1").first.inner_text()
+        view.set_default_timeout(1000 * patience())
+        for name in ("index.html", "reference/index.html"):
+            view.goto((site / name).as_uri())
+            box = view.locator("input.sidebar-search")
+            box.fill("certificates revoked")
+            box.press("Enter")
+            result = view.locator("#search-results a", has_text="Security").first
+            result.click()
+            view.wait_for_url("**/security.html*")
+            assert "Security" in view.locator("h1").first.inner_text()
         browser.close()
 
 

@@ -23,7 +23,7 @@ sys.path.insert(0, str(FOLDER))
 from traffic import MOST_FINED, Car, eFine, eHonk, eLight, vocabulary  # noqa: E402
 
 
-def lived(norms, frames=500):
+def lived(norms, frames=400):
     """An in-process run: its metrics, and the states of the drivers at its end."""
     overrides = Overrides(options={"norms": norms}, frames=frames)
     file = read_world_file(FOLDER / "traffic.toml", overrides)
