@@ -87,6 +87,7 @@ def test_transforms_of_joints_place_a_laser_when_they_move_it(tmp_path, namespac
     def make(ros):
         yield 0.0, f"{namespace}/scan", ros.scan([1.0], frame="laser")
         yield 0.1, f"{namespace}/tf_static", ros.transforms(("mast", "laser", 0.0, 0.0, 0.0, 0.0))
+        yield 0.0, f"{namespace}/more/tf", ros.odometry(0.0, 0.0, 0.0)
         yield 0.1, "/bot2/tf", ros.transforms(("mast", "laser", 9.0, 0.0, 0.0, 0.0))
         for seconds, yaw in ((1.0, 0.25), (6.0, 0.5)):
             turned = ros.transforms(
@@ -97,7 +98,9 @@ def test_transforms_of_joints_place_a_laser_when_they_move_it(tmp_path, namespac
             yield seconds + 0.1, f"{namespace}/scan", ros.scan([1.0], frame="laser")
 
     said, passed = bag_of(tmp_path, make)
-    mounts = [(each.reading.mount_x, each.reading.mount_angle) for each in said]
+    scans = [each.reading for each in said if each.topic == "scan"]
+    mounts = [(scan.mount_x, scan.mount_angle) for scan in scans]
+    assert len(said) == len(scans) + 1  # odometry, on a topic named like one of transforms
     assert mounts == [(0.5, 45.0), (0.5, 45.0), (0.5, 90.0)]
     assert passed == []
 

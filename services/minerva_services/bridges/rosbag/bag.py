@@ -218,7 +218,7 @@ class Bag:
             return item[1] == POINTS, item[0]
 
         for topic, kind in sorted(known.items(), key=rank):
-            if _has_transforms(topic):
+            if _has_transforms(topic, kind):
                 continue  # They place the sensors.
             if kind not in TOPICS:
                 line = f"{self.path}: {topic} skipped: messages {kind} are not read"
@@ -239,7 +239,7 @@ class Bag:
         there = [
             item
             for item in self._reader.connections
-            if _has_transforms(item.topic)
+            if _has_transforms(item.topic, _kind(item))
             # Of several robots, each has those in its own namespace.
             and any(name.startswith(f"{item.topic.rpartition('/')[0]}/") for name in names)
         ]
@@ -266,8 +266,9 @@ class Bag:
             self.pass_over(_BROKEN, f"{line}: {reason_of(error, self.path)}")
 
 
-def _has_transforms(topic: str) -> bool:
-    return topic.rpartition("/")[2] in _TRANSFORMS
+def _has_transforms(topic: str, kind: str) -> bool:
+    # In old bags of ROS 1, the type is tf/tfMessage.
+    return topic.rpartition("/")[2] in _TRANSFORMS and kind.lower().endswith("/tfmessage")
 
 
 def _kind(connection: Connection) -> str:
