@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +20,9 @@ from minerva_determinism.positions import WHEN, deaths
 
 pytest.importorskip("mcap")
 
+ROOT = Path(__file__).parents[3]
+ARM = os.environ.get("MINERVA_ARM", "")
+"""A folder of `minerva certify --emulate aarch64 --setup`, if there is one."""
 CODE = """\
 from minerva_bus import Agent, EventType, Generator, Vocabulary, on
 
@@ -136,6 +140,26 @@ def test_a_world_is_the_same_on_another_processor(world, tmp_path):
     pythons = interpreters([], "aarch64", tmp_path / "arm")
     made = certify([str(world("distant_garden"))], plan(frames=3, pythons=pythons))
     assert (made.checks[-1].name, made.checks[-1].result) == ("emulated aarch64", SAME)
+
+
+@pytest.mark.skipif(
+    not (ARM and shutil.which("qemu-aarch64-static")),
+    reason="it needs qemu-user-static, and a folder of `certify --setup` in MINERVA_ARM",
+)
+def test_meadow_has_the_same_digest_on_another_processor():
+    # The code of this project, not that of the folder, with the libraries of the folder.
+    own = [path for path in sys.path if Path(path).is_relative_to(ROOT) and ".venv" not in path]
+    command = [
+        part.replace("PYTHONPATH=", f"PYTHONPATH={os.pathsep.join([str(ROOT), *own])}{os.pathsep}")
+        for part in emulated("aarch64", Path(ARM))
+    ]
+    words = ["-m", "minerva_bus", "run", "meadow", "--in-process", "--frames", "3", "--json"]
+    runs = [
+        subprocess.run([*python, *words], capture_output=True, text=True, check=True)
+        for python in (command, [sys.executable])
+    ]
+    arm, here = (json.loads(run.stdout)["digest"] for run in runs)
+    assert arm == here
 
 
 def test_a_death_loses_state_that_is_not_saved(world):
