@@ -3,8 +3,9 @@
 Sources are read in two places: as files in a repository browser, and as pages of the site. Links
 are written for the first place, relative to their file. In the site
 
-- a page whose text is `{document} PATH` shows a Markdown file, and its links work; the page of an
-  extension that is left out says so, and links to it are plain text;
+- a page whose text is `{document} PATH` shows a Markdown file, and its links work; the sentence in
+  the block, a link to the file, is for the repository browser; the page of an extension that is
+  left out says so, and links to it are plain text;
 - a link to such a file leads to its page;
 - a link to a folder leads to the page of its README, or, if it has no page, to an archive of it.
 
@@ -35,6 +36,7 @@ class Document(MarkdownDirective):
     """A Markdown file of the repository as a page; `include` would keep its links as they are."""
 
     required_arguments = 1
+    has_content = True
 
     def run(self) -> list[nodes.Node]:
         relative, name = self.env.relfn2path(self.arguments[0])

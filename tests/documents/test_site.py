@@ -1,5 +1,6 @@
 """The documentation site: it builds without warnings, its links lead somewhere, its search finds."""
 
+import os
 import re
 import shutil
 import tomllib
@@ -7,6 +8,7 @@ from html import escape
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -169,6 +171,17 @@ def test_the_guides_are_grouped_as_the_commands_and_each_is_listed_once():
     assert [texts[name].split("\n")[0] for name in groups] == [f"# {topic}" for topic in topics()]
     pages = chain.from_iterable(listed[name] for name in groups)
     assert sorted(pages) == sorted(texts.keys() - {"index", *groups})
+
+
+def test_a_page_made_of_another_document_links_to_it_in_a_repository_browser():
+    pages = {path: path.read_text("utf-8") for path in MARKDOWN if ROOT / "docs" in path.parents}
+    shown = {path: text for path, text in pages.items() if "{document}" in text}
+    assert len(shown) > 30
+    for path, text in shown.items():
+        target = text.split()[1]
+        name = Path(os.path.relpath(path.parent / target, ROOT)).as_posix()
+        link = f"The text of this page is in [{name}]({target})."
+        assert text == f":::{{document}} {target}\n\n{link}\n\n:::\n", path
 
 
 @pytest.mark.parametrize("path", MARKDOWN, ids=lambda path: str(path.relative_to(ROOT)))
