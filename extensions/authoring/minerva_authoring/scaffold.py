@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 from typing import Final
@@ -149,8 +150,10 @@ def _made(kind: str, name: str, folder: Path) -> Done:
     run, edit = [
         Template(text).substitute(name=name) for text in (KINDS[kind].run, KINDS[kind].edit)
     ]
+    missing = [] if find_spec("pytest") else [f"  {'pip install pytest':40} # for its tests"]
     lines = [
         _created(made),
+        *missing,
         f"  {'pytest':40} # run its tests",
         f"  {run:40} # run a small world",
         f"then edit {edit}",

@@ -2,12 +2,14 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from minerva_authoring import scaffold as scaffolding
 from minerva_authoring.commands import complete_kinds
 from minerva_authoring.scaffold import KINDS, TEMPLATES, copy_world, scaffold
 from minerva_bus.cli.main import app
@@ -124,9 +126,13 @@ def test_a_folder_that_cannot_be_written_to(tmp_path):
         scaffold("world", "meter", tmp_path / "nowhere")
 
 
-def test_the_command_prints_the_next_steps(tmp_path, capsys):
+def test_the_command_prints_the_next_steps(tmp_path, capsys, monkeypatch):
+    minerva("new", "world", "metre", "--in", str(tmp_path))
+    assert "pip install" not in capsys.readouterr().out
+    monkeypatch.setattr(scaffolding, "find_spec", lambda name: None)
     minerva("new", "world", "meter", "--in", str(tmp_path))
     printed = capsys.readouterr().out
+    assert re.search(r"pip install pytest +# for its tests\n +pytest +#", printed)
     assert f"cd {tmp_path / 'meter'}" in printed
     assert "minerva run meter.toml" in printed
     with pytest.raises(MisuseError, match="kind 'wordl'; did you mean 'world'"):
