@@ -72,12 +72,9 @@ def is_own(path: Path) -> bool:
         return False
     # Under another name, such as that of a link, it would be destroyed as a video or a table.
     is_named_record = path.suffix.lower() == ".mcap"
-    return MARK.encode() in edges or (is_named_record and _is_record(edges))
-
-
-def _is_record(head: bytes) -> bool:
-    """Whether a file begins as an MCAP file whose header names this library."""
-    return head.startswith(b"\x89MCAP") and b"minerva-bus" in head[:256]
+    # An MCAP file whose header names this library.
+    is_record = edges.startswith(b"\x89MCAP") and b"minerva-bus" in edges[:256]
+    return MARK.encode() in edges or (is_named_record and is_record)
 
 
 _COMMENTS: Final[Mapping[str, tuple[str, str]]] = {

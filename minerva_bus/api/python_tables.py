@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, cast
 
-from minerva_bus.api.used_symbols import SymbolFinder, spec_of
+from minerva_bus.api.used_symbols import SymbolFinder, shown, spec_of
 from minerva_bus.arguments import named, text
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
@@ -174,9 +174,7 @@ class PythonTables:
         world, string = self.tables["world"], self._string
         if isinstance(string, str):
             world["string"] = string
-            # A text with options can be parsed only after they are filled in.
-            if "${" not in string:
-                finder.add_scene(parse(string, f"{self.name}: the string"))
+            finder.add_scene(parse(self._filled(string), f"{self.name}: the string"))
         elif isinstance(string, Scene):
             # World files name a function that takes the options.
             world["scene"] = self._keep(partial(_same, string), MAKE)
@@ -239,7 +237,7 @@ class PythonTables:
             *vocabulary.events.values(),
             *[self._kinds[name] for name in vocabulary.kinds],
         ]
-        world["vocabulary"] = [spec_of(entry, _shown(entry)) for entry in entries]
+        world["vocabulary"] = [spec_of(entry, shown(entry)) for entry in entries]
         if isinstance(self._string, Scene):
             # The text can be written to a file, the function in this process cannot.
             del world["scene"]
@@ -258,7 +256,7 @@ class PythonTables:
         prefix = f"{self.module.__name__}:"
         if isinstance(value, str) and value.startswith(prefix):
             thing = getattr(self.module, value.removeprefix(prefix))
-            return spec_of(thing, _shown(thing))
+            return spec_of(thing, shown(thing))
         return value
 
 

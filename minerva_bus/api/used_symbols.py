@@ -119,7 +119,7 @@ class SymbolFinder:
     def _named(self, name: str) -> Symbol | None:
         for namespace in self._namespaces:
             for value in list(namespace.values()):
-                if _is_symbol(value) and _name(value) == name:
+                if _is_symbol(value) and name == getattr(value, "kind", value).name:
                     return value
         return None
 
@@ -189,10 +189,6 @@ def _is_symbol(value: object) -> bool:
     return isinstance(value, Primitive | Transformation | EventType) or _is_agent(value)
 
 
-def _name(symbol: Any) -> str:
-    return symbol.kind.name if _is_agent(symbol) else symbol.name
-
-
 def spec_of(thing: Any, what: str) -> str:
     """The `module:attribute` by which other processes find a class, function or symbol.
 
@@ -209,7 +205,7 @@ def spec_of(thing: Any, what: str) -> str:
         where = "the program that runs (__main__)" if module == MAIN else "a function or cell"
         raise MisuseError(
             f"{what} is defined in {where}, where other processes cannot find it; move it into a"
-            f" module, such as agents.py, and import it: from agents import {_short(thing)}"
+            f" module, such as agents.py, and import it: from agents import {shown(thing)}"
         )
     return spec
 
@@ -239,5 +235,6 @@ def _variable_of(symbol: Any) -> str:
     return (others or homes or [""])[0]
 
 
-def _short(thing: Any) -> str:
-    return str(getattr(thing, "__name__", getattr(thing, "name", "...")))
+def shown(thing: Any) -> str:
+    """The name of a class, function or symbol, for messages."""
+    return str(getattr(thing, "__name__", getattr(thing, "name", thing)))

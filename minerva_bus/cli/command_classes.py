@@ -259,14 +259,10 @@ def _names_world(words: Sequence[str], others: Sequence[Any]) -> bool:
     if len(words) > len(others):
         return True
     needed = sum(each.required for each in others)
-    if len(rest) < needed or _is_number(first):
+    if len(rest) < needed or first.replace(".", "", 1).isdigit():
         return False
     # In `step nowhere` it can be nothing else, even if no world of this name runs.
     return isinstance(others[0].default, int) or first in _running()
-
-
-def _is_number(word: str) -> bool:
-    return word.replace(".", "", 1).isdigit()
 
 
 def _running() -> list[str]:

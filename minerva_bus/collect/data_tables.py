@@ -103,7 +103,7 @@ class DataTable:
     def _lines(self) -> list[list[str]]:
         """The names of the columns, and the first rows."""
         return [
-            [_shown(value) for value in line]
+            [f"{each:.6g}" if isinstance(each, float) else str(each) for each in line]
             for line in (self.columns, *islice(self.rows(), SHOWN_ROWS))
         ]
 
@@ -245,10 +245,6 @@ def _arrow_schema(types: Mapping[str, str], text: str) -> Any:
     # A type has the name of numpy's, which is its alias in Arrow.
     names = {name: text if kind == "text" else kind for name, kind in types.items()}
     return arrow.schema([(name, arrow.type_for_alias(alias)) for name, alias in names.items()])
-
-
-def _shown(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 # --- files ---

@@ -152,7 +152,8 @@ class Composition:
         """The fragment that contains an agent, or None."""
         home = self._home.get(agent)
         if home is None and self.parts:
-            return next((name for name, part in self.parts.items() if _has(part, agent)), None)
+            parts = self.parts.items()
+            return next((name for name, part in parts if ids_of(part).row_of(agent) >= 0), None)
         return home
 
     def home_of_each(self, agents: Iterable[str]) -> dict[str, str]:
@@ -204,8 +205,7 @@ class Composition:
         if not self._home:
             # Of many agents, the first few are usually in all parts.
             first = agents.take(slice(FIRST))
-            parts = {name for name, part in self.parts.items() if _any_in(part, first)}
-            if len(parts) == len(self.parts):
+            if all((ids_of(part).rows_of(first) >= 0).any() for part in self.parts.values()):
                 yield from self.parts
                 return
         left = agents
@@ -378,10 +378,6 @@ def _rows(parts: Iterable[tuple[str, int]]) -> int:
     return sum(count for _, count in parts)
 
 
-def _any_in(part: Columns, agents: Ids) -> bool:
-    return bool((ids_of(part).rows_of(agents) >= 0).any())
-
-
 def first_in(agents: Ids, others: Iterable[Ids]) -> str | None:
     """The first of these agents that is among others; None if none is."""
     for ids in others if len(agents) else ():
@@ -389,7 +385,3 @@ def first_in(agents: Ids, others: Iterable[Ids]) -> str | None:
         if len(rows):
             return agents[int(rows[0])]
     return None
-
-
-def _has(part: Columns, agent: str) -> bool:
-    return ids_of(part).row_of(agent) >= 0

@@ -19,7 +19,7 @@ from minerva_bus.frame.member_table import (
     incompatibility,
 )
 from minerva_bus.frame.messages import Figures
-from minerva_bus.frame.placement import Offers, Placement
+from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.sender_rights import OrderRules
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.view_streams import Views
@@ -136,9 +136,6 @@ class MemberLifecycle:
         self._outcome = outcome
         self._orders = orders
         self._course = course
-
-    def _offers(self) -> Offers:
-        return self._members.allowed_offers(self._world.placement)
 
     # --- joining ---
 
@@ -303,7 +300,8 @@ class MemberLifecycle:
             return "; the world continues" if member.needed else ""
         if not placement.fragments_of(member.name):
             return "; no agents lived on it"
-        if placement.may_take_over(member.name, self._offers()):
+        offers = self._members.allowed_offers(self._world.placement)
+        if placement.may_take_over(member.name, offers):
             return "; other hosts take its agents over"
         return waits or "; no other host can take its agents over"
 

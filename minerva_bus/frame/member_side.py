@@ -668,14 +668,10 @@ class Host:
             # view has not, so nothing is sent.
             if delta is not None and not delta.empty:
                 views[fragment] = delta
-            elif delta is None and (shown is None or _other(shown.view, view)):
+            # Views in columns without a common delta are sent: a comparison would need a digest.
+            elif delta is None and (shown is None or has_columns(view) or shown.view != view):
                 views[fragment] = view
         return views
-
-
-def _other(old: Scene, new: Scene) -> bool:
-    """Whether two views without a common delta differ; columns always do, to avoid a digest."""
-    return has_columns(new) or old != new
 
 
 def _delta(old: Scene, new: Scene, row_delta: RowDelta | None = None) -> Delta | None:

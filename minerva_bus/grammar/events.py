@@ -260,7 +260,8 @@ class Events:
     def first_occurrences(self) -> NDArray[np.bool_]:
         """Which events equal no earlier one, shape (count,)."""
         kept = np.ones(self.count, np.bool_)
-        if self.count < 2 or any(map(_distinct, (self.senders, self.receivers))):
+        ends = (self.senders, self.receivers)
+        if self.count < 2 or any(ids is not None and ids.distinct for ids in ends):
             return kept
         # Such as the angles of a scan. The search below takes at least six times as long.
         if any(map(_ascends, self.columns)):
@@ -390,10 +391,6 @@ def _repeated(order: Rows, sizes: Rows, begins: Rows) -> tuple[Rows, Rows, Rows]
 def _mixed(hashes: NDArray[np.uint64], word: NDArray[np.uint64]) -> NDArray[np.uint64]:
     hashes = (hashes ^ word) * _MIX
     return hashes ^ (hashes >> np.uint64(31))
-
-
-def _distinct(ids: Ids | None) -> bool:
-    return ids is not None and ids.distinct
 
 
 def _ascends(column: Column) -> bool:

@@ -250,7 +250,7 @@ class Ids(Joinable):
         numbers = _numbered(texts)
         if numbers is not None:
             return Ids(*numbers)
-        width = _width(texts)
+        width = max(map(len, texts), default=1)
         try:
             return Ids(None, np.array(texts, f"S{width}"))
         except UnicodeEncodeError:  # Not valid ids; `strange` reports them.
@@ -525,10 +525,6 @@ def _numbered(texts: Sequence[str]) -> tuple[str, NDArray[np.int64]] | None:
         stem = match[1]
         numbers.append(int(match[2]))
     return None if stem is None else (stem, np.array(numbers, np.int64))
-
-
-def _width(texts: Sequence[str]) -> int:
-    return max(map(len, texts), default=1)
 
 
 Texts = NDArray[np.bytes_]

@@ -275,15 +275,13 @@ class InProcessRun(WorldRun):
             self._answer_waiting()
             services.deliver()
             services.pulse()
-            now, due = time.monotonic(), self._due(end)
+            # A caller that steps requires each frame now, even if the world is at rest.
+            due = self.schedule.next_at if end is None else self.schedule.due
+            now = time.monotonic()
             if due is not None and due <= now:
                 runner.handle(self.schedule.begin())
             elif runner.ended is None:
                 time.sleep(POLL_SECONDS if due is None else min(due - now, POLL_SECONDS))
-
-    def _due(self, end: int | None) -> float | None:
-        # A caller that steps requires each frame now, even if the world is at rest.
-        return self.schedule.next_at if end is None else self.schedule.due
 
     @contextmanager
     def _reporting(self) -> Generator[None]:

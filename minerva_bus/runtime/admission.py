@@ -422,7 +422,8 @@ class Admission:
             return
         # For investigations: what Zenoh drops is in its log alone, if RUST_LOG asks for it.
         zenoh.try_init_log_from_env()
-        secured = Secured(security.own, security.local, self._access(), self._filters())
+        access = access_control(self._keys, self._rights.values(), [LOCAL_KIND])
+        secured = Secured(security.own, security.local, access, self._filters())
         session, endpoint = self._open_hub(
             COORDINATOR, where.listen, shared=shared, secured=secured, routers=routers
         )
@@ -432,9 +433,6 @@ class Admission:
             self.listens_at = listening_at(session, where.listen)
             self._log_admitted()
             yield session, endpoint
-
-    def _access(self) -> Mapping[str, Any]:
-        return access_control(self._keys, self._rights.values(), [LOCAL_KIND])
 
     def _filters(self) -> list[Mapping[str, Any]]:
         # Readings bypass the coordinator, so Zenoh has to enforce their size.

@@ -90,9 +90,8 @@ class ViewClock:
         self, now: float, rates: Mapping[str, float], *, everything: bool = False
     ) -> tuple[str, ...]:
         """The visual event types of which a view is due in a frame that begins now."""
-        due = tuple(
-            [name for name in sorted(rates) if everything or self._is_due(name, now, rates[name])]
-        )
+        names = [n for n in sorted(rates) if everything or now >= self._next(n, rates[n])]
+        due = tuple(names)
         for event_type in due:
             self._last[event_type] = now
         return due
@@ -100,9 +99,6 @@ class ViewClock:
     def next(self, rates: Mapping[str, float]) -> float:
         """Time at which the next of these views is due."""
         return min((self._next(name, rate) for name, rate in rates.items()), default=float("inf"))
-
-    def _is_due(self, event_type: str, now: float, rate: float) -> bool:
-        return now >= self._next(event_type, rate)
 
     def _next(self, event_type: str, rate: float) -> float:
         # Slightly early, because a frame that begins just before would delay the view by a frame.

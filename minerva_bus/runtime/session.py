@@ -233,7 +233,8 @@ def open_hub(
         for router in routers:
             why = why_unreachable(check_endpoint(router), own, CONNECT_SECONDS)
             raise BusError(f"no router can be joined: {why}") from None
-        raise BusError(f"cannot listen at {listen}: {_brief(error)}") from None
+        brief = str(error).split(" at ", 1)[0][:200]  # without its place in Zenoh's source
+        raise BusError(f"cannot listen at {listen}: {brief}") from None
     let_dead_links_go(session, lease())
     if secured is not None:
         return session, secured.local
@@ -368,11 +369,6 @@ def session_config(
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def _brief(error: Exception) -> str:
-    """The text of Zenoh's error without its place in Zenoh's source."""
-    return str(error).split(" at ", 1)[0][:200]
 
 
 # --- clock and threads ---

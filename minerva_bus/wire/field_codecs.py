@@ -296,10 +296,6 @@ def _has_fields(kind: Any) -> bool:
     return isinstance(kind, list) and len(cast("list[Any]", kind)) > 1 and isinstance(kind[1], list)
 
 
-def _vocabulary(_: DeclaredField) -> FieldCodec:
-    return FieldCodec("vocabulary", lambda _, plain: read_vocabulary(plain), plain_vocabulary)
-
-
 # --- events ---
 
 
@@ -542,7 +538,9 @@ _CODECS: Final[dict[Any, Callable[[DeclaredField], FieldCodec]]] = {
     m.Figures: _figures,
     Mapping[str, tuple[str, ...]]: _text_lists,
     tuple[AgentKind, ...]: _kinds,
-    Vocabulary: _vocabulary,
+    Vocabulary: lambda _: FieldCodec(
+        "vocabulary", lambda _, plain: read_vocabulary(plain), plain_vocabulary
+    ),
     tuple[AnyEvent, ...]: _events,
     m.SentBy: _events_by_sender,
     m.Parts: parts,

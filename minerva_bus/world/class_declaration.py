@@ -406,7 +406,8 @@ def _mark(
 
     def mark(function: _F) -> _F:
         # Built-in functions and partial objects have no attributes for the marks, or no name.
-        if isinstance(function, type) or not hasattr(function, "__dict__") or not _name(function):
+        named = hasattr(function, "__dict__") and getattr(function, "__name__", "")
+        if isinstance(function, type) or not named:
             what = "@on" if name == ON else "@view"
             raise MisuseError(
                 f"{what} marks a method, written with def; {function!r:.80} is of type"
@@ -420,7 +421,3 @@ def _mark(
         return function
 
     return mark
-
-
-def _name(function: object) -> str:
-    return getattr(function, "__name__", "")

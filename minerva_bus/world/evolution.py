@@ -50,10 +50,6 @@ class PolicyRules:
     without_events: bool = False
 
 
-def _together(events: Addressed) -> Sequence[Addressed]:
-    return (events,)
-
-
 def _each(events: Addressed) -> Sequence[Addressed]:
     return [Addressed((event,)) for event in single(events.events)]
 
@@ -71,7 +67,7 @@ class Policy(Enum):
     _value_: str
     rules: PolicyRules
 
-    SEQUENTIAL = "sequential", PolicyRules(_together)
+    SEQUENTIAL = "sequential", PolicyRules(lambda events: (events,))
     LITERAL = "literal", PolicyRules(_each, makes_copies=True, without_events=True)
 
     def __new__(cls, name: str, rules: PolicyRules) -> Policy:

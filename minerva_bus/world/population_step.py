@@ -90,7 +90,8 @@ class RowAdapter:
     def _thawed(self, rows: Rows | None) -> list[Agent]:
         state, cls = self._state, self._cls
         names = (*state.fields.names, "id", "scope", "_node")
-        columns = [_listed(state.value(name), rows) for name in state.fields.names]
+        chosen = slice(None) if rows is None else rows
+        columns = [state.value(name)[chosen].tolist() for name in state.fields.names]
         columns.append(self._ids(rows))
         # Without `__init__`, whose checks the columns have passed, and with all attributes in one
         # update.
@@ -231,10 +232,6 @@ def _taken(part: Columns, cls: type[Agent]) -> tuple[list[Agent] | None, list[st
     if kind is cls and ids is part.ids and all(map(is_, others, part.columns[1:])):
         return agents, names
     return None, None
-
-
-def _listed(array: Any, rows: Any) -> list[Any]:
-    return (array if rows is None else array[rows]).tolist()
 
 
 Activity = Callable[..., Any]
@@ -764,7 +761,7 @@ def _ordered(sent: Sequence[Sent]) -> Sequence[AnyEvent]:
         pairs: list[tuple[int, Event]] = []
         for rows, event in sent:
             pairs += zip([rows] if isinstance(rows, int) else rows.tolist(), event, strict=True)
-        events = [event for _, event in sorted(pairs, key=_row)]
+        events = [event for _, event in sorted(pairs, key=itemgetter(0))]
         batch = Events.of(events)
         return events if batch is None else [batch]
     every = np.concatenate([rows for rows, _ in sent])  # pyright: ignore[reportArgumentType, reportCallIssue]
@@ -772,7 +769,3 @@ def _ordered(sent: Sequence[Sent]) -> Sequence[AnyEvent]:
     if (every[1:] < every[:-1]).any():
         return [batch.take(np.argsort(every, kind="stable"))]
     return [batch]
-
-
-def _row(pair: tuple[int, Event]) -> int:
-    return pair[0]
