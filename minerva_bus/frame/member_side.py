@@ -505,12 +505,17 @@ class _Picture:
 
 
 class DeviceSide:
-    """Views of one member by visual event type, and which of them have not been shown."""
+    """Views of one member by visual event type, and which of them have not been shown.
 
-    def __init__(self, service: Service | None) -> None:
+    `every`: of so many frames it shows one view; others may ask for views of the same type.
+    """
+
+    def __init__(self, service: Service | None, every: int) -> None:
         self._service = service
+        self._every = every
         self._pictures: dict[str, _Picture] = {}
         self._unshown: dict[str, int] = {}
+        self._turns: dict[str, int] = {}
 
     def rejoin(self) -> None:
         """Accept the next keyframes regardless of their sequence number."""
@@ -541,16 +546,18 @@ class DeviceSide:
         self._pictures[shown.event_type].halted = frozenset(shown.halted)
         self._unshown[shown.event_type] = shown.frame
 
-    def show(self, begin: Callable[[int], None]) -> None:
+    def show(self, begin: Callable[[int], None], *, last: bool = False) -> None:
         """Show the pending views on the device; `begin` gets the frame of each view.
 
         A coupled device shows each view at once. An observer that fell behind shows only the
-        latest view of each event type, to catch up.
+        latest view of each event type, to catch up. `last`: no view follows.
         """
-        if not self._unshown:
-            return
-        unshown, self._unshown = self._unshown, {}
-        for event_type, frame in sorted(unshown.items()):
+        for event_type, frame in sorted(self._unshown.items()):
+            turn = frame // (self._every or 1)
+            if self._every and turn == self._turns.get(event_type) and not last:
+                continue
+            self._turns[event_type] = turn
+            del self._unshown[event_type]
             begin(frame)
             if isinstance(self._service, Device):
                 picture = self._pictures[event_type]
@@ -734,7 +741,7 @@ class Member:
         self.stopped = ""
         self.frame = -1
         self._generating = GeneratorSide(name, service, self.when)
-        self._drawing = DeviceSide(service)
+        self._drawing = DeviceSide(service, self.when.every)
         self._policy = Policy.SEQUENTIAL
         self._evolved: tuple[int, set[int]] = (-1, set())
         self._out: list[Outgoing] = []
@@ -879,7 +886,7 @@ class Member:
 
     def _on_stop(self, stop: m.Stop) -> None:
         self.stopped = stop.reason or "the world has ended"
-        self.show()
+        self._drawing.show(self._begin_view, last=True)
         self._out.append(m.Report(self.name, self.figures()))
 
     def figures(self) -> m.Figures:

@@ -423,10 +423,10 @@ class Device(Service):
     """An output device g with its own geometric system G.
 
     `draws` are the visual event types whose views it shows. With `when` "each 5 frames" it is
-    itself the source of these events, in the frames that 5 divides; with "at 20 Hz", at most 20
-    times per second of real time. Otherwise a generator or an agent is their source. A *coupled*
-    device has shown the view of frame t before the events of frame t+1 are collected. Any other
-    device is an observer, for which frames never wait.
+    itself the source of these events, in the frames that 5 divides, and shows no others; with
+    "at 20 Hz", at most 20 times per second of real time. Otherwise a generator or an agent is their
+    source. A *coupled* device has shown the view of frame t before the events of frame t+1 are
+    collected. Any other device is an observer, for which frames never wait.
 
     Class arguments: `draws`, `coupled` and `when`.
 
