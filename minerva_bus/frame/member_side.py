@@ -18,6 +18,7 @@ import platform
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -818,6 +819,8 @@ class Member:
         if self.host.kinds:
             self._policy = self._known_policy(welcome.policy)
         rejoins = self.world is not None and self._is_same_run(self.world, welcome)
+        if self.service is not None and not rejoins:
+            self._join(self.service, welcome)
         vocabulary = with_own_fields(welcome.vocabulary, self.host.kinds)
         self.world = replace(welcome, vocabulary=vocabulary)
         # The coordinator that sent this may be a successor, which repeats the frame in progress.
@@ -826,13 +829,10 @@ class Member:
         self._generating.clear()
         self.host.clear()
         self._drawing.rejoin()
-        if self.service is None:
-            return
-        if rejoins:
+        if self.service is not None and rejoins:
             self._generating.rejoin(self.service, welcome)
-            return
-        self._join(self.service, welcome)
-        self._generating.join(welcome.saved)
+        elif self.service is not None:
+            self._generating.join(welcome.saved)
 
     def _known_policy(self, policy: str) -> Policy:
         known = [each.value for each in Policy]
@@ -888,6 +888,16 @@ class Member:
         self.stopped = stop.reason or "the world has ended"
         self._drawing.show(self._begin_view, last=True)
         self._out.append(m.Report(self.name, self.figures()))
+
+    def close(self) -> None:
+        """Let the service release its resources.
+
+        Raises UserCodeError, but not if the service has not joined: then the cause is known.
+        """
+        silent = () if self.world is not None else (UserCodeError,)
+        if self.service is not None:
+            with suppress(*silent), blamed(self.service.close):
+                self.service.close()
 
     def figures(self) -> m.Figures:
         """Finite metrics of its service; others, such as a mean without values, are left out."""

@@ -375,12 +375,10 @@ def close_services(members: Iterable[Member], log: Callable[[str, str], None]) -
     The world is over, so an error does not change its result: it is logged, as on the bus.
     """
     for member in members:
-        if member.service is not None:
-            try:
-                with blamed(member.service.close):
-                    member.service.close()
-            except UserCodeError as error:
-                log(member.name, report(error))
+        try:
+            member.close()
+        except UserCodeError as error:
+            log(member.name, report(error))
 
 
 class WaitingOutput:

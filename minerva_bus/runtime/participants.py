@@ -431,13 +431,6 @@ class Participant:
         self._threads.stop()
         self._rejoin.monitor.close()
 
-    def close_service(self) -> None:
-        """Let the service release its resources."""
-        service = self.member.service
-        if service is not None:
-            with blamed(service.close):
-                service.close()
-
 
 # --- the process ---
 
@@ -570,7 +563,7 @@ class MemberProcess:
                     participant.stop()
                 self.inbox.close()
                 for participant in self._participants:
-                    participant.close_service()
+                    participant.member.close()
 
     # --- joining ---
 

@@ -224,7 +224,9 @@ MISTAKES = (
             "        thread.start()\n        thread.join()\n",  # since the fork does not wait for threads
             _says("thread", "has ended: ZeroDivisionError: division by zero"), goes_on=True),
     Mistake("exception in close", SHINE, SHINE + "\n    def close(self):\n        self.file.close()  #!\n", _says("Sun.close", "file", "5 frames"), goes_on=True),
-
+    Mistake("missing file in joined", SHINE,
+            SHINE + "\n    def joined(self, world):\n        self.file = open('sun.csv')  #!\n\n    def close(self):\n        self.file.close()\n",
+            _says("Sun.joined", "sun.csv")),
     Mistake("exception in a constructor", MAKE, "        self.strength = {}['strength']  #!\n", _says("[process.sun]", "KeyError")),
     Mistake("missing file in a constructor", MAKE,
             "        self.table = open('sun.csv').read()  #!\n", _says("[process.sun]", "sun.csv")),

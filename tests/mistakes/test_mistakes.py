@@ -54,6 +54,7 @@ def test_a_mistake_is_explained_in_a_few_lines(mistake, tmp_path, minerva):
     code, text = minerva(tmp_path, "run", path, "--in-process")
     explained(mistake, text)
     assert len(text.splitlines()) <= ERROR
+    assert ("Sun.close" in text) == (mistake.name == "exception in close")
     assert code in (1, 2) or mistake.goes_on
     checked, said = minerva(tmp_path, "check", path)
     if code == 2:  # `check` finds mistakes that prevent a run.
