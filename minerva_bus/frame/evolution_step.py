@@ -323,11 +323,11 @@ class EvolutionStep:
         again = self._trial is None and in_flight.logged is None
         guests = sorted(filter(self._members.is_guest, allowed)) if again else []
         names = ", ".join(map(_who, guests))
-        then = f"; the frame is repeated without the events of {names}" if guests else ""
+        then = f"repeated without the events of {names}" if guests else "tried again as it is"
         self._out.log(
             host,
-            f"has ended twice in frame {self._now.frame}; of its events"
-            f" {work.heaviest(allowed[worst])}, from {_who(worst)}{then}",
+            f"its process ended twice in frame {self._now.frame}, perhaps by too many events:"
+            f" {work.heaviest(allowed[worst])}, from {_who(worst)}; the frame is {then}",
         )
         if not guests:
             return False

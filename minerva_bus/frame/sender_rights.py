@@ -300,7 +300,7 @@ class EventWork:
         event = max(events, key=self.steps)
         condition = f" with a condition of {len(event.condition)} characters"
         return (
-            f"the heaviest is {event.type}, {self._deliveries(event)} times for an agent"
+            f"the heaviest is {event.type}, delivered {self._deliveries(event)} times"
             f"{condition if event.condition else ''}"
         )
 

@@ -80,7 +80,7 @@ CANNOT_TAKE_PART: Final = "cannot take part"
 
 MAX_SUCCESSIONS: Final = 100
 MAX_FAILURES: Final = 3
-"""Coordinators that may fail in the same frame before the run is given up."""
+"""Coordinators that fail, or processes of agents that block, in one frame before a run ends."""
 
 STOPPED_SECONDS: Final = 10.0
 """Time after which a stopped coordinator is killed.
@@ -433,6 +433,10 @@ class Supervisor:
         how = "failed" if process.cause.text else process.cause.blocked or _how(process, code)
         how = CANNOT_TAKE_PART if unready else how
         delay = process.fail(self._coordinator.frame, killed=code < 0)
+        # Methods of agents depend on string and events only: a third attempt in the same frame,
+        # perhaps without the events of guests, was the last one that could differ.
+        if spec.agents and process.cause.blocked and process.failures >= MAX_FAILURES:
+            delay = process.restart_at = None
         if delay is not None and self._log.failures.repeated(spec, code, process.cause.text):
             # `fail` has set the time of a restart.
             process.restart_at = None

@@ -200,7 +200,7 @@ class Waits:
         names: list[str] = []
         for name, wait in self._waits.items():
             waited = now - wait.since
-            if waited >= self.patience(name).soft and waited >= 2 * self._reported.get(name, 0.0):
+            if waited >= self.patience(name).soft and waited >= 4 * self._reported.get(name, 0.0):
                 self._reported[name] = waited
                 names.append(name)
         self._last_report = now if names else self._last_report

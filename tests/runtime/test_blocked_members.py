@@ -72,15 +72,27 @@ def test_a_blocked_member_is_killed_with_its_line(blocked, member, tmp_path):
 
 
 def test_a_blocked_member_takes_one_line_per_restart(tmp_path):
-    path = blocking_world(tmp_path, "walk")
+    """A service is restarted as often as allowed: it may wait for something outside."""
+    path = blocking_world(tmp_path, "generate")
     path.write_text(path.read_text().replace("restarts = 1", "restarts = 3"))
     with World(path) as world:
         assert world.ends() == 1
     lines = world.text.splitlines()
     first = next(n for n, line in enumerate(lines) if "restart 1 of 3" in line)
-    again = [line for line in lines[first + 1 :] if line.startswith("walkers │ did not answer")]
+    again = [line for line in lines[first + 1 :] if line.startswith("steps │ did not answer")]
     assert len(again) == 3, world.text
     assert world.text.count("it is blocked in") == 1
+
+
+def test_an_endless_method_of_agents_ends_the_world_in_ten_lines(tmp_path):
+    """Methods depend on string and events only, so a third attempt is the last one."""
+    path = blocking_world(tmp_path, "walk")
+    path.write_text(path.read_text().replace("restarts = 1", "restarts = 9"))
+    with World(path) as world:
+        world.says("walkers │", "(blocked as above), 3 times in a row; the world stops")
+        assert world.ends() == 1
+    lines = [line for line in world.text.splitlines() if line.startswith("walkers │")]
+    assert len(lines) <= 10, world.text
 
 
 def test_the_log_has_all_frames_and_so_has_the_terminal_on_demand(tmp_path):

@@ -56,12 +56,12 @@ def many(event, count, receivers=None):
 
 
 HEAVY = {
-    "conditions": ([eAdd(n, condition=f"n < {n} or {LONG}") for n in range(6)], "eAdd, 250 times .* with a condition"),
-    "a condition of columns": ([eCroak(0.0, condition=LONG.replace("n <", "x <"))] * 80, "eCroak, .* times"),
-    "events for all": ([many(eAdd(1), 3_000)], "eAdd, 750000 times"),
-    "events for a population": ([many(eCroak(1.0), 40_000)], "eCroak, .* times"),
-    "events for one of many": ([many(eCroak(1.0), 60_000, Ids.of(["m1"] * 60_000))], "eCroak, .* times"),
-    "a condition for one": ([Events.repeated(eAdd(1, condition=LONG, receivers=["c1"]), 2_000)], "eAdd, 2000 times"),
+    "conditions": ([eAdd(n, condition=f"n < {n} or {LONG}") for n in range(6)], "eAdd, delivered 250 times with a condition"),
+    "a condition of columns": ([eCroak(0.0, condition=LONG.replace("n <", "x <"))] * 80, "eCroak, delivered .* times"),
+    "events for all": ([many(eAdd(1), 3_000)], "eAdd, delivered 750000 times"),
+    "events for a population": ([many(eCroak(1.0), 40_000)], "eCroak, delivered .* times"),
+    "events for one of many": ([many(eCroak(1.0), 60_000, Ids.of(["m1"] * 60_000))], "eCroak, delivered .* times"),
+    "a condition for one": ([Events.repeated(eAdd(1, condition=LONG, receivers=["c1"]), 2_000)], "eAdd, delivered 2000 times"),
 }  # fmt: skip
 
 
@@ -171,8 +171,8 @@ def test_events_of_guests_are_left_out_of_a_frame_that_ends_a_host_twice():
     assert len(bus.records) == 1
     said = next(said for said in bus.said if "twice" in said)
     assert said == (
-        "host: has ended twice in frame 1; of its events the heaviest is eAdd, 3 times for an agent, from"
-        " guest; the frame is repeated without the events of guest"
+        "host: its process ended twice in frame 1, perhaps by too many events: the heaviest is eAdd,"
+        " delivered 3 times, from guest; the frame is repeated without the events of guest"
     )
     assert bus.algorithm.members.get("guest").dropped == 2
     bus.appear("host")
@@ -214,6 +214,6 @@ def test_a_frame_that_ends_a_host_without_guests_names_its_heaviest_event():
     bus.appear("host")
     bus.settle()
     assert (
-        "host: has ended twice in frame 2; of its events the heaviest is eAdd, 4 times for an agent, from add"
-        in bus.said
+        "host: its process ended twice in frame 2, perhaps by too many events: the heaviest is eAdd,"
+        " delivered 4 times, from add; the frame is tried again as it is" in bus.said
     )
