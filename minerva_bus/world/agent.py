@@ -339,7 +339,9 @@ class Agent:
         check_births(self.kind)
         births: int = self.__dict__["births"] + 1
         self.__dict__["births"] = births
-        return (kind or type(self))(child_id(self.id, births), **state).string
+        # Until the agent is made of a node again; `_is_lost` looks for it.
+        born = self.__dict__["_born"] = (kind or type(self))(child_id(self.id, births), **state)
+        return born.string
 
     def counted(self, own: AgentNode) -> AgentNode:
         """The node `own` of this agent with the current number of births.
@@ -651,12 +653,22 @@ class AgentStep:
         activity = agent.activities[event.type]
         self._ran.append((activity, event))
         try:
-            return checked(activity(agent, given, self._context))
+            made = checked(activity(agent, given, self._context))
+            if made is None and "_born" in agent.__dict__ and self._is_lost(agent):
+                raise TypeError("its newborn would be lost: return self.string + self.child(...)")
+            return made
         except KeyboardInterrupt:
             raise
         # `sys.exit()` in a method is a failure of that method; it must not end the host's process.
         except BaseException as error:
             raise self._failed(activity, event) from error
+
+    def _is_lost(self, agent: Agent) -> bool:
+        """Whether nothing that lasts can have the string of a newborn: attributes and events."""
+        state = agent.__dict__
+        kept = len(state) > len(agent.kind.fields.names) + len(_OWN) + 1 or self._context.emitted
+        strings = [value for value in state.values() if isinstance(value, Scene)]
+        return not kept and len(strings) == 1 and agent.scope is self._node.scope
 
     def _thawed(self, node: AgentNode, event: Event) -> Agent:
         """The agent that a node describes."""

@@ -186,6 +186,8 @@ MISTAKES = (
             "        self.energy += 1.0\n        self.age += 1  #!\n\n    age = 0\n",
             _says("APlant#a has no age", "declare it with its type, as in `age: float = 0.0`"), at=False),
     Mistake("child of unknown state", GROW, "        return self.string + self.child(heigth=1.0)  #!\n", _says("heigth", "height")),
+    Mistake("a newborn that is not returned", GROW, "        self.string + self.child(height=1.0)  #!\n",
+            _says("Plant.grow", "#a", "newborn would be lost", "return self.string + self.child(...)"), at=False),
     # --- θ ---
     Mistake("exception in a view", SEE, "        return PDot(size=self.size)  #!\n", _says("Plant.picture", "#a", "ePicture", "size")),
     Mistake("a view returns nothing", SEE, "        PDot(size=self.height)  #!\n", _says("Plant.picture", "None"), at=False),
@@ -341,6 +343,7 @@ HARMLESS = (
     Mistake("generate returns nothing", SHINE, "        return None\n"),
     Mistake("generate yields nothing", SHINE, "        yield None\n"),
     Mistake("print in an activity", GROW, GROW + "        print('growing')\n"),
+    Mistake("a newborn that is kept", GROW, "        self._egg = self.child(height=1.0)\n"),
     Mistake("a view that shows nothing", SEE, "        return EMPTY\n"),
     Mistake("save returns a number", SHINE, SHINE + "\n    def save(self):\n        return 7\n"),
 )
