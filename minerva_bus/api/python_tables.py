@@ -20,7 +20,7 @@ from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.launch.specs import bind, find_service
-from minerva_bus.launch.toml_tables import toml_text
+from minerva_bus.launch.toml_tables import filled, toml_text
 from minerva_bus.settings.kinds import check_known, settings_of
 from minerva_bus.settings.world_settings import WorldSettings
 from minerva_bus.world.agent import Agent
@@ -159,10 +159,15 @@ class PythonTables:
     def _process(self, name: str, spec: ServiceSpec, finder: SymbolFinder) -> dict[str, Any]:
         """The table of a service's process; its symbols go to the finder."""
         cls = find_service(spec.service) if isinstance(spec.service, str) else spec.service
+        options = self._filled(dict(spec.options))
         # An instance, because event types may depend on its options.
-        finder.add_service(cls, bind(cls, spec.options, f"{self.name}: {name}")())
+        finder.add_service(cls, bind(cls, options, f"{self.name}: {name}")())
         own = spec.service if isinstance(spec.service, str) else self._keep(cls)
         return {"service": own, **spec.options}
+
+    def _filled(self, value: Any) -> Any:
+        """A value with the defaults of the options in place of `${option}`."""
+        return filled(value, self.tables["options"], Path(f"{self.name}"))
 
     def _check_list(self, name: str, given: object, example: str) -> None:
         if isinstance(given, str) or not isinstance(given, Iterable):
@@ -278,7 +283,3 @@ def _listed(classes: Any) -> list[Any]:
     if not isinstance(classes, Iterable):
         raise MisuseError(f"agents: a process has classes of agents, not {classes!r:.60}")
     return list(cast("Iterable[Any]", classes))
-
-
-def _shown(thing: Any) -> str:
-    return str(getattr(thing, "__name__", getattr(thing, "name", thing)))

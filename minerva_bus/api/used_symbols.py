@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, Final, TypeAlias, cast
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import AgentNode, Scene, TransformationNode
 from minerva_bus.grammar.vocabulary import (
@@ -93,8 +93,14 @@ class SymbolFinder:
             self._walk_function(function)
 
     def vocabulary(self) -> Vocabulary:
-        """All symbols. Raises MisuseError if an agent responds to an unknown event type."""
+        """All symbols. Raises MisuseError for a name of which the symbol is not known."""
         self._resolve()
+        for name in self._wanted:
+            if name not in self._symbols:
+                kind = "agents=[...]" if name.startswith("A") else "symbols=[...]"
+                remedy = f"declare or import it there, or give World {kind}"
+                hint = nearest(name, list(self._symbols), remedy)
+                raise MisuseError(f"the calling code has no {name}{hint}")
         return Vocabulary.of(*self._symbols.values())
 
     def agents(self) -> dict[str, type[Agent]]:

@@ -505,7 +505,7 @@ def filled(value: Any, options: Mapping[str, Any], path: Path) -> Any:
 
 def _option(name: str, options: Mapping[str, Any], path: Path) -> Any:
     if name not in options:
-        hint = nearest(name, list(options), "declare it under [options]")
+        hint = nearest(name, list(options), "declare it among the options")
         raise WorldFileError(f"{path}: ${{{name}}} is not an option{hint}")
     return options[name]
 

@@ -117,6 +117,13 @@ def test_options_of_a_world_made_in_python():
         run(world, frames=1, n="many")
 
 
+def test_options_fill_strings_and_services():
+    made = World("AFrog#a<x=${far}>", options={"far": 2.0, "n": 2}, services=[each(eTick, "${n}")])
+    assert made.scene.pieces[0].state["x"] == 2.0
+    assert run(made, frames=4).events["eTick"] == 2
+    assert run(made, frames=4, n=1).events["eTick"] == 4
+
+
 @pytest.mark.parametrize(("make", "problem"), [
     (lambda: World("AFrog#a", agents=[Frog], services=[each("eTik")]), "eTik"),
     (lambda: World("AFrog#a", agents=[Frog], services=["eech"]), "no service 'eech'"),
@@ -124,7 +131,8 @@ def test_options_of_a_world_made_in_python():
     (lambda: World("AFrog#a", agents=[Frog], services=[3]), "a class or an installed name"),
     (lambda: World("AFrog#a", agents=[Frog], seeed=3), "no setting 'seeed'; did you mean 'seed'"),
     (lambda: World("AFrog#a", agents=[Frog], services=[each(eTick), each(eTick)]), "two services"),
-    (lambda: World("AFog#a", agents=[Frog]), "no AFog; did you mean 'AFrog'"),
+    (lambda: World("AFog#a", agents=[Frog]), "the calling code has no AFog; did you mean 'AFrog'"),
+    (lambda: World("ANewt#n"), r"has no ANewt; declare or import it there, or give World agents=\[...\]"),
     (lambda: World("AFrog#a<x=", agents=[Frog]), "\\^"),
     (lambda: parse("AFrog#a", Vocabulary.of(PFrog)), r"Vocabulary.of\(...\).check\(parse\(text\)\)"),
     (lambda: parse(Frog("a")), "parse takes a text"),
