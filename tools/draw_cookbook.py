@@ -34,9 +34,12 @@ def page() -> str:
         text = (PROGRAMS / f"{recipe}.py").read_text(encoding="utf-8")
         title, _, about = text.partition("\n")[0].strip('"').partition(": ")
         shown = sorted(PICTURES.glob(f"{recipe}.png")) + sorted(PICTURES.glob(f"{recipe}-*.png"))
-        pictures = [f"![{title}: {path.stem}](cookbook/{path.name})" for path in shown]
+        about = about[0].upper() + about[1:]
+        seen = {path: path.stem.removeprefix(recipe).strip("-") for path in shown}
+        texts = {path: f"{title}: its {part}" if part else about for path, part in seen.items()}
+        pictures = [f"![{texts[path].rstrip('.')}](cookbook/{path.name})" for path in shown]
         program = f"`{recipe}.py`:\n\n```python\n{text}```"
-        parts.append("\n\n".join([f"## {title}", about[0].upper() + about[1:], program, *pictures]))
+        parts.append("\n\n".join([f"## {title}", about, program, *pictures]))
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
