@@ -808,7 +808,9 @@ def unpublished(file: WorldFile, members: Iterable[Member]) -> list[str]:
     hellos = [member.hello() for member in members]
     known = sorted({topic for hello in hellos for topic in hello.publishes})
     wanted = {topic: "record" for topic in file.record.topics if topic != ALL}
-    wanted |= {topic: hello.member for hello in hellos for topic in hello.topics}
+    # Views draw what they receive: those of a world without sensors lack nothing.
+    readers = [hello for hello in hellos if not hello.watches_only]
+    wanted |= {topic: hello.member for hello in readers for topic in hello.topics}
     return [
         f"{who}: no process publishes the topic {topic!r}{nearest(topic, known)}; it has no"
         " readings until one attaches"

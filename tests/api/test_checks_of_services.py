@@ -9,7 +9,7 @@ from minerva_bus.launch import installed
 from tests.runtime.running import here
 
 CODE = """\
-from minerva_bus import Agent, Disc, EventType, Generator, Primitive, Vocabulary, on
+from minerva_bus import Agent, Device, Disc, EventType, Generator, Primitive, Vocabulary, on
 
 eHonk = EventType("eHonk", loud=float)
 eHush = EventType("eHush")
@@ -32,6 +32,13 @@ class Loud(Generator, events=("eHonk",)):
 
 class Listener(Generator):
     topics = ("horn",)
+
+
+class Window(Device, draws=("ePicture",)):
+    topics = ("scan",)
+
+    def show(self, view):
+        pass
 
 
 class Horn(Generator):
@@ -96,7 +103,7 @@ def test_options_that_do_not_fit_the_world_are_reported(service, problem, tmp_pa
     ("more", "warnings"),
     [
         ("", ["listener: no process publishes the topic 'horn'; it has"]),
-        ("[process.horn]\nservice = 'hall:Horn'\n", []),
+        ("[process.horn]\nservice = 'hall:Horn'\n[process.window]\nservice = 'hall:Window'\n", []),
         ("[process.horn]\nservice = 'hall:Horn'\ntopic = 'hoorn'\n",
          ["listener: no process publishes the topic 'horn'; did you mean 'hoorn'?; it has"]),
         ("[process.horn]\ncommand = 'true'\n", []),
