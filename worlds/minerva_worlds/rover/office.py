@@ -9,31 +9,39 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
+
+import numpy as np
 
 from minerva_agents.robot import world as plane
 from minerva_agents.robot.errands import AParcel
+from minerva_agents.robot.pose import Move, move_of
 from minerva_agents.robot.robot import ALocalisingRobot, ARobot
 from minerva_agents.robot.vocabulary import PRobot, TPlace
 from minerva_bodies import Box, Camera, Matter, Poster, euler
 from minerva_bodies.cameras import Cameras, focal_length
 from minerva_bus import (
     Cells,
+    Context,
     Default,
     Degrees,
     Event,
+    EventBatch,
     EventType,
     Metres,
     Primitive,
+    Range,
     Scene,
     Tick,
     Transformation,
     Vocabulary,
+    on,
     portable,
     view,
 )
-from minerva_bus.errors import WorldFileError, nearest
+from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.scene import agents
 from minerva_bus.world.services import WorldInfo
 from minerva_services.sensors import camera
 from minerva_services.sensors.vision.detection import marker_cells
@@ -58,6 +66,10 @@ PPoster = Primitive(
 )
 THang = Transformation("THang", euler("x", "y", "z", turn="turn"), **SIZES, turn=Degrees)
 eSight = EventType("eSight", visual=True)
+eDrive = EventType(
+    "eDrive", turn=Annotated[Degrees, Range(-15, 15)], ahead=Annotated[Metres, Range(0, 0.1)]
+)
+"""A policy drives a robot: the turn and then the way of its next frames."""
 
 
 class _WithCamera:
@@ -78,11 +90,48 @@ class ALocalisingRover(_WithCamera, ALocalisingRobot, symbol="ALocalisingRobot")
     """A robot with a camera that corrects its odometry."""
 
 
+SECTORS = -90.0, -40.0, 0.0, 40.0, 90.0
+"""Directions in degrees from the heading, of 40 degrees each."""
+FAR = 4.0
+"""Metres in a direction without an obstacle nearer than this."""
+
+
+class ADrivenRobot(_WithCamera, ARobot, symbol="ADrivenRobot"):
+    """A robot that draws its map and plans nothing: `eDrive` says how it moves.
+
+    `near` are the metres to the nearest obstacle in each of the `SECTORS`.
+    """
+
+    turn: Degrees = 0.0
+    ahead: Metres = 0.0
+    near: tuple[Metres, ...] = (FAR,) * len(SECTORS)
+
+    @on("eDrive")
+    def drive(self, drive: Event, moment: Context) -> None:
+        """The next moves."""
+        self.turn, self.ahead = drive.turn, drive.ahead
+
+    @on("eLaser", together=True, population=False)
+    def sense_obstacle(self, laser: EventBatch | Event, moment: Context) -> None:
+        """The map, and the nearest obstacles."""
+        super().sense_obstacle(laser, moment)
+        dist, angle = np.atleast_1d(laser.dist), np.atleast_1d(laser.angle)
+        away = [abs((angle - middle + 180.0) % 360.0 - 180.0) for middle in SECTORS]
+        self.near = tuple([float(dist[off <= 20.0].min(initial=FAR)) for off in away])
+
+    def decide(self, event: Event, moment: Context) -> None:
+        """The pose after the last move, and the next one."""
+        if self.action.nodes:
+            self._stand(self.pose.after(move_of(self.action), self.cell))
+        self._act(Move(self.turn, self.ahead))
+
+
 vocabulary = Vocabulary.of(
     *plane.vocabulary.primitives.values(),
     *plane.vocabulary.transformations.values(),
     *plane.vocabulary.events.values(),
-    *(ARover, ALocalisingRover, AParcel, PBoard, PCase, TLay, PCamera, PPoster, THang, eSight),
+    *(ARover, ALocalisingRover, ADrivenRobot, AParcel, PBoard, PCase, TLay, PCamera, PPoster),
+    *(THang, eSight, eDrive),
 )
 
 THICK = 0.02  # half of a board, metres
@@ -163,11 +212,9 @@ class Eyes(Cameras):
 
 def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
     """Those of the plane, and the services of the option `camera`. Raises MinervaError."""
-    kind = options.get("camera", "simulated")
-    if kind not in ("simulated", "rendered"):
-        expected = f"expected simulated or rendered{nearest(str(kind), ['simulated', 'rendered'])}"
-        raise WorldFileError(f"option camera: {expected}, not {kind!r:.60}")
-    rendered = kind == "rendered"
+    if options.get("driver") == "policy" and options.get("localise") == "matching":
+        raise WorldFileError('option driver: "policy" needs localise = "odometry"')
+    rendered = options.get("camera") == "rendered"
     return {
         **plane.defaults(options),
         "eyes": f"{__name__}:Eyes" if rendered else "camera",
@@ -195,5 +242,11 @@ def scene(options: Mapping[str, Any]) -> Scene:
     furniture = Scene(())
     for x, y, half in CASES:
         furniture += TLay(x, y, 0.3)(PCase(half, half, 0.3))
-    string = plane.scene(options) + ramp(5.8, 0.7, 0.3, 0.07) + furniture
+    string = plane.scene(options)
+    if options.get("driver") == "policy":
+        robots = {node.id: node for node in agents(string) if node.symbol == "ARobot"}
+        others = [node for node in string.nodes if node not in robots.values()]
+        driven = [ADrivenRobot(name, **node.state).string for name, node in robots.items()]
+        string = sum(driven, Scene(tuple(others)))
+    string += ramp(5.8, 0.7, 0.3, 0.07) + furniture
     return string + posters() if options.get("camera") == "rendered" else string

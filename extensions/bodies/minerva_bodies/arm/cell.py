@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -21,10 +21,12 @@ from minerva_bus import (
     Agent,
     BatchContext,
     Context,
+    Degrees,
     Event,
     EventType,
     Metres,
     Primitive,
+    Range,
     Scene,
     Transformation,
     Vocabulary,
@@ -73,6 +75,7 @@ PGrip = Primitive("PGrip", Joint("fixed", "cup", "box"), cup=str, box=str)
 TAt = Transformation("TAt", euler("x", "y", "z"), x=Metres, y=Metres, z=Metres)
 
 PLACE: dict[str, Any] = {**dict.fromkeys("xyz", Metres), **dict.fromkeys("wijk", float)}
+Turn = Annotated[Degrees, Range(-4, 4)]
 eStep = EventType("eStep")
 ePose = EventType("ePose", **PLACE)
 eTarget = EventType("eTarget", angle=float, speed=float)
@@ -81,6 +84,7 @@ eArrived = EventType("eArrived", box=str)
 eCall = EventType("eCall", box=str)
 eBid = EventType("eBid", box=str, arm=str, cost=float)
 eAward = EventType("eAward", box=str)
+eTurn = EventType("eTurn", column=Turn, shoulder=Turn, elbow=Turn)  # of people and policies
 # For physics in each frame, and for people as often as they look.
 eBodies = EventType("eBodies", visual=True)
 ePicture = EventType("ePicture", visual=True)
@@ -205,6 +209,8 @@ class Link(PosedAgent, symbol="ALink"):
 
 Angles = tuple[float, ...]
 READY: Angles = (0.0, -20.0, 110.0, 0.0, 90.0, 0.0)
+LIMITS = ((-170.0, 170.0), (-60.0, 90.0), (10.0, 140.0))
+"""Of the first three joints, degrees, when a person or a policy turns them."""
 
 
 class Controller(Agent, symbol="AController"):
@@ -247,6 +253,15 @@ class Controller(Agent, symbol="AController"):
             step("go", x, y, level + ABOVE),
         )
         self.placed += 1
+
+    @on("eTurn")
+    def turn(self, turn: Event, moment: Context) -> None:
+        """Drop the plan, and turn three joints; the cup still points down."""
+        by = turn.column, turn.shoulder, turn.elbow
+        changes = zip(self.goal, by, LIMITS, strict=False)
+        first, second, third = (min(most, max(least, a + b)) for a, b, (least, most) in changes)
+        self.begin = self.goal = (first, second, third, 0.0, 180.0 - second - third, 0.0)
+        self.plan, self.time, self.duration = (), 0.0, 0.0
 
     @on("eStep")
     def move(self, tick: Event, moment: Context) -> None:
@@ -302,7 +317,7 @@ def _angle(cosine: float) -> float:
 
 vocabulary = Vocabulary.of(
     *(*ARM.symbols, PBox, PRoller, PFloor, PRail, PEnd, PPallet, PGrip, TAt),
-    *(eStep, ePose, eTarget, eGrip, eArrived, eCall, eBid, eAward, eBodies, ePicture),
+    *(eStep, ePose, eTarget, eGrip, eArrived, eCall, eBid, eAward, eTurn, eBodies, ePicture),
     *(Roller, Parcel, Belt, Link, Controller),
 )
 
