@@ -356,6 +356,7 @@ class Opened:
 
     def snapshot(self) -> Opened:
         """The current state, which does not change, in read-only arrays of `values`."""
+        self.enlist()
         values = self.old
         if self.used or values.flags.writeable:
             values = self.rows.values.copy()
@@ -376,7 +377,6 @@ class Opened:
         count, places = int(self.rows.counts[ROWS]), self.rows.places
         if self.rows.counts[VACANT] == UNLISTED:
             return {}
-        self.enlist()
         starts, order = np.empty(places.shape[1] + 1, np.int64), np.empty(count, np.int64)
         x, y = np.empty((2, count))
         SORT(self.rows, starts, order, x, y)

@@ -1,7 +1,7 @@
 """Rules in the order SIMULTANEOUS whose result depends on the order of rows are refused."""
 
 import pytest
-from space_worlds import Bird, Sheep, meadow, moment
+from space_worlds import Bird, Resident, Sheep, meadow, moment, town
 
 from minerva_bus import Cells, Reals
 from minerva_bus.world.class_declaration import NotCompilable
@@ -134,3 +134,15 @@ def test_what_a_rule_changes_elsewhere_takes_effect_in_the_order_of_rows():
     with interpreted():
         spaces[1].run(moment(), mark)
     assert spaces[0].grass[0, :2].tolist() == spaces[1].grass[0, :2].tolist() == [4, 5]
+
+
+def test_the_first_rule_of_a_frame_searches_the_state_before_it():
+    @rule(SIMULTANEOUS, births=0)
+    def count(i: int, residents: Resident, before: Resident):
+        residents.near[i] = within(before, before.cell[i], 0)
+
+    space = town()
+    # As Python, so that rows that do not exist are an error and not read.
+    with interpreted():
+        space.run(moment(), count)
+    assert set(Resident.read(space.residents).near) == {1}
