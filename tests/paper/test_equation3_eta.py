@@ -56,6 +56,12 @@ def test_primitives_stay(policy):
 
 
 @BOTH
+def test_the_empty_string_stays(policy):
+    assert eta("", eAdd(1), policy=policy) == ""
+    assert eta("TMove()", eAdd(1), policy=policy) == "TMove()"
+
+
+@BOTH
 def test_a_transformation_stays_around_what_evolves_in_it(policy):
     assert eta("TMove(ANumber#a · PDot)", eAdd(1), policy=policy) == (
         "TMove(ANumber#a<n=1>() · PDot)"

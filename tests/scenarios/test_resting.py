@@ -10,7 +10,7 @@ from minerva_bus.errors import RecordError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.log.record import Record
-from minerva_bus.runtime.pace import ViewClock
+from minerva_bus.runtime.pace import Pace, ViewClock
 from tests.runtime.running import World, eventually, write_world
 
 
@@ -69,6 +69,19 @@ def test_a_world_with_a_rhythm_of_its_own_never_rests():
 
 def test_nor_does_one_of_a_number_of_frames():
     assert not resting(frames=9).algorithm.at_rest
+
+
+@pytest.mark.parametrize(
+    ("pace", "view", "due"),
+    [
+        (Pace(), float("inf"), 7.1),
+        (Pace(), 7.04, 7.04),  # a view by the clock
+        (Pace(rate=50.0), float("inf"), 7.0),
+        (Pace(left=3), float("inf"), 7.0),  # steps
+    ],
+)
+def test_at_rest_the_next_frame_waits_a_tenth_of_a_second(pace, view, due):
+    assert pace.rest(7.0, view) == due
 
 
 def test_when_the_first_view_by_the_clock_is_due():
