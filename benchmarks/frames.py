@@ -28,7 +28,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 
 WARM_UP: Final = 50
 COUNTED: Final = 100

@@ -42,7 +42,7 @@ from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import size
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 
 WARM_UP: Final = 3
 SYSTEMS: Final = ("minerva", "mesa", "mesa-frames")

@@ -1,6 +1,6 @@
 """Mutation testing of the core: do the tests detect small faults?
 
-    python -m tools.mutation minerva_bus/world/event_order.py ... [--minutes 10] [--sample 1]
+    python -m tools.mutation minerva_bus/world/event_collection.py ... [--minutes 10] [--sample 1]
     python -m tools.mutation            # every module of tools/mutation.toml
 
 mutmut creates the mutants and runs the tests that tools/mutation.toml names for a module, without

@@ -11,7 +11,7 @@ from minerva_agents.robot.vocabulary import eDecide, eObjective, eRepresent, eSp
 from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import Frame, Tick, View, WorldInfo, evolve, visualize
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 from minerva_services.physics.kept import kept_bodies
 from minerva_services.physics.service import Physics
 from minerva_services.sensors.camera import Camera

@@ -13,7 +13,7 @@ from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import eDecide
 from minerva_bus import EMPTY, Frame, Scene, evolve
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 
 FILE = Path(minerva_agents.robot.__file__).parent / "robot.toml"
 ORDER = Priority(tuple(tomllib.loads(FILE.read_text(encoding="utf-8"))["world"]["order"]))

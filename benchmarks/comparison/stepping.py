@@ -12,7 +12,7 @@ from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.runtime.runner import InProcessRunner
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_fast import Space
 
 eStep = EventType("eStep")

@@ -13,8 +13,8 @@ from minerva_bus.cli.places import client, identity, place
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.grammar.events import single
-from minerva_bus.grammar.printer import json_value
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.text_and_digest import json_value
 from minerva_bus.launch.registry import running
 from minerva_bus.runtime.operator_client import Client, status_object, types_of
 from minerva_bus.security.credentials import Credentials

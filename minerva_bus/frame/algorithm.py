@@ -44,7 +44,7 @@ from minerva_bus.grammar.events import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.wording import counted
-from minerva_bus.world.event_order import collect
+from minerva_bus.world.event_collection import collect
 from minerva_bus.world.norms import SOURCE
 
 MAX_NAMED_STRANGERS: Final = 3

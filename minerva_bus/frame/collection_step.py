@@ -2,7 +2,7 @@
 
 `CollectionStep` asks generators and gathers what they and others have sent; `FrameInbox` has the
 events that wait for the next frame. Who may send what is in sender_rights.py; the order of events,
-E(C*, t) of equation 6, is `collect` in world/event_order.py.
+E(C*, t) of equation 6, is `collect` in world/event_collection.py.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from minerva_bus.frame.world_state import Progress, WorldSpec
 from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import EventType
-from minerva_bus.world.event_order import by_receiver, collect
+from minerva_bus.world.event_collection import by_receiver, collect
 from minerva_bus.world.norms import SOURCE
 
 ORDERS: Final = "orders"

@@ -49,7 +49,7 @@ from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.user_code import blamed, handler_name
 from minerva_bus.world.agent import Agent, Kinds, kinds_of, with_own_fields
 from minerva_bus.world.context import Frame
-from minerva_bus.world.event_order import Addressed, by_receiver
+from minerva_bus.world.event_collection import Addressed, by_receiver
 from minerva_bus.world.evolution import Evolved, Policy, evolve
 from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.readings import Reading

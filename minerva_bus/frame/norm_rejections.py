@@ -30,8 +30,8 @@ from minerva_bus.frame.world_state import FrameResult
 from minerva_bus.grammar.columns import Columns, Rows, packed
 from minerva_bus.grammar.events import AnyEvent, Event, Events, chosen, senders_of
 from minerva_bus.grammar.ids import Ids, repeated_in
-from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Piece, Scene, agents, kind_counts
+from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import (
     EVENT,

@@ -24,7 +24,7 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.population import newest_copy

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import Column, Rows, are_texts, bits
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.printer import same_values, value_text
 from minerva_bus.grammar.scene import Value
+from minerva_bus.grammar.text_and_digest import same_values, value_text
 
 
 @dataclass(frozen=True, slots=True, eq=False)

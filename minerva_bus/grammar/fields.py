@@ -14,8 +14,8 @@ from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.columns import Column, Columns, fit_array, is_array, repeated
-from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import Value
+from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.grammar.types import INT_END, Type, Unfit, converted, type_of
 
 NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

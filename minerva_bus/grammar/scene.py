@@ -125,7 +125,7 @@ class Scene(Digested):
         if not self.pieces:  # `python -OO` shows defaults of nodes before there is a printer.
             return ""
         # Imported here, because the printer imports this module.
-        from minerva_bus.grammar.printer import text
+        from minerva_bus.grammar.text_and_digest import text
 
         return text(self)
 
@@ -139,7 +139,7 @@ class Scene(Digested):
         known: bytes | None = getattr(self, "_digest", None)
         if known is None:
             # Imported here, because the digest imports this module.
-            from minerva_bus.grammar.printer import scene_digest
+            from minerva_bus.grammar.text_and_digest import scene_digest
 
             known = scene_digest(self)
             object.__setattr__(self, "_digest", known)

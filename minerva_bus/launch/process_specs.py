@@ -24,7 +24,7 @@ from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import bind, divisible_names, find_agent, find_service, find_view
 from minerva_bus.launch.toml_tables import Table, beside, read_view, settings_by_process
-from minerva_bus.runtime.waiting import Patience
+from minerva_bus.runtime.timeouts import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
 from minerva_bus.settings.world_settings import (
     PatienceSettings,

@@ -24,7 +24,7 @@ from typing import Any, cast, get_type_hints
 
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MinervaError, WorldFileError, nearest
-from minerva_bus.grammar.printer import value_text
+from minerva_bus.grammar.text_and_digest import value_text
 from minerva_bus.launch.installed import (
     AGENTS,
     SERVICES,

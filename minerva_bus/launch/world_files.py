@@ -65,7 +65,7 @@ from minerva_bus.launch.toml_tables import (
     read_toml,
 )
 from minerva_bus.runtime.endpoints import check_endpoint, check_listening
-from minerva_bus.runtime.waiting import Deadlines, Patience
+from minerva_bus.runtime.timeouts import Deadlines, Patience
 from minerva_bus.settings.kinds import ALL, TEXT, TEXTS, TOPICS, number, whole
 from minerva_bus.settings.world_settings import (
     AS_WRITTEN,
@@ -82,7 +82,7 @@ from minerva_bus.wire.keys import is_name
 from minerva_bus.wire.plain import DEFAULT, Limits, configurable_limits
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.expressions import Expression
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_conditions, sanction_of

@@ -77,7 +77,7 @@ from minerva_bus.wire.plain import (
 )
 from minerva_bus.wire.strings_codec import Reader, plain_event, plain_event_list, plain_scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import Norm, Then
 

@@ -43,7 +43,7 @@ from minerva_bus.log.entries import (
     encode_frame,
     entry_number,
 )
-from minerva_bus.world.event_order import collect
+from minerva_bus.world.event_collection import collect
 from minerva_bus.world.operator import PersonOperation
 
 _END: Final = 1 << 62

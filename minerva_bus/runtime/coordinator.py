@@ -31,8 +31,8 @@ from minerva_bus.runtime.receiver import Decoded, Receiver, Successor, TokensCha
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.runtime.session import REAL, System, run_through
 from minerva_bus.runtime.session_inbox import HubInbox, Question, TimerTick
+from minerva_bus.runtime.timeouts import MAX_NAMED, Deadlines, Waits
 from minerva_bus.runtime.transport import ZenohTransport
-from minerva_bus.runtime.waiting import MAX_NAMED, Deadlines, Waits
 from minerva_bus.security.credentials import covers
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wire.plain import DEFAULT, Limits

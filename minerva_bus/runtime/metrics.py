@@ -20,7 +20,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection_step import ORDERS
 from minerva_bus.frame.world_state import Phase, WorldProgress
 from minerva_bus.grammar.events import AnyEvent, Event, Events, single
-from minerva_bus.grammar.printer import same_values
+from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.pace import Pace
 from minerva_bus.runtime.runner import Sink
@@ -28,7 +28,7 @@ from minerva_bus.runtime.session import System
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.operator import LogEntry, LogLine, OrderStatus, PersonOperation
 
 BOUNDS: Final = (

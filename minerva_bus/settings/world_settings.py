@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
-from minerva_bus.runtime.waiting import THEN, Patience
+from minerva_bus.runtime.timeouts import THEN, Patience
 from minerva_bus.settings.kinds import (
     ADDRESS,
     ANY,

@@ -32,7 +32,7 @@ from minerva_bus.errors import MisuseError, ProtocolError, SceneError
 from minerva_bus.grammar.appearance import Disc, Form, Label, Line, Motion, Raster, Shape
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.parser import parse_value
-from minerva_bus.grammar.printer import value_text
+from minerva_bus.grammar.text_and_digest import value_text
 from minerva_bus.grammar.types import Unfit, parse_type
 from minerva_bus.grammar.vocabulary import (
     AgentKind,

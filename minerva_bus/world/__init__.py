@@ -3,7 +3,7 @@
     equation 2, λ                world/agent.py
     equation 3, η; its policies  world/evolution.py
     equations 4 and 5, θ and π   world/visualization.py
-    equation 6, E(C*, t)         world/event_order.py
+    equation 6, E(C*, t)         world/event_collection.py
 
 Equation 1, φ, is in semantics/geometry.py.
 """

@@ -38,7 +38,6 @@ from minerva_bus.grammar.columns import SCALARS, Columns
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch
 from minerva_bus.grammar.ids import Ids, no_id
-from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import (
     AGENT_ID,
     EMPTY,
@@ -51,6 +50,7 @@ from minerva_bus.grammar.scene import (
     rescoped,
     scene_of,
 )
+from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 from minerva_bus.user_code import assignments, handler_name
@@ -66,7 +66,7 @@ from minerva_bus.world.class_declaration import (
     takes_batch,
 )
 from minerva_bus.world.context import Context
-from minerva_bus.world.event_order import Addressed
+from minerva_bus.world.event_collection import Addressed
 from minerva_bus.world.expressions import expose_attributes
 from minerva_bus.world.population import (
     EventBatch,

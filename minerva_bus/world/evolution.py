@@ -23,7 +23,7 @@ from minerva_bus.grammar.scene import (
 )
 from minerva_bus.world.agent import Agent, Kinds, evolve_agent, kinds_of
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.event_order import Addressed, addressed
+from minerva_bus.world.event_collection import Addressed, addressed
 from minerva_bus.world.population import copy_id, newest_copy
 from minerva_bus.world.population_step import evolve_population
 

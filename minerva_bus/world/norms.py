@@ -26,7 +26,6 @@ from minerva_bus.grammar.columns import Column, Columns, Rows
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition, sort_of_kind
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import (
     AgentNode,
     Node,
@@ -39,6 +38,7 @@ from minerva_bus.grammar.scene import (
     rebuild,
     rescoped,
 )
+from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.grammar.vocabulary import AgentKind, EventType, Vocabulary
 
 SOURCE: Final = "~norms"

@@ -25,7 +25,7 @@ from minerva_bus.grammar.types import Type
 from minerva_bus.world.agent import ActivityError, Agent, AgentStep, Kinds, at_fault
 from minerva_bus.world.class_declaration import TOGETHER
 from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
-from minerva_bus.world.event_order import Addressed, Round, narrowed, rounds
+from minerva_bus.world.event_collection import Addressed, Round, narrowed, rounds
 from minerva_bus.world.population import (
     Birth,
     EventBatch,

@@ -23,7 +23,7 @@ from minerva_bus.grammar.scene import (
     with_scope,
 )
 from minerva_bus.world.agent import ActivityError, Agent, Kinds, kinds_of
-from minerva_bus.world.event_order import Addressed, addressed
+from minerva_bus.world.event_collection import Addressed, addressed
 from minerva_bus.world.population import Population, PopulationState
 
 

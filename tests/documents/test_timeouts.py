@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.launch import process_table, supervisor
-from minerva_bus.runtime import coordinator, joining, participants, session, waiting
+from minerva_bus.runtime import coordinator, joining, participants, session, timeouts
 
 PAGE = Path(__file__).parents[2] / "docs" / "timeouts.md"
 ROW = re.compile(r"^\| `((?:runtime|launch|process_life)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
@@ -35,14 +35,14 @@ def test_a_row_is_as_in_the_code(path, seconds):
 def test_numbers_in_words_are_as_in_the_code():
     text = PAGE.read_text()
     assert (process_table.STARTS_PER_CORE, "four at once on each core" in text) == (4, True)
-    assert (waiting.TIMES_SLOWEST, "ten times the slowest start" in text) == (10.0, True)
+    assert (timeouts.TIMES_SLOWEST, "ten times the slowest start" in text) == (10.0, True)
     assert (process_table.HEALTHY_FRAMES, "10 frames (`HEALTHY_FRAMES`)" in text) == (10, True)
 
 
 def test_timeouts_that_follow_one_another_are_in_order():
-    patience, arrival = waiting.Patience(), joining.Arrival()
+    patience, arrival = timeouts.Patience(), joining.Arrival()
     assert patience.soft < patience.hard
-    assert process_table.SLOT_SECONDS < waiting.START
+    assert process_table.SLOT_SECONDS < timeouts.START
     assert coordinator.GREETED_AGAIN < arrival.greeted < arrival.greeted_at_most
     assert session.LEASE < participants.BACK_WITHIN < coordinator.BACK_WITHIN
     assert session.LEASE + participants.BACK_WITHIN < supervisor.STOPPED_SECONDS

@@ -30,7 +30,7 @@ from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, fill, scene_of
 from minerva_bus.grammar.types import Type, Unfit
 from minerva_bus.runtime.pace import Pace
-from minerva_bus.runtime.waiting import Deadlines, Patience, Waits
+from minerva_bus.runtime.timeouts import Deadlines, Patience, Waits
 from minerva_bus.testing.strategies import ids
 from minerva_bus.world.services import Participation, When
 from tests.family import FAMILY, FAMILY_VOCABULARY, Mortal, family_strings

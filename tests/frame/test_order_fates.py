@@ -3,7 +3,7 @@
 from minerva_bus import EventType, Vocabulary
 from minerva_bus.runtime.metrics import MAX_ORDERS, OrderFates
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 
 eFetch = EventType("eFetch", what=str)
 eStay = EventType("eStay")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from minerva_bus import Agent, EventType, Generator, World, on, service
 from minerva_bus import run as run_world
 from minerva_bus.grammar.events import Event, Events, single
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 
 eFirst = EventType("eFirst", n=int)
 eLast = EventType("eLast", name=str)

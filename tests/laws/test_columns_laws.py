@@ -32,7 +32,7 @@ from minerva_bus.grammar.columns import CHUNK, Columns, difference, packed, patc
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.context import Frame
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 from minerva_bus.world.evolution import Evolved
 from minerva_bus.world.visualization import visualize
 

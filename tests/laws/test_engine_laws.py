@@ -11,7 +11,7 @@ from minerva_bus.grammar.scene import EMPTY, AgentNode, agents, rebuild, rescope
 from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.world.agent import kinds_of
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 from minerva_bus.world.evolution import Policy, evolve
 from minerva_bus.world.visualization import visualize
 from tests.family import FAMILY, FAMILY_VOCABULARY, family_events, family_strings

@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, example, given, settings
 
 from minerva_bus.errors import SceneError
 from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.printer import head
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene, agents, scene_of, walk
+from minerva_bus.grammar.text_and_digest import head
 from minerva_bus.testing.strategies import scenes, values, vocabularies, worlds
 
 law = settings(suppress_health_check=list(HealthCheck))

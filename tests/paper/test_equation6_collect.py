@@ -5,7 +5,7 @@ from itertools import permutations
 import pytest
 
 from minerva_bus import EventType
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 
 eLaser = EventType("eLaser", dist=float, angle=float)
 eCamera = EventType("eCamera", marker=str)

@@ -12,7 +12,7 @@ from minerva_bus.frame.messages import PROTOCOL_VERSION, Hello
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 
 eNear = EventType("eNear", by=float)
 eCall = EventType("eCall")

@@ -40,7 +40,7 @@ from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_services.geometry.volumes import volumes
 from minerva_services.input.each import Each
 from minerva_services.physics.collisions import Collisions

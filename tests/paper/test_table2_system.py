@@ -41,7 +41,7 @@ from minerva_bus.runtime.runner import InProcessRunner
 from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.world.agent import kinds_of
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from tests.family import FAMILY, FAMILY_VOCABULARY, family_events, family_strings
 from tests.paper import transcription
 

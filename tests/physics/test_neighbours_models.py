@@ -14,7 +14,7 @@ from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.settings.world_settings import Overrides
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from tests.one_process import run_file, run_world
 
 ROOT = Path(__file__).resolve().parents[2]

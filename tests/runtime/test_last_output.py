@@ -6,7 +6,7 @@ import signal
 import pytest
 from running import MEMBERS, Run, World, minerva, write_world
 
-from minerva_bus.runtime.waiting import OUTPUT_SECONDS, Deadlines, Patience
+from minerva_bus.runtime.timeouts import OUTPUT_SECONDS, Deadlines, Patience
 
 PAINTER = '\n[process.painter]\nservice = "yard:Painter"\n'
 

@@ -19,7 +19,7 @@ from minerva_bus import Event, Events, Scene
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.columns import Columns, patched
 from minerva_bus.grammar.parser import parse_value
-from minerva_bus.grammar.printer import value_text
+from minerva_bus.grammar.text_and_digest import value_text
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.wire import codec
 from minerva_bus.wire.columns_codec import plain_patch

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from minerva_bus.runtime.waiting import (
+from minerva_bus.runtime.timeouts import (
     MISSED_AFTER,
     START,
     STARTS_SAID_EVERY,

@@ -32,7 +32,7 @@ from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.stimuli import Abandoned
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import walk
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.readings import Sighting, Sightings
 from tests.memory_bus import MemoryBus
 

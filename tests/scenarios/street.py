@@ -3,7 +3,7 @@
 from minerva_bus import EMPTY, Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import agents
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.norms import Norm, Then
 
 eStep = EventType("eStep")

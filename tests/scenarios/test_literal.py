@@ -20,7 +20,7 @@ from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents, walk
 from minerva_bus.world.context import Frame
-from minerva_bus.world.event_order import Priority, collect
+from minerva_bus.world.event_collection import Priority, collect
 from minerva_bus.world.norms import Norm
 from tests.family import FAMILY, FAMILY_VOCABULARY, family_events, family_strings
 from tests.one_process import run_world

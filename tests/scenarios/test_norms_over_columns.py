@@ -20,7 +20,7 @@ from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Events, single
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.norms import Norm, Then
 from tests.one_process import run_world
 

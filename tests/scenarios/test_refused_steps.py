@@ -27,7 +27,7 @@ from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import Delta
 from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.scene import FigureNode, agents, walk
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.norms import Norm, rested
 
 PPush = Primitive("PPush", who=str, push=float)

@@ -33,7 +33,7 @@ from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.runtime.runner import InProcessRunner, deliver
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Service
 from minerva_services.input.each import Each

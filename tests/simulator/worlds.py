@@ -41,7 +41,7 @@ from minerva_bus.launch.process_specs import ProcessSpec, names_of
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.world_settings import BusSettings
 from minerva_bus.world.context import stream
-from minerva_bus.world.event_order import Priority
+from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_bus.world.services import Emit

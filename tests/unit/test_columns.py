@@ -20,8 +20,8 @@ from minerva_bus.grammar.columns import (
     patched,
 )
 from minerva_bus.grammar.ids import Ids, RowDelta
-from minerva_bus.grammar.printer import scene_digest
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.text_and_digest import scene_digest
 from minerva_bus.grammar.types import Unfit, parse_type
 
 

@@ -28,7 +28,7 @@ from minerva_bus.errors import VocabularyError
 from minerva_bus.grammar.columns import Column, one_by_one
 from minerva_bus.grammar.events import Events, as_batch, first_of, in_columns, single
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.event_order import Addressed
+from minerva_bus.world.event_collection import Addressed
 
 eNear = EventType("eNear", distance=float)
 eScan = EventType("eScan", ranges=Reals, hits=Cells, path="list of real", seen=Scene)

@@ -27,7 +27,6 @@ from minerva_bus import (
     visualize,
 )
 from minerva_bus.errors import GrammarError, MisuseError, VocabularyError
-from minerva_bus.grammar.printer import scene_digest
 from minerva_bus.grammar.scene import (
     FigureNode,
     TransformationNode,
@@ -38,6 +37,7 @@ from minerva_bus.grammar.scene import (
     walk,
     with_scope,
 )
+from minerva_bus.grammar.text_and_digest import scene_digest
 from minerva_bus.launch.assignment import assigned, names_nodes
 from minerva_bus.testing.strategies import with_unique_ids
 

@@ -28,7 +28,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.messages import PROTOCOL_VERSION
 from minerva_bus.grammar.appearance import Disc, Motion
-from minerva_bus.grammar.printer import same_values
+from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.testing.strategies import vocabularies, worlds
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.field_codecs import read_reading

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_bus import Scene
-from minerva_bus.grammar.printer import value_text
+from minerva_bus.grammar.text_and_digest import value_text
 from minerva_bus.wire.strings_codec import plain_value
 from tools import golden_messages as golden
 from tools.vectors.notation import Cases, bits, packed_hex

@@ -13,7 +13,7 @@ from minerva_bus.grammar.columns import Columns, difference, merged, packed, unf
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import single
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.printer import text
+from minerva_bus.grammar.text_and_digest import text
 from minerva_bus.wire.columns_codec import plain_columns, plain_ids, plain_patch
 from minerva_bus.wire.strings_codec import plain_event, plain_scene
 from tools import golden_messages as golden

@@ -39,14 +39,14 @@ from minerva_bus.frame.stimuli import (
 )
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import AnyEvent, Event, Events, first_of, single
-from minerva_bus.grammar.printer import same_values, shown_value
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
+from minerva_bus.grammar.text_and_digest import same_values, shown_value
 from minerva_bus.log.record import Record
 from minerva_bus.user_code import SourceLine, assignments, defined, handler_name
 from minerva_bus.wording import named_some, short
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
-from minerva_bus.world.event_order import addressed
+from minerva_bus.world.event_collection import addressed
 from minerva_bus.world.norms import REFUSED, SOURCE, Norm
 from minerva_bus.world.population import parents_of
 

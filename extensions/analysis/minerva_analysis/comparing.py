@@ -12,8 +12,8 @@ import numpy as np
 from minerva_bus.frame.stimuli import RecordedFrame
 from minerva_bus.grammar.columns import bits
 from minerva_bus.grammar.events import AnyEvent, Event, single
-from minerva_bus.grammar.printer import same_values, shape_text, value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
+from minerva_bus.grammar.text_and_digest import same_values, shape_text, value_text
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.channels import without_agents
 from minerva_bus.log.record import Record

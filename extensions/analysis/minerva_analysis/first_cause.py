@@ -29,8 +29,8 @@ from minerva_analysis.replays import world_file_of
 from minerva_analysis.traced_calls import TracedCall
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.grammar.events import single
-from minerva_bus.grammar.printer import shown_value
 from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.grammar.text_and_digest import shown_value
 from minerva_bus.launch.past import kinds_in
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.record import Record

@@ -33,7 +33,7 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.context import Frame
-from minerva_bus.world.event_order import collect
+from minerva_bus.world.event_collection import collect
 from minerva_bus.world.evolution import Policy
 
 OVER = "the record is over"

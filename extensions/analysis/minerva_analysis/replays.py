@@ -53,7 +53,7 @@ from minerva_bus.wire.plain import as_int
 from minerva_bus.wire.status_codec import plain_status
 from minerva_bus.wording import frames_up_to
 from minerva_bus.world.agent import Kinds
-from minerva_bus.world.event_order import collect
+from minerva_bus.world.event_collection import collect
 from minerva_bus.world.operator import FileStatus
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode, Scene, agents, walk, with_scope
 from minerva_bus.world.agent import ActivityError, AgentStep, Kinds, process_all
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.event_order import Addressed
+from minerva_bus.world.event_collection import Addressed
 from minerva_bus.world.evolution import evolve
 
 

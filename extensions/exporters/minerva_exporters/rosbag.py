@@ -22,8 +22,8 @@ import numpy as np
 from minerva_analysis.places import SHOWN, Surveyor
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent, single
-from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.text_and_digest import value_text
 from minerva_bus.log.channels import time_of
 from minerva_bus.log.record import Record
 from minerva_bus.world.readings import Mount, Reading

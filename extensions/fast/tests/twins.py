@@ -7,8 +7,8 @@ from typing import Any
 from minerva_bus import evolve as eta
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.events import single
-from minerva_bus.grammar.printer import scene_digest
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.text_and_digest import scene_digest
 from minerva_bus.world.class_declaration import compile_all
 from minerva_bus.world.context import Frame
 

@@ -19,7 +19,7 @@ from gymnasium.vector.utils import (
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.printer import SIZE
+from minerva_bus.grammar.text_and_digest import SIZE
 from minerva_learning.acting import AnySpace
 
 Batch = NDArray[Any] | dict[str, Any]

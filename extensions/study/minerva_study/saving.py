@@ -9,8 +9,8 @@ from typing import Any
 
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.files import check_new, check_output, write_output
-from minerva_bus.grammar.printer import text
 from minerva_bus.grammar.scene import Scene, scene_of
+from minerva_bus.grammar.text_and_digest import text
 from minerva_bus.launch.toml_tables import of_nodes, toml_value
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.wording import install

@@ -11,8 +11,8 @@ from typing import Any, Final
 from minerva_assistants.mcp.tool import AGENT_ID, Result, Tool, ToolCall, ToolImage, text, whole
 from minerva_bus.errors import BusError, MisuseError, nearest
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition
-from minerva_bus.grammar.printer import json_value
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
+from minerva_bus.grammar.text_and_digest import json_value
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import installed_worlds
 from minerva_bus.launch.registry import running

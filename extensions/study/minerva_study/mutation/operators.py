@@ -11,8 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from minerva_bus.grammar.printer import head, value_text
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Node, Scene, Value, scene_of, with_scope
+from minerva_bus.grammar.text_and_digest import head, value_text
 from minerva_bus.launch.assignment import NodePath, places
 from minerva_study.domains import Extent
 from minerva_study.mutation.mutable import Targets

@@ -8,8 +8,8 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
-from minerva_bus.grammar.printer import same_values
 from minerva_bus.grammar.scene import EMPTY, Scene, Value
+from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.grammar.types import Type
 from minerva_bus.portable import normal
 from minerva_study.domains import Domain, Interval, OneOf

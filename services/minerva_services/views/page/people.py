@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.printer import shown_value
 from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.grammar.text_and_digest import shown_value
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.services import WorldInfo

@@ -9,8 +9,8 @@ from html import escape
 import numpy as np
 
 from minerva_bus.grammar.appearance import Disc, Label, Line
-from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value
+from minerva_bus.grammar.text_and_digest import value_text
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.operator_client import activity, awaited
 from minerva_bus.wording import duration

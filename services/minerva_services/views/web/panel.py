@@ -25,8 +25,8 @@ from viser import (
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fields import Field
-from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.grammar.text_and_digest import value_text
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.operator import CollectedSeries, LogEntry, Operator, WorldStatus
 from minerva_services.geometry.colors import OKABE_ITO, Legend

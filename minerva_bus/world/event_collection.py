@@ -1,4 +1,4 @@
-"""Events of a frame: their total order (equation 6), and their delivery to receivers.
+"""E(C*, t), the events of a frame in their total order (equation 6), and their delivery.
 
 The order extends the order relation of 4.2.2. Events go by id to an agent, by row to a population.
 """
