@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError
-from minerva_bus.grammar.columns import CHUNK, Columns, one_by_one, packed
+from minerva_bus.frame.messages import Changes, Parts
+from minerva_bus.grammar.columns import (
+    CHUNK,
+    Columns,
+    Delta,
+    check_delta,
+    one_by_one,
+    packed,
+    patched,
+)
 from minerva_bus.grammar.ids import LONGEST, Ids, repeated_id, same_id
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents, fill, fill_slots
 from minerva_bus.grammar.types import Unfit
@@ -385,3 +394,27 @@ def first_in(agents: Ids, others: Iterable[Ids]) -> str | None:
         if len(rows):
             return agents[int(rows[0])]
     return None
+
+
+def applied(parts: Parts, changes: Changes) -> dict[str, Scene]:
+    """What changes make of the fragments or views of their names. Raises Unfit."""
+    return {
+        name: Scene((patched(_piece(parts, name), change),))
+        if isinstance(change, Delta)
+        else change
+        for name, change in changes.items()
+    }
+
+
+def check_deltas(parts: Parts, changes: Changes) -> None:
+    """Raise Unfit if deltas do not fit the fragments or views of their names."""
+    for name, change in changes.items():
+        if isinstance(change, Delta):
+            check_delta(_piece(parts, name), change)
+
+
+def _piece(parts: Parts, name: str) -> Piece:
+    old = parts.get(name, EMPTY)
+    if len(old.pieces) != 1:
+        raise Unfit(f"a patch of {name}, which is not in columns")
+    return old.pieces[0]

@@ -15,7 +15,7 @@ import numpy as np
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection_step import FrameInbox, report_dropped
-from minerva_bus.frame.composition import Composition, first_in, ids_of
+from minerva_bus.frame.composition import Composition, applied, first_in, ids_of
 from minerva_bus.frame.member_table import Members
 from minerva_bus.frame.norm_rejections import Norms, Trial
 from minerva_bus.frame.placement import Offers, Placement
@@ -28,7 +28,7 @@ from minerva_bus.frame.stimuli import (
     is_people,
     person_of,
 )
-from minerva_bus.frame.view_streams import Views, applied
+from minerva_bus.frame.view_streams import Views
 from minerva_bus.frame.world_state import (
     FrameInFlight,
     FrameResult,

@@ -29,7 +29,7 @@ import numpy as np
 
 from minerva_bus.errors import MinervaError, MisuseError, ProtocolError, UserCodeError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.composition import Fragment, fragment_in
+from minerva_bus.frame.composition import Fragment, applied, fragment_in
 from minerva_bus.frame.messages import (
     PROTOCOL_VERSION,
     SAVED_VALUE,
@@ -40,7 +40,6 @@ from minerva_bus.frame.messages import (
     Readings,
 )
 from minerva_bus.frame.placement import placed
-from minerva_bus.frame.view_streams import applied
 from minerva_bus.grammar.columns import Delta, difference, has_columns, size
 from minerva_bus.grammar.events import AnyEvent, Event, Events, check_number, chosen, in_columns
 from minerva_bus.grammar.ids import RowDelta, no_id, row_delta_of_ids

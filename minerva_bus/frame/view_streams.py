@@ -8,14 +8,12 @@ from operator import attrgetter
 from typing import Final
 
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.composition import Composition, applied, check_deltas
 from minerva_bus.frame.member_table import Members
-from minerva_bus.frame.messages import Changes, Parts, ViewShown
+from minerva_bus.frame.messages import Changes, ViewShown
 from minerva_bus.frame.stimuli import Instructions, plain_form
 from minerva_bus.frame.world_state import FrameInFlight, WorldSpec
-from minerva_bus.grammar.columns import Delta, check_delta, patched
-from minerva_bus.grammar.scene import EMPTY, Piece, Scene
-from minerva_bus.grammar.types import Unfit
+from minerva_bus.grammar.scene import EMPTY, Scene
 
 _TYPE: Final = attrgetter("type")
 
@@ -99,10 +97,7 @@ class Views:
     def check(self, event_type: str, changes: Changes) -> None:
         """Raise Unfit if deltas do not fit the latest view of an event type."""
         stream = self._streams.get(event_type)
-        known = {} if stream is None else stream.parts
-        for name, change in changes.items():
-            if isinstance(change, Delta):
-                check_delta(_piece(known, name), change)
+        check_deltas({} if stream is None else stream.parts, changes)
 
     def show(
         self,
@@ -144,20 +139,3 @@ def _send(
     # One publication for any number of observers.
     if not last and any(not (hello.coupled or hello.plain) for _, hello in devices):
         out.add(s.Show(view.event_type, view))
-
-
-def applied(parts: Parts, changes: Changes) -> dict[str, Scene]:
-    """What changes make of the fragments or views of their names. Raises Unfit."""
-    return {
-        name: Scene((patched(_piece(parts, name), change),))
-        if isinstance(change, Delta)
-        else change
-        for name, change in changes.items()
-    }
-
-
-def _piece(parts: Parts, name: str) -> Piece:
-    old = parts.get(name, EMPTY)
-    if len(old.pieces) != 1:
-        raise Unfit(f"a patch of {name}, which is not in columns")
-    return old.pieces[0]

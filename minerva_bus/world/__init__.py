@@ -1,6 +1,6 @@
 """Events, agents, evolution and views: equations 2 to 6.
 
-    equation 2, λ                world/agent.py
+    equation 2, λ                world/agent_evolution.py
     equation 3, η; its policies  world/evolution.py
     equations 4 and 5, θ and π   world/visualization.py
     equation 6, E(C*, t)         world/event_collection.py

@@ -21,7 +21,8 @@ from minerva_bus.grammar.scene import (
     rescoped,
     walk,
 )
-from minerva_bus.world.agent import Agent, Kinds, evolve_agent, kinds_of
+from minerva_bus.world.agent import Agent, Kinds, kinds_of
+from minerva_bus.world.agent_evolution import evolve_agent
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.event_collection import Addressed, addressed
 from minerva_bus.world.population import copy_id, newest_copy

@@ -22,7 +22,8 @@ from minerva_bus.grammar.events import AnyEvent, Event, Events, as_batch, first_
 from minerva_bus.grammar.ids import RowDelta
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.grammar.types import Type
-from minerva_bus.world.agent import ActivityError, Agent, AgentStep, Kinds, at_fault
+from minerva_bus.world.agent import ActivityError, Agent, Kinds
+from minerva_bus.world.agent_evolution import AgentStep, at_fault
 from minerva_bus.world.class_declaration import TOGETHER
 from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
 from minerva_bus.world.event_collection import Addressed, Round, narrowed, rounds

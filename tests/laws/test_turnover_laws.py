@@ -24,10 +24,9 @@ from minerva_bus import (
 )
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.composition import Composition, applied
 from minerva_bus.frame.evolution_step import claim_ids
 from minerva_bus.frame.member_side import Host
-from minerva_bus.frame.view_streams import applied
 from minerva_bus.frame.world_state import FrameResult
 from minerva_bus.grammar.columns import Columns, Delta, difference, patched
 from minerva_bus.grammar.ids import RowDelta, row_delta_of_ids

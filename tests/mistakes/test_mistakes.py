@@ -74,7 +74,7 @@ def test_all_frames_are_shown_to_devices_that_want_them(tmp_path, minerva):
     code, text = minerva(tmp_path, "run", mistake.write(tmp_path), "--in-process", "--traceback")
     assert code == 1
     assert "Traceback (most recent call last)" in text
-    assert "minerva_bus/world/agent.py" in text
+    assert "minerva_bus/world/agent_evolution.py" in text
     assert f"garden.py:{mistake.line}" in text
 
 

@@ -12,7 +12,8 @@ from typing import Any
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode, Scene, agents, walk, with_scope
-from minerva_bus.world.agent import ActivityError, AgentStep, Kinds, process_all
+from minerva_bus.world.agent import ActivityError, Kinds
+from minerva_bus.world.agent_evolution import AgentStep, process_all
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.event_collection import Addressed
 from minerva_bus.world.evolution import evolve
