@@ -388,18 +388,8 @@ class WorldProgress(Protocol):
         ...
 
 
-class StateToRecord(Protocol):
-    """What a record, a journal or a table keeps between two frames."""
-
-    @property
-    def world(self) -> WorldSpec:
-        """The world as declared."""
-        ...
-
-    @property
-    def frame(self) -> int:
-        """The number of the next frame."""
-        ...
+class StateToRecord(WorldProgress, Protocol):
+    """What a record, a journal or a table also keeps between two frames."""
 
     @property
     def scene(self) -> Scene:

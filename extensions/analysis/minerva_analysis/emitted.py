@@ -8,7 +8,7 @@ from functools import cache
 from types import FunctionType, ModuleType
 from typing import Any, Final, cast
 
-from minerva_bus.api.used_symbols import names_in
+from minerva_bus.api.python_tables import names_in
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.user_code import variables_of
 from minerva_bus.world.agent import Agent
