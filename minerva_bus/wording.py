@@ -1,11 +1,10 @@
-"""Phrases for messages that several layers use, their pauses, and texts of any origin in XML."""
+"""Phrases for messages that several layers use, their pauses, and characters for XML."""
 
 import importlib.util
 import re
 import shlex
 import sys
 from collections.abc import Sequence
-from html import escape
 from math import inf
 from typing import Final
 
@@ -51,13 +50,6 @@ def named_some(names: Sequence[str], most: int) -> str:
     return ", ".join(names[:most]) + more
 
 
-def frames_up_to(end: int) -> str:
-    """The frames before `end` in words: `no frames`, `frame 0 only`, `frames 0 to 12`."""
-    if end <= 1:
-        return "frame 0 only" if end == 1 else "no frames"
-    return f"frames 0 to {end - 1}"
-
-
 def install(extra: str) -> str:
     """The command that installs an extra into the environment that runs this program."""
     # A plain `pip` may belong to another environment, and one that uv has made has no pip.
@@ -79,8 +71,3 @@ _UNWRITABLE: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U00
 def xml_characters(text: str) -> str:
     """The text with U+FFFD in place of characters that XML does not allow."""
     return _UNWRITABLE.sub("\ufffd", text)
-
-
-def xml_text(text: str) -> str:
-    """Any text as XML character data."""
-    return escape(xml_characters(text), quote=False)

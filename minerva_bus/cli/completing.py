@@ -109,12 +109,6 @@ def worlds(ctx: typer.Context, incomplete: str) -> Choices:
 
 
 @completer
-def worlds_and_records(ctx: typer.Context, incomplete: str) -> Choices:
-    """Installed worlds, world files and records."""
-    return [*installed(ctx, incomplete), *paths(incomplete, ".toml", ".mcap")]
-
-
-@completer
 def members_to_attach(ctx: typer.Context, incomplete: str) -> Choices:
     """Services and agents, or world files with --process."""
     from minerva_bus.entry_points import entries
@@ -225,12 +219,6 @@ def running(ctx: typer.Context, incomplete: str) -> Choices:
     from minerva_bus.launch.registry import running as registered
 
     return [(world.world, world.endpoint) for world in registered()]
-
-
-@completer
-def records_and_running(ctx: typer.Context, incomplete: str) -> Choices:
-    """Records, and the worlds that run on this machine."""
-    return [*running(ctx, incomplete), *paths(incomplete, ".mcap")]
 
 
 @completer

@@ -12,7 +12,7 @@ import json
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -175,21 +175,6 @@ def print_table(rows: Iterable[Sequence[str]]) -> None:
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
         print_result("  ".join(cells).rstrip())
-
-
-@contextmanager
-def progress_bar(label: str, *, quiet: bool = False) -> Generator[Callable[[int, int], None]]:
-    """A progress bar on standard error, if it is a terminal; called with done and total."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda done, last: None
-        return
-    with typer.progressbar(length=1, label=label, file=sys.stderr) as bar:
-
-        def show(done: int, last: int) -> None:
-            bar.length = max(1, last)
-            bar.update(done - bar.pos)
-
-        yield show
 
 
 _NOTHING: Final[Mapping[str, Any]] = {

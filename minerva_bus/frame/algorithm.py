@@ -430,11 +430,6 @@ class FrameAlgorithm:
         return self.lifecycle.shutdown
 
     @property
-    def in_flight(self) -> FrameInFlight:
-        """The frame in flight, or the latest one."""
-        return self.now.in_flight
-
-    @property
     def in_frame(self) -> bool:
         """Whether a frame is in progress."""
         return self.now.phase in (Phase.TICK, Phase.EVOLVE)
@@ -471,16 +466,6 @@ class FrameAlgorithm:
     def reached(self) -> bool:
         """Whether every agent of the kinds that send `until` has sent it."""
         return self.goal.met
-
-    @property
-    def finished(self) -> str:
-        """Reason for an end by `until` and `give_up`; empty while an agent has sent neither."""
-        return self.goal.finished
-
-    @property
-    def over(self) -> bool:
-        """Whether no frame follows."""
-        return bool(self.why_over())
 
     @property
     def scene(self) -> Scene:

@@ -498,7 +498,7 @@ class RunJournal:
     def close(self) -> None:
         """Close the journal."""
         if self._journal is not None:
-            self._journal.close(over=self._coordinator.algorithm.over)
+            self._journal.close(over=bool(self._coordinator.algorithm.why_over()))
 
     def _note_members(self, journal: Journal) -> None:
         members = self._coordinator.algorithm.members

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.scene import EMPTY, Piece, Scene, fill_slots
 from minerva_bus.wording import install
 
 PROFILE: Final = "minerva"
@@ -120,17 +119,6 @@ def encode_log(time: int, member: str, text: str, warning: bool) -> bytes:
     level = _WARNING if warning else _INFO
     plain = {"timestamp": time_stamp(time), "level": level, "message": text, "name": member}
     return plain_json(plain | {"file": "", "line": 0})
-
-
-def without_agents(scene: Scene) -> Scene:
-    """A string without its agents."""
-    made: list[Piece] = []
-    for piece in scene.pieces:
-        if piece.still:
-            made.append(piece)
-        elif piece.ids is None:
-            made += fill_slots(Scene((piece,)), lambda _: EMPTY).pieces
-    return Scene(tuple(made))
 
 
 def time_stamp(nanoseconds: int) -> dict[str, int]:

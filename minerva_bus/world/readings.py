@@ -166,22 +166,10 @@ def hits(scan: Scan, every: int = 1) -> tuple[Reals, Reals]:
     ranges = scan.ranges[::every]
     # Compared as float32: in float64, a beam at exactly the limit could seem to be below it.
     beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
-    return _ends(scan, beams * every, ranges[beams].astype(np.float64))
+    return ends(scan, beams * every, ranges[beams].astype(np.float64))
 
 
-def no_returns(scan: Scan, most: float, every: int = 1) -> tuple[Reals, Reals]:
-    """As `hits`, for beams without an obstacle in range, free for at most `most` metres.
-
-    Without a positive `range_max` there are none, because such a sensor cannot report them.
-    """
-    free = min(scan.range_max, most)
-    if not free > 0:
-        return np.empty(0), np.empty(0)
-    beams = np.flatnonzero(scan.ranges[::every] >= np.float32(scan.range_max))
-    return _ends(scan, beams * every, np.full(len(beams), float(free)))
-
-
-def _ends(scan: Scan, beams: NDArray[np.intp], dist: Reals) -> tuple[Reals, Reals]:
+def ends(scan: Scan, beams: NDArray[np.intp], dist: Reals) -> tuple[Reals, Reals]:
     """End points, as for `hits`, of beams with lengths `dist` in metres from the sensor."""
     # The usual case of a sensor in the centre: its polar coordinates are those of the robot.
     if not (scan.mount_x or scan.mount_y or scan.path):

@@ -74,7 +74,7 @@ def test_one_that_gives_up_and_goes_on_can_still_reach_it():
     bus.run()
     assert bus.ended.reason == "#b has given up: eCroak<x=0.5>"
     again = counters(str(bus.algorithm.scene), until="eDone", past=state, **QUITTERS)
-    assert again.algorithm.finished == ""
+    assert again.algorithm.goal.finished == ""
 
 
 def test_giving_up_ends_nothing_without_until():

@@ -10,15 +10,7 @@ import pytest
 from minerva_bus import Agent
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.console import RunSummary
-from minerva_bus.wording import counted, frames_up_to, install
-
-
-@pytest.mark.parametrize(
-    ("end", "text"),
-    [(0, "no frames"), (1, "frame 0 only"), (2, "frames 0 to 1"), (60, "frames 0 to 59")],
-)
-def test_the_frames_of_a_record(end, text):
-    assert frames_up_to(end) == text
+from minerva_bus.wording import counted, install
 
 
 @pytest.mark.parametrize(

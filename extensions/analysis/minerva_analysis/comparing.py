@@ -9,13 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from minerva_analysis.places import without_agents
 from minerva_bus.frame.stimuli import RecordedFrame
 from minerva_bus.grammar.columns import bits
 from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.grammar.text_and_digest import same_values, shape_text, value_text
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.channels import without_agents
 from minerva_bus.log.record import Record
 from minerva_bus.wire.strings_codec import plain_event_list
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary

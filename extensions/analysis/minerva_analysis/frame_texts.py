@@ -10,7 +10,13 @@ from minerva_bus.errors import RecordError
 from minerva_bus.grammar.events import AnyEvent, single
 from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.log.record import Cursor, Record
-from minerva_bus.wording import frames_up_to
+
+
+def frames_up_to(end: int) -> str:
+    """The frames before `end` in words: `no frames`, `frame 0 only`, `frames 0 to 12`."""
+    if end <= 1:
+        return "frame 0 only" if end == 1 else "no frames"
+    return f"frames 0 to {end - 1}"
 
 
 def kinds_in(scene: Scene) -> dict[str, int]:

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from minerva_analysis.frame_texts import frames_up_to
 from minerva_bus.errors import MisuseError, RecordError, nearest
 from minerva_bus.frame.stimuli import Checkpoint, RecordedFrame
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Value, agents
 from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.log.record import Cursor, Record
-from minerva_bus.wording import frames_up_to
 
 MAX_NAMED: Final = 20
 

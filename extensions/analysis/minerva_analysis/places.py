@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 from minerva_bus.grammar.appearance import Motion, Raster
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import (
+    EMPTY,
     AgentNode,
     FigureNode,
     Piece,
     Scene,
     TransformationNode,
+    fill_slots,
     walk,
 )
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -225,3 +227,14 @@ def _rgba(color: str, opacity: float) -> tuple[int, int, int, int]:
         return 0, 0, 0, 0
     red, green, blue = bytes.fromhex(color.removeprefix("#"))
     return red, green, blue, round(255 * opacity)
+
+
+def without_agents(scene: Scene) -> Scene:
+    """A string without its agents."""
+    made: list[Piece] = []
+    for piece in scene.pieces:
+        if piece.still:
+            made.append(piece)
+        elif piece.ids is None:
+            made += fill_slots(Scene((piece,)), lambda _: EMPTY).pieces
+    return Scene(tuple(made))

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from minerva_analysis.frame_texts import FrameText, kinds_in
+from minerva_analysis.frame_texts import FrameText, frames_up_to, kinds_in
 from minerva_analysis.indexes import wrong_indexes
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import check_new, replacing
@@ -19,7 +19,7 @@ from minerva_bus.log.chunks import Damage, Losses
 from minerva_bus.log.entries import Dropped
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.log.record_writer import RecordWriter
-from minerva_bus.wording import counted, frames_up_to
+from minerva_bus.wording import counted
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.operator import PersonOperation
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_analysis.frame_texts import frames_up_to
 from minerva_analysis.table_files import TableFiles
 from minerva_bus.api.running import pick_table
 from minerva_bus.arguments import path_of, whole_number
@@ -24,7 +25,6 @@ from minerva_bus.collect.plans import (
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.record import Cursor, Record
-from minerva_bus.wording import frames_up_to
 
 Progress = Callable[[int, int], None]
 _END: Final = 1 << 62

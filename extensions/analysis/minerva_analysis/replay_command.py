@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from minerva_analysis.frame_texts import frames_after
+from minerva_analysis.progress import progress_bar
 from minerva_analysis.records import replay
 from minerva_analysis.replays import read_replay
 from minerva_bus.cli.output import (
@@ -16,7 +17,6 @@ from minerva_bus.cli.output import (
     print_answer,
     print_message,
     print_result,
-    progress_bar,
 )
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.supervisor import Supervisor

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from minerva_analysis.comparing import Difference, apart, same_events
+from minerva_analysis.frame_texts import frames_up_to
 from minerva_analysis.replay_algorithm import ReplayAlgorithm
 from minerva_bus.api.world import ContinuedRecord
 from minerva_bus.arguments import path_of
@@ -51,7 +52,6 @@ from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
 from minerva_bus.wire.status_codec import plain_status
-from minerva_bus.wording import frames_up_to
 from minerva_bus.world.agent import Kinds
 from minerva_bus.world.event_collection import collect
 from minerva_bus.world.operator import FileStatus

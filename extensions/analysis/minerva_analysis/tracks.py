@@ -13,11 +13,10 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_analysis.frame_texts import kinds_in
-from minerva_analysis.places import Numbers, Positions, Surveyor
+from minerva_analysis.places import Numbers, Positions, Surveyor, without_agents
 from minerva_bus.grammar.appearance import Label, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.channels import without_agents
 from minerva_bus.log.record import Record
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from minerva_analysis.frame_texts import frames_up_to
 from minerva_bus.grammar.events import single
 from tests.log.recorded_runs import bytes_of, happened, strings_of
 from tests.runtime.running import here
@@ -58,3 +59,11 @@ def test_a_frame_that_is_not_there(number, tmp_path):
     done = here(tmp_path, "info", "run.mcap", "--frame", number)
     assert done.returncode == 2
     assert done.stderr == f"minerva: run.mcap: it has frames 0 to 59, not {number}\n"
+
+
+@pytest.mark.parametrize(
+    ("end", "text"),
+    [(0, "no frames"), (1, "frame 0 only"), (2, "frames 0 to 1"), (60, "frames 0 to 59")],
+)
+def test_the_frames_of_a_record(end, text):
+    assert frames_up_to(end) == text

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from minerva_analysis.progress import progress_bar
 from minerva_analysis.record_tables import Export, export_plans, read_plans
 from minerva_analysis.table_files import TableFiles
 from minerva_bus.cli.output import (
@@ -15,7 +16,6 @@ from minerva_bus.cli.output import (
     print_json,
     print_message,
     print_result,
-    progress_bar,
 )
 from minerva_bus.collect.data_tables import CsvWriter
 from minerva_bus.collect.plans import TablePlan, parse_entries

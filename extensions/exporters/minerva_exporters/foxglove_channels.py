@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_analysis.places import SHOWN, Positions, Surveyor, painted
+from minerva_analysis.places import SHOWN, Positions, Surveyor, painted, without_agents
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.appearance import Raster, Shape
@@ -35,7 +35,6 @@ from minerva_bus.log.channels import (
     stamped_schema,
     time_of,
     time_stamp,
-    without_agents,
 )
 from minerva_bus.log.record_writer import FurtherChannels, McapFile
 from minerva_bus.semantics.geometry import interpret

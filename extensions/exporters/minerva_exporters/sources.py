@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from minerva_analysis.frame_texts import frames_up_to
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import name_file
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.record import Cursor, Record
-from minerva_bus.wording import frames_up_to
 
 
 def only_record(paths: Sequence[Path], form: str) -> Path:

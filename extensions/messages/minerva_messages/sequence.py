@@ -7,9 +7,10 @@ arrow with a head at each receiver, so a call to twenty takes as much room as a 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from html import escape
 from typing import Final
 
-from minerva_bus.wording import xml_text
+from minerva_bus.wording import xml_characters
 from minerva_messages.acts import Act
 from minerva_messages.exchanges import Exchange, SentMessage
 
@@ -46,10 +47,10 @@ def draw(exchange: Exchange) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}"'
         f' width="{width:.0f}" height="{height:.0f}">',
-        f"<title>{xml_text(exchange.title)}</title>",
+        f"<title>{_xml_text(exchange.title)}</title>",
         f"<style>{_STYLE}</style>",
         f'<rect width="100%" height="100%" fill="{PAPER}"/>',
-        f'<text class="title" x="{MARGIN}" y="32">{xml_text(exchange.title)}</text>',
+        f'<text class="title" x="{MARGIN}" y="32">{_xml_text(exchange.title)}</text>',
     ]
     for name, x in columns.items():
         lines += _lifeline(name, x, height - MARGIN)
@@ -82,7 +83,7 @@ def _lifeline(name: str, x: float, bottom: float) -> Iterator[str]:
         f'<rect x="{x - BOX_WIDTH / 2:.0f}" y="{top}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}"'
         f' rx="6" fill="#f2f4f7" stroke="{INK}"/>'
     )
-    yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{xml_text(shown)}</text>'
+    yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{_xml_text(shown)}</text>'
 
 
 def _arrow(message: SentMessage, y: float, columns: dict[str, float]) -> Iterator[str]:
@@ -104,7 +105,7 @@ def _arrow(message: SentMessage, y: float, columns: dict[str, float]) -> Iterato
         yield (f'<path d="M {end:.0f} {y:.0f} l {back} -4 l 0 8 z" fill="{color}"/>')
     yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="2.5" fill="{color}"/>'
     yield f'<text class="label" x="{_label_at(message, columns):.0f}" y="{y - 6:.0f}">'
-    yield f"<title>{xml_text(message.content)}</title>{xml_text(message.label)}</text>"
+    yield f"<title>{_xml_text(message.content)}</title>{_xml_text(message.label)}</text>"
 
 
 def _label_at(message: SentMessage, columns: dict[str, float]) -> float:
@@ -126,3 +127,8 @@ def _wide(text: str, letter: float = LETTER) -> float:
 def _cut(text: str, width: float) -> str:
     most = int(width / LETTER)
     return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def _xml_text(text: str) -> str:
+    """Any text as XML character data."""
+    return escape(xml_characters(text), quote=False)

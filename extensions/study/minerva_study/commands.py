@@ -77,6 +77,12 @@ def open_workers(workers: int, dask: str, limit: float) -> Generator[Workers]:
         yield Workers(0, limit, executor)
 
 
+@completing.completer
+def _worlds_and_records(ctx: typer.Context, incomplete: str) -> completing.Choices:
+    """Installed worlds, world files and records."""
+    return [*completing.installed(ctx, incomplete), *completing.paths(incomplete, ".toml", ".mcap")]
+
+
 @examples(
     "minerva evolve forager.toml --fitness forager:berries --generations 20",
     "minerva evolve forager.toml --fitness forager:berries --mutable AEgg.speed=0:0.4",
@@ -300,7 +306,7 @@ def calibrate(
         str,
         typer.Argument(
             help="A world file or installed world; with --frame a record, .mcap.",
-            autocompletion=completing.worlds_and_records,
+            autocompletion=_worlds_and_records,
         ),
     ],
     range_: Annotated[

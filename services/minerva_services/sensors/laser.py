@@ -23,7 +23,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import MANY
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.types import Degrees, Metres, Seconds
-from minerva_bus.world.readings import Reals, Scan, hits, no_returns
+from minerva_bus.world.readings import Reals, Scan, ends, hits
 from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.event_factory import EventFactory, event_type
 
@@ -120,3 +120,15 @@ def _events(factory: EventFactory, scan: Scan, columns: tuple[Reals, ...]) -> It
         return
     for beam in zip(*[column.tolist() for column in columns], strict=True):
         yield factory(*beam, receivers=(scan.robot,))
+
+
+def no_returns(scan: Scan, most: float, every: int = 1) -> tuple[Reals, Reals]:
+    """As `hits`, for beams without an obstacle in range, free for at most `most` metres.
+
+    Without a positive `range_max` there are none, because such a sensor cannot report them.
+    """
+    free = min(scan.range_max, most)
+    if not free > 0:
+        return np.empty(0), np.empty(0)
+    beams = np.flatnonzero(scan.ranges[::every] >= np.float32(scan.range_max))
+    return ends(scan, beams * every, np.full(len(beams), float(free)))

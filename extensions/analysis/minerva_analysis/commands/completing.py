@@ -7,11 +7,17 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from minerva_bus.cli.completing import Choices, completer
+from minerva_bus.cli.completing import Choices, completer, paths, running
 
 if TYPE_CHECKING:
     from minerva_bus.frame.world_state import WorldSpec
     from minerva_bus.grammar.vocabulary import Vocabulary
+
+
+@completer
+def records_and_running(ctx: typer.Context, incomplete: str) -> Choices:
+    """Records, and the worlds that run on this machine."""
+    return [*running(ctx, incomplete), *paths(incomplete, ".mcap")]
 
 
 @completer

@@ -27,7 +27,7 @@ def explain(
         typer.Argument(
             metavar="RECORD|WORLD",
             help="A record, .mcap, or a running world.",
-            autocompletion=completing.records_and_running,
+            autocompletion=contents.records_and_running,
         ),
     ] = "",
     code: Annotated[
