@@ -515,7 +515,7 @@ class DeviceSide:
         self._every = every
         self._pictures: dict[str, _Picture] = {}
         self._unshown: dict[str, int] = {}
-        self._turns: dict[str, int] = {}
+        self._latest: dict[str, int] = {}
 
     def rejoin(self) -> None:
         """Accept the next keyframes regardless of their sequence number."""
@@ -553,10 +553,11 @@ class DeviceSide:
         latest view of each event type, to catch up. `last`: no view follows.
         """
         for event_type, frame in sorted(self._unshown.items()):
-            turn = frame // (self._every or 1)
-            if self._every and turn == self._turns.get(event_type) and not last:
+            latest, every = self._latest.get(event_type, frame), self._every
+            # The same frame again, or an earlier one, comes from a record that is wound back.
+            if every and latest < frame and latest // every == frame // every and not last:
                 continue
-            self._turns[event_type] = turn
+            self._latest[event_type] = frame
             del self._unshown[event_type]
             begin(frame)
             if isinstance(self._service, Device):
