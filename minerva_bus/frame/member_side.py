@@ -734,7 +734,7 @@ class Member:
     ) -> None:
         self.name = name
         self.operator = cast("Operator", NoOperator())
-        self.endpoint = ""
+        self.bus: tuple[str, Any] = "", None
         self.service = service
         self.when = When() if service is None else check_attributes(service)
         self.host = Host(name, kinds_of(agents))
@@ -851,8 +851,8 @@ class Member:
             welcome.dt,
             self.operator,
             lambda: bool(self.stopped),
-            self.endpoint,
             self._generating.serves,
+            *self.bus,
         )
         try:
             service.joined(info)

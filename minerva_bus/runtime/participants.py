@@ -290,7 +290,7 @@ class Participant:
         """Wait until the name is free; yields before each further attempt."""
         self._session = session
         self.member.operator = AskingOperator(self._ask, self.member.name)
-        self.member.endpoint = self._connect.endpoint
+        self.member.bus = self._connect.endpoint, (self.member.name, session)
         within = self._connect.arrival.named
         if self._connect.arrival.standby:
             self._notify(f"{self.member.name}: stands by until the member of this name has gone")

@@ -86,7 +86,8 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
     Flows are seen from the hub: `ingress` is what the member sends, `egress` what it receives.
     """
     name, own = holder.name, _own_chunk(holder)
-    received, asked = _received(keys, holder, own), [asking_key(ANY_WORLD, own)]
+    assets = f"{keys.base}/asset"
+    received, asked = _received(keys, holder, own), [asking_key(ANY_WORLD, own), f"{assets}/*"]
     if holder.may(OPERATOR):
         asked.append(control_key(ANY_WORLD, own))
     # A member needs its own tokens to check that its name is free, and the coordinator's to detect
@@ -105,6 +106,8 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
         _rule(f"{name} receives subscriptions", (_OUT,), _SUBSCRIBE, sent),
         _rule(f"{name} asks", (_IN,), ("query",), asked),
         _rule(f"{name} receives answers", (_OUT,), ("reply",), asked),
+        _rule(f"{name} has assets", (_IN,), ("declare_queryable", "reply"), [f"{assets}/{own}"]),
+        _rule(f"{name} is asked for assets", (_OUT,), ("query",), [f"{assets}/*"]),
     ]
 
 

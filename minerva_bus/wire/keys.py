@@ -7,6 +7,7 @@ minerva/<world>/evolve                  coordinator → hosts of agents
 minerva/<world>/from/<member>           member → coordinator
 minerva/<world>/view/<event type>       coordinator → observers
 minerva/<world>/topic/<topic>/<member>  sensor readings, member → members
+minerva/<world>/asset/<member>          queries of members for files that another one has
 minerva/<world>/alive/<member>          liveliness tokens
 minerva/<world>/claim/<member>/<number> liveliness tokens of processes that are about to take a name
 minerva/<world>/epoch/<number>          liveliness tokens of coordinators

@@ -149,10 +149,12 @@ class WorldInfo:
         operator: pause, step, send events: for services with controls for people.
         ended: returns whether the world has ended. False in `close` means that the member leaves a
             world that continues, or has lost it.
-        endpoint: where the member is connected to the bus, such as `tcp/127.0.0.1:40123`, for
-            services through which others join; "" in a world in one process.
         serves: returns whether this process makes the events of an agent: of the processes that
             divide a generator, exactly one does.
+        endpoint: where the member is connected to the bus, such as `tcp/127.0.0.1:40123`, for
+            services through which others join; "" in a world in one process.
+        session: the name of the member and the Zenoh session of its process, for what services of
+            an extension tell each other; None in a world in one process.
 
     """
 
@@ -164,8 +166,9 @@ class WorldInfo:
         default_factory=lambda: cast("Operator", NoOperator()), compare=False
     )
     ended: Callable[[], bool] = field(default=lambda: False, compare=False, repr=False)
-    endpoint: str = field(default="", compare=False)
     serves: Callable[[str], bool] = field(default=lambda _: True, compare=False, repr=False)
+    endpoint: str = field(default="", compare=False)
+    session: Any = field(default=None, compare=False, repr=False)
 
 
 @dataclass(slots=True)

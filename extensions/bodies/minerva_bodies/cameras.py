@@ -342,7 +342,7 @@ class Cameras(Device, Generator, coupled=True):
     def joined(self, world: WorldInfo) -> None:
         self.check(world)
         self._vocabulary, self._dt = world.vocabulary, world.dt
-        self._lists = Lists(world.vocabulary, geometry_in_space(world.vocabulary))
+        self._lists = Lists(world.vocabulary, geometry_in_space(world))
         if self._node is not None:
             self._node.open()
 

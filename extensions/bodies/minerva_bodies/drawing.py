@@ -16,10 +16,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bodies.assets import connect
 from minerva_bodies.pictures import SpacePictures
 from minerva_bodies.shapes import unit_solid
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.services import WorldInfo
 from minerva_services.geometry.colors import Legend
 from minerva_services.geometry.picture import Copies, Floats, Lists, Solid
 from minerva_services.views.svg import Svg
@@ -63,7 +65,7 @@ class SolidPictures:
 
     def __init__(self, world: str, vocabulary: Vocabulary, width: int) -> None:
         self._world, self._width = world, width
-        self._lists = Lists(vocabulary, SpacePictures(vocabulary))
+        self._lists = Lists(vocabulary, SpacePictures(WorldInfo(world, vocabulary, 0, 0.0)))
         self._axes = _axes()
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
 
@@ -143,6 +145,10 @@ class SolidPictures:
 
 class Solids(Svg, draws=("ePicture",)):
     """Draws worlds with solids in space as SVG and PNG, with the options of `svg`."""
+
+    def joined(self, world: WorldInfo) -> None:
+        connect(world)
+        super().joined(world)
 
     @staticmethod
     def pictures(world: str, vocabulary: Vocabulary, width: int) -> Any:

@@ -1,33 +1,25 @@
-"""Assets: surfaces in files, OBJ, STL and GLB, as points and triangles.
-
-An asset is named by a path: of a file beside the world, or in an installed package,
-`PACKAGE/FOLDER/FILE`. These are the folders from which Python imports. The name may end with the
-digest of the contents, `FILE#sha256=HEX`, of 16 digits or more.
-"""
+"""Surfaces in files, OBJ, STL and GLB, as points and triangles; see `assets` for their names."""
 
 from __future__ import annotations
 
-import hashlib
 import struct
-import sys
 from io import BytesIO
 from itertools import pairwise
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from minerva_bodies.assets import read_asset
 from minerva_bodies.errors import BodiesError
 from minerva_services.options import require
 
 Surface: TypeAlias = tuple[NDArray[np.float64], NDArray[np.uint32]]
 """Points (n, 3) in metres, and triangles (m, 3), counter-clockwise as seen from outside."""
 
-MAX_BYTES = 64 << 20
 MAX_TRIANGLES = 1_000_000
 _HEADER, _TRIANGLE = 84, 50
-_DIGEST, _MIN_DIGEST = "#sha256=", 16
 
 
 def load_mesh(name: str) -> Surface:
@@ -60,44 +52,6 @@ def check_closed(name: str, surface: Surface) -> None:
             f"mesh {name!r}: it is open: {opened} of {len(count)} edges have one triangle; a body"
             " that moves needs a closed surface"
         )
-
-
-def read_asset(where: str, name: str) -> tuple[str, bytes]:
-    """The file of an asset's name, and its contents. Raises BodiesError that begin with `where`."""
-    file, marked, digest = name.partition(_DIGEST)
-    path = _path(where, file)
-    try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise BodiesError(f"{where}: {size} bytes; expected at most {MAX_BYTES} ({path})")
-        data = path.read_bytes()
-    except OSError as error:
-        raise BodiesError(f"{where}: {error.strerror} ({path})") from None
-    own = hashlib.sha256(data).hexdigest()
-    if marked and (len(digest) < _MIN_DIGEST or not own.startswith(digest.lower())):
-        raise BodiesError(
-            f"{where}: the file has another digest; expected #sha256={own[:_MIN_DIGEST]}, as for"
-            f" {path}"
-        )
-    return file, data
-
-
-def _path(where: str, file: str) -> Path:
-    """The file in the first folder that has it. Raises BodiesError."""
-    parts = PurePosixPath(file).parts
-    if not parts or parts[0] == "/" or ".." in parts or "\\" in file or "\0" in file:
-        raise BodiesError(f"{where}: expected the path of a file below a folder, without ..")
-    folders = list(dict.fromkeys(Path(folder).resolve() for folder in sys.path))
-    for folder in folders:
-        path = (folder / file).resolve()
-        if path.is_file():
-            if not path.is_relative_to(folder):
-                raise BodiesError(f"{where}: {folder / file} leads out of its folder")
-            return path
-    raise BodiesError(
-        f"{where}: there is no such file beside the world or in an installed package, as"
-        f" PACKAGE/FILE; searched are {len(folders)} folders, of which the first is {folders[0]}"
-    )
 
 
 def _obj(where: str, data: bytes) -> Surface:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bodies.assets import connect
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import CAMERA, JOINTS, MATERIAL, POSTER, SIZES
 from minerva_bodies.geometry import moved, value_of
@@ -24,8 +25,8 @@ from minerva_bodies.shapes import solid_of, unit_solid
 from minerva_bus.grammar.appearance import Measure, Motion, Raster, Shape, Spatial
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import FigureNode, TransformationNode
-from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.plane import resolve_all
+from minerva_bus.world.services import WorldInfo
 from minerva_services.geometry.colors import Color, rgb
 from minerva_services.geometry.incremental import batched
 from minerva_services.geometry.picture import (
@@ -73,8 +74,9 @@ class _Rows:
 class SpacePictures(PictureGeometry):
     """φ of a view in space; the display list has `Copies` instead of the discs of solids."""
 
-    def __init__(self, vocabulary: Vocabulary) -> None:
-        super().__init__(vocabulary)
+    def __init__(self, world: WorldInfo) -> None:
+        connect(world)
+        super().__init__(world.vocabulary)
         self.rigid = Rigid()
         # Of the last terrains and posters, whose matrices a view shows again and again.
         self._known: dict[tuple[int, Raster, float], tuple[Any, list[tuple[Solid, Color]]]] = {}

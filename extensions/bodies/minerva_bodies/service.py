@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from minerva_bodies.assets import connect
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import AXIAL
 from minerva_bodies.geometry import ShownBody, SpaceGeometry
@@ -144,6 +145,7 @@ class RigidBodies(Device, Generator, coupled=True):
 
     def joined(self, world: WorldInfo) -> None:
         self.check(world)
+        connect(world)
         self._vocabulary, self._dt = world.vocabulary, world.dt
         self._engine = self._new()
         self._keep()

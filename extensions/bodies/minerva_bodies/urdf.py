@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Final
 
+from minerva_bodies.assets import read_asset
 from minerva_bodies.forms import Matter
-from minerva_bodies.meshes import read_asset
 from minerva_bodies.rigid import Rigid
 from minerva_bodies.robot_files import (
     Element,

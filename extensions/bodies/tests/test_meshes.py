@@ -6,8 +6,9 @@ import struct
 import numpy as np
 import pytest
 
+from minerva_bodies.assets import MAX_BYTES
 from minerva_bodies.errors import BodiesError
-from minerva_bodies.meshes import MAX_BYTES, check_closed, load_mesh
+from minerva_bodies.meshes import check_closed, load_mesh
 
 TETRAHEDRON = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 TEXT = b"solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid"

@@ -18,6 +18,7 @@ from minerva_bus import (
     Primitive,
     Transformation,
     Vocabulary,
+    WorldInfo,
     view,
 )
 from minerva_bus.grammar.types import Cells
@@ -54,13 +55,17 @@ WORDS = Vocabulary.of(PBox, PBall, PPill, PHill, PSign, TPose, TTurn, TPush, TAh
 WORLD = Vocabulary.of(PBox, TPose, TTurn, TPush, TAhead, ePicture, Crate)
 
 
+def geometry(words):
+    return geometry_in_space(WorldInfo("w", words, 0, 0.1))
+
+
 def copies(scene, words=WORDS):
-    return Lists(words, geometry_in_space(words)).picture(scene, {}).of(Copies)
+    return Lists(words, geometry(words)).picture(scene, {}).of(Copies)
 
 
 def test_the_vocabulary_decides_about_the_geometry():
-    assert isinstance(geometry_in_space(WORDS), SpacePictures)
-    assert not isinstance(geometry_in_space(Vocabulary.of(PSign)), SpacePictures)
+    assert isinstance(geometry(WORDS), SpacePictures)
+    assert not isinstance(geometry(Vocabulary.of(PSign)), SpacePictures)
 
 
 def test_columns_and_single_nodes_are_at_the_poses_of_physics():
@@ -98,7 +103,7 @@ def test_copies_of_a_solid_are_one_item_within_their_bounds():
 
 def test_a_terrain_has_its_colours_and_texts_stay():
     scene = PHill(np.array([[0, 0, 200], [0, 0, 200]], np.int16)) + PSign("top")
-    shown = Lists(WORDS, SpacePictures(WORDS)).picture(scene, {})
+    shown = Lists(WORDS, geometry(WORDS)).picture(scene, {})
     low, peak = shown.of(Copies)
     assert low.color.tolist(), peak.color.tolist() == ([[0, 255, 0]], [[255, 255, 255]])
     assert peak.extents()[1][0].tolist() == pytest.approx([2.0, 4.0, 2.0])

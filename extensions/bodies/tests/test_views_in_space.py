@@ -5,7 +5,7 @@ import pytest
 
 from minerva_bodies import Ball, Box, euler
 from minerva_bodies.pictures import SpacePictures
-from minerva_bus import AgentKind, Metres, Primitive, Transformation, Vocabulary, parse
+from minerva_bus import AgentKind, Metres, Primitive, Transformation, Vocabulary, WorldInfo, parse
 from minerva_bus.grammar.fields import Fields
 from minerva_services.geometry.picture import Copies, Lists
 
@@ -13,7 +13,7 @@ PBlock = Primitive("PBlock", Box(1, 1, "z", "#ff0000"), z=Metres)
 PBall = Primitive("PBall", Ball(0.5, "#0000ff"))
 TAt = Transformation("TAt", euler("x", "y", "z"), x=Metres, y=Metres, z=Metres)
 WORDS = Vocabulary.of(PBlock, PBall, TAt, AgentKind("AStone", Fields.of({})))
-SHOWN = Lists(WORDS, SpacePictures(WORDS)).picture(
+SHOWN = Lists(WORDS, SpacePictures(WorldInfo("w", WORDS, 0, 0.1))).picture(
     PBlock(0.5) + parse("AStone#a"), {"a": TAt(3.0, 0.0, 2.0)(PBall())}
 )
 

@@ -21,6 +21,7 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Primitive, Vocabulary
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.world.services import WorldInfo
 from minerva_services.geometry.colors import Color, DrawnColors, Legend, color_of, rgb, rgbs_of
 from minerva_services.geometry.incremental import ByParts, ItemGeometry, batched
 
@@ -292,17 +293,17 @@ class PictureGeometry(ItemGeometry[Any]):
         return batched(items, tuple, _discs)
 
 
-def geometry_in_space(vocabulary: Vocabulary) -> PictureGeometry:
+def geometry_in_space(world: WorldInfo) -> PictureGeometry:
     """The geometry of views in three dimensions.
 
     That of an installed package (the entry points `minerva.pictures`) for a vocabulary with forms
     in space, or else that of the plane, in which things have a height.
     """
-    declared = [each.shape for each in vocabulary.primitives.values()]
+    declared = [each.shape for each in world.vocabulary.primitives.values()]
     if any(shape.spatial for shape in declared if shape is not None):
         for entry in entries("minerva.pictures").values():
-            return cast("PictureGeometry", entry.load()(vocabulary))
-    return PictureGeometry(vocabulary)
+            return cast("PictureGeometry", entry.load()(world))
+    return PictureGeometry(world.vocabulary)
 
 
 class RepeatedText(Sequence[str]):

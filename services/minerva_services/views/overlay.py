@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.services import View
+from minerva_bus.world.services import View, WorldInfo
 from minerva_services.geometry.picture import Lists, Picture, combined, geometry_in_space
 
 
 class Overlay:
     """Views of the event types `draws`, drawn over each other in this order.
 
-    `space`: as things in three dimensions, for vocabularies that declare those.
+    `space`: as things in three dimensions, for worlds that declare those.
     """
 
-    def __init__(self, vocabulary: Vocabulary, draws: Sequence[str], space: bool = False) -> None:
+    def __init__(self, world: WorldInfo, draws: Sequence[str], space: bool = False) -> None:
         self._lists = {
-            event_type: Lists(vocabulary, geometry_in_space(vocabulary) if space else None)
+            event_type: Lists(world.vocabulary, geometry_in_space(world) if space else None)
             for event_type in draws
         }
         self._views: dict[str, View] = {}

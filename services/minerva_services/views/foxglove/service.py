@@ -96,7 +96,7 @@ class Foxglove(Device, draws=("ePicture",)):
         from minerva_services.views.foxglove.scene import SceneChannels, SubscriptionListener
 
         self._dt = world.dt
-        self._overlay = Overlay(world.vocabulary, self.draws, space=True)
+        self._overlay = Overlay(world, self.draws, space=True)
         context = foxglove.Context()
         self._scene: SceneChannels = SceneChannels(context)
         host, wanted = self._address

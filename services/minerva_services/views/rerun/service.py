@@ -53,7 +53,7 @@ class RerunView(Device, draws=("ePicture",)):
         from minerva_services.views.rerun.rrd_file import RrdFile
 
         self._dt = world.dt
-        self._overlay = Overlay(world.vocabulary, self.draws, space=True)
+        self._overlay = Overlay(world, self.draws, space=True)
         prepare_folder(self._path)
         self._file = RrdFile(world.world, self._path)
 

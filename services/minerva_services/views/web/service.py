@@ -93,7 +93,7 @@ class Web(Device, draws=("ePicture",)):
 
         self.check(world)
         self._ended = world.ended
-        self._overlay = Overlay(world.vocabulary, self.draws, space=True)
+        self._overlay = Overlay(world, self.draws, space=True)
         address = self._address
         self._server = server = serve(address.host, address.port, address.names, world.world)
         self._scene: PageScene = PageScene(server, shadows=self._shadows)

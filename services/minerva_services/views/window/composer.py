@@ -108,7 +108,7 @@ class Composer:
 
     def __init__(self, world: WorldInfo, draws: tuple[str, ...], space: bool = False) -> None:
         self._world = world
-        self._overlay = Overlay(world.vocabulary, draws, space)
+        self._overlay = Overlay(world, draws, space)
         self._scans = ScanBuffer()
         self.picture = Picture()
 
