@@ -1,7 +1,7 @@
 """The view `solids`: pictures of solids in space, in SVG and PNG, seen obliquely from above.
 
-Bodies are drawn from far to near, each face in the shade of its direction; scenery below the ground
-comes first. It has the options of the view `svg`.
+Bodies are drawn from far to near, each face in the shade of its direction; maps whose form has a
+height are walls. It has the options of the view `svg`.
 """
 
 from __future__ import annotations
@@ -17,19 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bodies.assets import connect
+from minerva_bodies.painting import Face, Whole, face_of, painted
 from minerva_bodies.pictures import SpacePictures
 from minerva_bodies.shapes import unit_solid
+from minerva_bus.grammar.appearance import Disc, Raster
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import WorldInfo
-from minerva_services.geometry.colors import Legend
-from minerva_services.geometry.picture import Copies, Floats, Lists, Solid
+from minerva_services.geometry.colors import Legend, LegendEntry
+from minerva_services.geometry.picture import Copies, Discs, Floats, Lists, Solid, Tiles
+from minerva_services.views.solids import cylinder, floor_meshes
 from minerva_services.views.svg import Svg
 
 Polygons: TypeAlias = list[tuple[int, ...]]
 
 _AZIMUTH, _ELEVATION = math.radians(-60.0), math.radians(38.0)
-_MARGIN, _FOOT = 0.04, 64
+_MARGIN, _FOOT, _ROW = 0.04, 64, 28
 _BALLS = unit_solid("ball", 0.0, True), unit_solid("ball", 0.0, False)
 _LIGHT = np.array([0.35, -0.55, 0.76])
 
@@ -49,8 +53,17 @@ class _Drawn:
 
     solid: Solid
     points: Floats
-    color: NDArray[np.uint8]
+    color: NDArray[Any]
     size: float
+
+    @property
+    def reach(self) -> float:
+        """Half of its greatest extent along an axis."""
+        return float(np.ptp(self.points, axis=0).max()) / 2
+
+
+_LARGE, _MAX_FACES = 3.0, 1000
+"""A solid so many times as large as most is drawn by its faces, if it has no more than these."""
 
 
 class SolidPictures:
@@ -67,6 +80,14 @@ class SolidPictures:
         self._world, self._width = world, width
         self._lists = Lists(vocabulary, SpacePictures(WorldInfo(world, vocabulary, 0, 0.0)))
         self._axes = _axes()
+        rasters = [each.shape for each in vocabulary.primitives.values()]
+        self._upright = {
+            color
+            for form in rasters
+            if isinstance(form, Raster) and (form.height or form.spatial)
+            for _, color in form.colors
+        }
+        self._maps: dict[tuple[int, Pose], tuple[Tiles, list[_Drawn]]] = {}
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
 
     def draw(self, scene: Scene, frame: int) -> str:
@@ -77,6 +98,15 @@ class SolidPictures:
             for copies in picture.of(Copies)
             for row, points in enumerate(copies.points())
         ]
+        maps = [tiles for tiles in picture.of(Tiles) if tiles.form.height]
+        # A map that has not changed is the same matrix.
+        known = [self._maps.get((id(tiles.cells), tiles.pose)) for tiles in maps]
+        self._maps = {
+            (id(tiles.cells), tiles.pose): before or (tiles, [*_walls(tiles)])
+            for tiles, before in zip(maps, known, strict=True)
+        }
+        solids += [wall for _, walls in self._maps.values() for wall in walls]
+        solids += [disc for discs in picture.of(Discs) for disc in _upright(discs)]
         flat = [solid.points @ self._axes[:2].T for solid in solids] or [np.zeros((1, 2))]
         together = np.concatenate(flat)
         self._low = np.minimum(self._low, together.min(axis=0))
@@ -84,15 +114,13 @@ class SolidPictures:
         size = np.maximum(self._high - self._low, 1e-3)
         scale = self._width * (1 - 2 * _MARGIN) / size[0]
         height = round(size[1] * scale + 2 * _MARGIN * self._width)
-        # Straight above the ground, far things first.
-        ordered = sorted(
-            solids, key=lambda each: (not _below(each.points), self._nearness(each.points))
-        )
-        shapes = [text for each in ordered for text in self._shape(each, scale, height)]
+        shapes = self._shapes(solids, scale, height)
+        rows = max((row for _, row, _ in self._placed(picture.legend)), default=0)
+        whole = height + _FOOT + rows * _ROW
         return "\n".join(
             [
                 f'<svg xmlns="http://www.w3.org/2000/svg" width="{self._width}"'
-                f' height="{height + _FOOT}" viewBox="0 0 {self._width} {height + _FOOT}">',
+                f' height="{whole}" viewBox="0 0 {self._width} {whole}">',
                 '<rect width="100%" height="100%" fill="#f5f0e6"/>',
                 *shapes,
                 *self._foot(picture.legend, frame, height),
@@ -100,23 +128,45 @@ class SolidPictures:
             ]
         )
 
-    def _nearness(self, points: Floats) -> float:
-        return float((points @ self._axes[2]).mean())
+    def _shapes(self, solids: list[_Drawn], scale: float, height: int) -> Iterator[str]:
+        large = _LARGE * float(np.median([each.reach for each in solids])) if solids else 0.0
+        faces, wholes = list[Face](), list[Whole]()
+        for each in solids:
+            is_ball = each.solid in _BALLS
+            own = [] if is_ball else self._seen(each)
+            if each.reach > large and not is_ball and len(own) <= _MAX_FACES:
+                faces += own
+                continue
+            shapes = [self._polygon(face, scale, height) for face in own]
+            shapes += self._ball(each, scale, height) if is_ball else ()
+            below = bool(each.points[:, 2].max() <= 1e-6)  # Under all that stands on the ground.
+            rank = not below, float((each.points @ self._axes[2]).mean())
+            wholes.append(Whole(each.points.mean(axis=0), rank, tuple(shapes)))
+        for part in painted(faces, wholes, 0.5 / scale):
+            if isinstance(part, Whole):
+                yield from part.shapes
+            else:
+                yield self._polygon(part, scale, height)
 
-    def _shape(self, drawn: _Drawn, scale: float, height: int) -> Iterator[str]:
-        points, color = drawn.points, drawn.color
+    def _flat(self, points: Floats, scale: float, height: int) -> Floats:
+        """Places in the picture, pixels."""
         flat = (points @ self._axes[:2].T - self._low) * scale + _MARGIN * self._width
         flat[:, 1] = height - flat[:, 1]
-        if drawn.solid in _BALLS:
-            # Three discs take much less than all its triangles.
-            (x, y), radius = flat.mean(axis=0), drawn.size * scale
-            for dx, size, light in ((0.0, 1.0, 0.72), (0.16, 0.78, 0.9), (0.34, 0.36, 1.15)):
-                yield (
-                    f'<circle cx="{x - dx * radius:.1f}" cy="{y - dx * radius:.1f}"'
-                    f' r="{size * radius:.1f}" fill="{_shade(color, light)}"/>'
-                )
-            return
-        faces = _polygons(drawn.solid)
+        return flat
+
+    def _ball(self, drawn: _Drawn, scale: float, height: int) -> Iterator[str]:
+        x, y = self._flat(drawn.points, scale, height).mean(axis=0).tolist()
+        radius = drawn.size * scale
+        # Three discs take much less than all its triangles.
+        for dx, size, light in ((0.0, 1.0, 0.72), (0.16, 0.78, 0.9), (0.34, 0.36, 1.15)):
+            yield (
+                f'<circle cx="{x - dx * radius:.1f}" cy="{y - dx * radius:.1f}"'
+                f' r="{size * radius:.1f}" fill="{_shade(drawn.color, light)}"/>'
+            )
+
+    def _seen(self, drawn: _Drawn) -> list[Face]:
+        """The faces of a solid towards the eye, from far to near."""
+        faces, points = _polygons(drawn.solid), drawn.points
         a, b, c = points[[face[:3] for face in faces]].swapaxes(0, 1)
         normals = np.cross(b - a, c - b)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
@@ -124,23 +174,44 @@ class SolidPictures:
         lights = 0.62 + 0.42 * np.maximum(0.0, normals @ _LIGHT)
         seen = np.flatnonzero(normals @ self._axes[2] > 0).tolist()
         # A surface that is not convex hides parts of itself.
-        for row in sorted(seen, key=lambda row: float(nearness[list(faces[row])].mean())):
-            corners = " ".join([f"{x:.1f},{y:.1f}" for x, y in flat[list(faces[row])].tolist()])
-            fill = _shade(color, lights[row])
-            yield f'<polygon points="{corners}" fill="{fill}" stroke="{fill}" stroke-width="0.6"/>'
+        seen.sort(key=lambda row: float(nearness[[*faces[row]]].mean()))
+        return [
+            face_of(points[[*faces[row]]], normals[row], _shade(drawn.color, lights[row]))
+            for row in seen
+        ]
+
+    def _polygon(self, face: Face, scale: float, height: int) -> str:
+        places = self._flat(face.corners, scale, height).tolist()
+        corners = " ".join([f"{x:.1f},{y:.1f}" for x, y in places])
+        return (
+            f'<polygon points="{corners}" fill="{face.fill}" stroke="{face.fill}"'
+            ' stroke-width="0.6"/>'
+        )
 
     def _foot(self, entries: Legend, frame: int, height: int) -> Iterator[str]:
         style = 'font-family="DejaVu Sans, Verdana, sans-serif" font-size="16" fill="#3b3a36"'
-        left, line = _MARGIN * self._width, height + 16
+        first, line = _MARGIN * self._width, height + 16
         yield (
-            f'<text x="{left:.0f}" y="{line}" {style}><tspan font-weight="bold">'
+            f'<text x="{first:.0f}" y="{line}" {style}><tspan font-weight="bold">'
             f"{html.escape(self._world)}</tspan>  frame {frame}</text>"
         )
-        for entry in entries:
-            yield f'<circle cx="{left + 7:.0f}" cy="{line + 27}" r="7" fill="{entry.colors[0]}"/>'
+        for left, row, entry in self._placed(entries):
+            base = line + 32 + row * _ROW
+            yield f'<circle cx="{left + 7:.0f}" cy="{base - 5}" r="7" fill="{entry.colors[0]}"/>'
             text = html.escape(entry.text)
-            yield f'<text x="{left + 20:.0f}" y="{line + 32}" {style}>{text}</text>'
-            left += 44 + 9 * len(entry.text)
+            yield f'<text x="{left + 20:.0f}" y="{base}" {style}>{text}</text>'
+
+    def _placed(self, entries: Legend) -> Iterator[tuple[float, int, LegendEntry]]:
+        """The left ends and rows of what is drawn: lines, labels and flat maps are not."""
+        first = left = _MARGIN * self._width
+        row = 0
+        for entry in entries:
+            if entry.shape is Disc or entry.colors[0] in self._upright:
+                wide = 44 + 9 * len(entry.text)
+                if left > first and left + wide > self._width:
+                    left, row = first, row + 1
+                yield left, row, entry
+                left += wide
 
 
 class Solids(Svg, draws=("ePicture",)):
@@ -155,9 +226,23 @@ class Solids(Svg, draws=("ePicture",)):
         return SolidPictures(world, vocabulary, width)
 
 
-def _below(points: Floats) -> bool:
-    """Whether a solid lies below the ground, and under everything that stands on it."""
-    return bool(points[:, 2].max() <= 1e-6)
+def _upright(discs: Discs) -> Iterator[_Drawn]:
+    """Discs of the plane as cylinders of their height."""
+    solid = cylinder(20)
+    sizes = np.column_stack((discs.radius, discs.radius, discs.height))
+    places = np.column_stack((discs.x, discs.y, np.zeros(len(discs))))
+    for size, place, color in zip(sizes, places, discs.color, strict=True):
+        yield _Drawn(solid, solid.vertices * size + place, color, float(size[0]))
+
+
+def _walls(tiles: Tiles) -> Iterator[_Drawn]:
+    """A map whose form has a height as a floor with walls."""
+    cos, sin = math.cos(math.radians(tiles.pose.angle)), math.sin(math.radians(tiles.pose.angle))
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    for mesh in floor_meshes(tiles):
+        points = mesh.solid.vertices.astype(np.float64) @ turn
+        points[:, :2] += tiles.pose.x, tiles.pose.y
+        yield _Drawn(mesh.solid, points, np.array(mesh.color), 1.0)
 
 
 def _shade(color: NDArray[Any], light: float) -> str:
