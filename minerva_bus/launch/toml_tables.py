@@ -33,7 +33,7 @@ from minerva_bus.launch.assignment import names_nodes
 from minerva_bus.launch.installed import SERVICES, is_file
 from minerva_bus.launch.specs import load
 from minerva_bus.settings.kinds import TABLE, Kind, Setting, fits, phrase_of, settings_of
-from minerva_bus.settings.world_settings import AS_WRITTEN, RESERVED, Overrides, plain_value
+from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides, plain_value
 from minerva_bus.user_code import place_of, report
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wording import NO_VALUE
@@ -371,8 +371,6 @@ def read_options(
         if not key.isidentifier():
             expected = "letters, digits and _, beginning with a letter, as in step_size"
             raise WorldFileError(f"{path}: {key[:80]!r} cannot name an option: use {expected}")
-        if key.removeprefix("no_") in RESERVED:
-            raise WorldFileError(f"{path}: every run has an option {key}; call yours own_{key}")
     options = {key: beside(value, path.parent) for key, value in written.items()}
     choices = _read_choices(top.table("choices"), options, path.parent)
     for key, text in given.items():

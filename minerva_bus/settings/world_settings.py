@@ -450,13 +450,6 @@ TABLES: Final = (
 OPTIONS: Final[Mapping[str, Setting]] = by_option(*TABLES)
 """The settings that have an option on the command line, by its name."""
 
-RESERVED: Final = OPTIONS.keys() | {
-    *("bus", "collect", "film", "force", "help", "help_all", "in_process", "json", "options"),
-    *("profile", "profile_member", "quiet", "record_video", "resume", "set", "traceback", "view"),
-    "world",
-}
-"""Names of the options of all runs, on a command line and in Python; no world has its own."""
-
 
 @dataclass(frozen=True, slots=True, init=False)
 class Overrides:

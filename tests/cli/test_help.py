@@ -7,11 +7,9 @@ import shlex
 import pytest
 import typer.main
 
-from minerva_bus import run
 from minerva_bus.cli.main import app, command_of, main, topics
 from minerva_bus.cli.options import examples_of
 from minerva_bus.errors import MisuseError, UnknownOption
-from minerva_bus.settings.world_settings import RESERVED
 
 ROOT = typer.main.get_group(app)
 NAMES = [name for group in topics().values() for name in group]
@@ -69,13 +67,6 @@ def test_the_help_of_run_begins_with_the_usual_options(capsys):
     assert ("--seed <whole number>" in short, "--log-format" in short) == (True, False)
     assert "--log-format <text>" in whole
     assert "--log-format" in {flag for each in ROOT.commands["run"].params for flag in each.opts}
-
-
-def test_no_world_may_have_an_option_of_all_runs():
-    """The option of the run would win, in silence; so the names are refused in world files."""
-    flags = {flag for each in ROOT.commands["run"].params for flag in each.opts if flag[0] == "-"}
-    names = {flag.lstrip("-").replace("-", "_") for flag in flags}
-    assert names | inspect.signature(run).parameters.keys() <= RESERVED
 
 
 def test_the_help_of_a_world_lists_its_options(capsys, tmp_path):

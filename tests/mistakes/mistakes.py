@@ -327,7 +327,6 @@ MISTAKES = (
         Mistake(f"option of the name {name}", "[bus]", f'[options]\n"{name}" = 1\n[bus]', _says("cannot name an option"), at=False, in_file=True)
         for name in ("", " ", "a b", "a-b", "1a", "*", "..", "a\\nb")
     ],
-    Mistake("option of the name of a setting", "[bus]", "[options]\nseed = 1\n[bus]", _says("every run has an option seed; call yours own_seed"), at=False, in_file=True),
     *[
         Mistake(f"topic {name}", "    def generate(self, tick):\n", f"    {which} = ({name!r},)\n\n    def generate(self, tick):\n",
                 _says("[process.sun]", "cannot name a topic"), at=False)
@@ -343,8 +342,8 @@ HARMLESS = (
     Mistake("generate returns a list", SHINE, "        return [eSun(light=self.strength)]\n"),
     Mistake("generate returns nothing", SHINE, "        return None\n"),
     Mistake("generate yields nothing", SHINE, "        yield None\n"),
-    Mistake("a newborn that is kept", GROW, "        self._egg = self.child(height=1.0)\n"),
     Mistake("print in an activity", GROW, GROW + "        print('growing')\n"),
+    Mistake("a newborn that is kept", GROW, "        self._egg = self.child(height=1.0)\n"),
     Mistake("a view that shows nothing", SEE, "        return EMPTY\n"),
     Mistake("save returns a number", SHINE, SHINE + "\n    def save(self):\n        return 7\n"),
 )
