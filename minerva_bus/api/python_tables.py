@@ -369,11 +369,11 @@ class SymbolFinder:
         """All symbols. Raises MisuseError for a name of which the symbol is not known."""
         self._resolve()
         for name in self._wanted:
-            if name not in self._symbols:
+            # What is misspelt is reported at its place, when the string and the services are read.
+            if name not in self._symbols and not nearest(name, list(self._symbols)):
                 kind = "agents=[...]" if name.startswith("A") else "symbols=[...]"
                 remedy = f"declare or import it there, or give World {kind}"
-                hint = nearest(name, list(self._symbols), remedy)
-                raise MisuseError(f"the calling code has no {name}{hint}")
+                raise MisuseError(f"the calling code has no {name}; {remedy}")
         return Vocabulary.of(*self._symbols.values())
 
     def agents(self) -> dict[str, type[Agent]]:

@@ -131,7 +131,7 @@ def test_options_fill_strings_and_services():
     (lambda: World("AFrog#a", agents=[Frog], services=[3]), "a class or an installed name"),
     (lambda: World("AFrog#a", agents=[Frog], seeed=3), "no setting 'seeed'; did you mean 'seed'"),
     (lambda: World("AFrog#a", agents=[Frog], services=[each(eTick), each(eTick)]), "two services"),
-    (lambda: World("AFog#a", agents=[Frog]), "the calling code has no AFog; did you mean 'AFrog'"),
+    (lambda: World("AFog#a", agents=[Frog]), "has no AFog; did you mean 'AFrog'"),
     (lambda: World("ANewt#n"), r"has no ANewt; declare or import it there, or give World agents=\[...\]"),
     (lambda: World("AFrog#a<x=", agents=[Frog]), "\\^"),
     (lambda: parse("AFrog#a", Vocabulary.of(PFrog)), r"Vocabulary.of\(...\).check\(parse\(text\)\)"),
