@@ -37,12 +37,16 @@ PORT = 18830
 
 @dataclass(frozen=True)
 class Film:
-    """How a world is run: its arguments, frames between pictures, surroundings, and the view."""
+    """How a world is run: its arguments, frames between pictures, surroundings, and the view.
+
+    `options`: further options of the view, such as `zoom=1.5`.
+    """
 
     arguments: Sequence[str]
     every: int = 10
     around: Callable[[ExitStack], None] | None = None
     view: str = "svg"
+    options: str = ""
 
 
 def process(stack: ExitStack, *command: str) -> None:
@@ -98,7 +102,7 @@ FILMS = {
     "rover": Film([*FAST], 25, view="opengl"),
     "rubble": Film([*FAST, "--frames", "200", "--pieces", "250"], 5, view="solids"),
     "slime": Film([*FAST, "--frames", "200"]),
-    "swarm": Film([*FAST, "--frames", "1400"], 40, view="opengl"),
+    "swarm": Film([*FAST, "--frames", "1400"], 40, view="opengl", options="zoom=1.3,elevation=38"),
     "traffic": Film([*FAST, "--frames", "400"], every=5),
     "village": Film([*FAST, "--frames", "480"]),
     "warehouse": Film([*FAST, "--frames", "600"]),
@@ -109,6 +113,7 @@ def pictures(name: str, film: Film, folder: Path) -> list[Image.Image]:
     """Run a world and load its pictures, in the order of frames."""
     file = folder / ("picture.png" if film.view == "opengl" else "picture.svg")
     view = f"{film.view}:path={file},frames=true,every={film.every},width={DRAWN_WIDTH}"
+    view += f",{film.options}" * bool(film.options)
     with ExitStack() as stack:
         if film.around is not None:
             film.around(stack)
@@ -178,7 +183,10 @@ def save(images: Sequence[Image.Image], path: Path) -> None:
 
 def main() -> None:
     """Make the films of these worlds, or all."""
-    for name in sys.argv[1:] or [*FILMS, "sir"]:
+    names = sys.argv[1:] or [*FILMS, "sir"]
+    if unknown := {*names} - {*FILMS, "sir"}:
+        sys.exit(f"no film {', '.join(sorted(unknown))}; there are {', '.join(FILMS)} and sir")
+    for name in names:
         with tempfile.TemporaryDirectory() as folder:
             images = epidemic() if name == "sir" else pictures(name, FILMS[name], Path(folder))
         save(images, OUTPUT / f"{name}.webp")
