@@ -280,7 +280,7 @@ class FrameInFlight:
 class Progress:
     """Where a world is: its phase, and the frame in flight, or the next one.
 
-    `frame` is its number. `FrameAlgorithm` changes it; its parts read it.
+    `frame` is its number, which `EvolutionStep.commit` raises; `FrameAlgorithm` changes the others.
     """
 
     __slots__ = ("frame", "in_flight", "phase")
