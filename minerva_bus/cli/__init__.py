@@ -1,1 +1,1 @@
-"""The command `minerva`: thin, and the only package that imports typer."""
+"""The command `minerva`: thin, and the only package of the kernel that imports typer."""

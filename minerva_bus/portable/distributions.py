@@ -3,7 +3,8 @@
 SplitMix64 (Steele, Lea and Flood 2014) makes words and the numbers that they become; normally
 distributed numbers come from uniform ones by G. Box and M. Muller (1958). The first functions
 accept numbers and arrays. Those named `draw_...` take the next numbers of one stream, `words[i]`;
-machine code and rules of spaces use them.
+machine code and rules of spaces use them. The streams of agents and generators, by (seed, id,
+frame), are in world/context.py.
 """
 
 from __future__ import annotations
