@@ -60,7 +60,8 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
     # Neither a file nor a name with a suffix: an installed world.
     if not path.suffix and not path.exists():
         path = find_world(str(world))
-    if path.suffix != ".toml":
+    # A program is read as a world file, whose error says how to run it.
+    if path.suffix not in (".toml", ".py"):
         return Checked(_check_string(path, vocabulary))
     if code:
         # Not as a `World`, which reads the file for each question.

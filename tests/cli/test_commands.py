@@ -229,6 +229,14 @@ def test_a_file_that_is_none(minerva, home, name):
     assert out == ""
 
 
+def test_a_program_is_no_string(minerva, home):
+    path = written(home, "from minerva_bus import run\n", "snails.py")
+    for words in ("check",), ("check", "--no-code"):
+        code, out, err = minerva(*words, path)
+        assert (code, out) == (1, "")
+        assert "python snails.py runs it" in err
+
+
 @pytest.mark.parametrize("words", [
     ("check", "\0.mnv"), ("run", "\0.toml"), ("info", "\0.mcap"), ("replay", "\0.mcap"), ("conformance", "\0"),
     ("run", "world.toml", "--in-process", "--record", "\0.mcap"), ("plot", "\0.csv"),
