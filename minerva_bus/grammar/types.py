@@ -363,10 +363,15 @@ def _frozen(matrix: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
+_UNQUOTED: Final = re.compile(r"[-+]?\.?[0-9][0-9.e+-]*\s*[A-Za-z°/]*|true|false|\[.*\]|\{.*\}")
+"""Texts that are values of another type without their quotes."""
+
+
 def shown(value: Any) -> str:
     """A value as shown in messages."""
     if isinstance(value, str | int | float | bool):
-        return repr(value)[:40]
+        hint = ": write it without quotes" if _UNQUOTED.fullmatch(str(value)) else ""
+        return repr(value)[:40] + (hint if isinstance(value, str) else "")
     if isinstance(value, Quantity):
         return f"{value.number:g} {value.unit}"
     if isinstance(value, Scene):
@@ -447,7 +452,7 @@ class Type:
         word = to_text(value)
         if word not in self.words:
             near = nearest(word, list(self.words))
-            raise Unfit(f"one of {', '.join(self.words)}, not {shown(word)}{near}")
+            raise Unfit(f"one of {', '.join(self.words)}, not {word!r:.40}{near}")
         return word
 
     def _list(self, value: Any) -> tuple[Value, ...]:

@@ -68,7 +68,12 @@ BROKEN = [
     ("TMove(PFox)", 1, 1, "TMove needs a value for dist (real m)"),
     ("TMove<dits=1>(PFox)", 1, 1, "TMove has no dits (it has dist, angle); did you mean 'dist'"),
     ("TMove<dist=1s>(PFox)", 1, 1, "TMove: dist must be a number in m, not 1 s"),
-    ('TMove<dist="1">(PFox)', 1, 1, "TMove: dist must be a number in m, not '1'"),
+    (
+        'TMove<dist="1">(PFox)',
+        1,
+        1,
+        "TMove: dist must be a number in m, not '1': write it without quotes",
+    ),
     ("AFox#a<x=true>", 1, 1, "AFox#a: x must be a number in m, not True"),
     ("PFox<size=1>", 1, 1, "PFox has no size (it has none)"),
     ("AFox#a<plan={PFox · PDog}>", 1, 21, "the vocabulary has no PDog"),
