@@ -282,6 +282,11 @@ def search(folder: Path) -> None:
     sys.path_importer_cache.pop(str(folder), None)
 
 
+def world_folders() -> frozenset[Path]:
+    """The folders that `search` has added in this process: those of worlds."""
+    return frozenset(folder.resolve() for folder in _folders)
+
+
 def _finder(path: str) -> FileFinder:
     """A path hook for the folders, and packages in them. Raises ImportError for other paths."""
     place = Path(path)

@@ -27,6 +27,7 @@ from typing import Any, Final
 
 from minerva_bodies.errors import BodiesError
 from minerva_bus.errors import ProtocolError
+from minerva_bus.launch.specs import world_folders
 from minerva_bus.wire.keys import Keys, last_part
 from minerva_bus.wire.plain import as_int, as_list, as_text, pack, unpack
 from minerva_bus.world.services import Emit, Generator, WorldInfo
@@ -76,11 +77,10 @@ _ADVICE: Final = (
 
 
 def _missing() -> str:
-    folders = _folders()
-    return (
-        "there is no such file beside the world or in an installed package, as PACKAGE/FILE;"
-        f" searched are {len(folders)} folders, of which the first is {folders[0]}"
-    )
+    worlds = world_folders()
+    beside = next((f" ({folder})" for folder in _folders() if folder in worlds), "")
+    places = f"beside the world{beside} or in an installed package, as PACKAGE/FILE"
+    return f"there is no such file {places}"
 
 
 def _contents(where: str, path: Path) -> bytes:

@@ -9,6 +9,7 @@ import pytest
 from minerva_bodies.assets import MAX_BYTES
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.meshes import check_closed, load_mesh
+from minerva_bus.launch.specs import search
 
 TETRAHEDRON = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 TEXT = b"solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid"
@@ -17,6 +18,9 @@ TEXT = b"solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\ne
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
+    search(tmp_path)
+    # As for a command, whose own folder is searched, too.
+    monkeypatch.syspath_prepend(tmp_path / "commands")
     return tmp_path
 
 
@@ -51,7 +55,7 @@ def test_a_digest_in_the_name_is_checked(folder):
 @pytest.mark.parametrize(
     ("file", "data", "says"),
     [
-        ("none.obj", None, "no such file beside the world or in an installed package"),
+        ("none.obj", None, "no such file beside the world (FOLDER) or in an installed package"),
         ("../x.obj", None, "without .."),
         ("/etc/passwd", None, "below a folder"),
         ("", None, "below a folder"),
@@ -78,7 +82,8 @@ def test_what_is_no_mesh_is_an_error_with_its_file(folder, file, data, says):
             sparse.truncate(MAX_BYTES + 1)
     elif data is not None:
         (folder / file).write_bytes(data)
-    with pytest.raises(BodiesError, match=says) as caught:
+    with pytest.raises(BodiesError) as caught:
         check_closed(file, load_mesh(file))
     assert f"mesh {file!r}" in str(caught.value)
+    assert says.replace("FOLDER", str(folder)) in str(caught.value)
     assert len(str(caught.value).splitlines()) <= 10
