@@ -15,6 +15,7 @@ from minerva_bus.files import write_output
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
+from minerva_bus.launch.console import progress_bar
 from minerva_bus.launch.specs import find_service, load
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.wording import counted
@@ -179,8 +180,12 @@ class WorldViews:
     ) -> Film:
         """A film of strings with the numbers of their frames, at least one."""
         views = [(frame, self.view(scene, event, frame)) for frame, scene in strings]
-        drawn = zip(strings, self.pictures(width).film(views), strict=True)
-        return Film(tuple([Still(self.name, frame, svg) for (frame, _), svg in drawn]))
+        pictures = list[Still]()
+        with progress_bar("film") as progress:
+            for (frame, _), svg in zip(views, self.pictures(width).film(views), strict=True):
+                pictures.append(Still(self.name, frame, svg))
+                progress(len(pictures), len(views))
+        return Film(tuple(pictures))
 
 
 def views_of(file: WorldFile) -> WorldViews:

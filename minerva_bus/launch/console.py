@@ -168,6 +168,16 @@ class Console:
             self.live(live)
 
 
+@contextmanager
+def progress_bar(label: str, *, quiet: bool = False) -> Generator[Callable[[int, int], None]]:
+    """A progress bar on standard error, if it is a terminal; called with done and total."""
+    console = Console(quiet=quiet)
+    try:
+        yield lambda done, total: console.progress(label, done, max(1, total), "")
+    finally:
+        console.end()
+
+
 def starting_line(status: dict[str, Any], total: int) -> str:
     """The status line of a start: the number of members that have joined, and missing ones."""
     here = min(int(status["members"]), total)

@@ -2,6 +2,7 @@
 
 import re
 import signal
+import sys
 import time
 import xml.etree.ElementTree as ET
 
@@ -68,9 +69,15 @@ def test_a_view_that_fails_or_is_unknown_is_explained():
         done.picture("eTick")
 
 
-def test_a_film_has_every_nth_frame_and_the_last_one_in_one_frame_of_view():
-    done = run(balls(), frames=7, film=3)
+def test_a_film_has_every_nth_frame_and_the_last_one_in_one_frame_of_view(monkeypatch, capsys):
+    done = run(balls(), frames=7, film=3, quiet=True)
     film = done.film()
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert done.film() == film
+    lines = capsys.readouterr().err.split("\r\x1b[2K")
+    assert [line.split()[-1] for line in lines if line] == ["1/4", "2/4", "3/4", "4/4"]
+    assert lines[-1] == ""
     assert [picture.frame for picture in film.pictures] == [0, 3, 6, 7]
     # In a common part of the world the discs move by metres.
     assert [circles(picture.svg)[0][0] - circles(film.pictures[0].svg)[0][0]

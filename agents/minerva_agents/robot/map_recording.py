@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections import Counter
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from itertools import chain, repeat
 from pathlib import Path
-from typing import Any, Final, cast
-
-import typer
+from typing import Final
 
 from minerva_agents.robot.mapping import MapChoice, draw
 from minerva_bus.cli.output import Done, print_report
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.files import forget_inputs
+from minerva_bus.launch.console import progress_bar
 from minerva_bus.launch.specs import load
 from minerva_bus.log.recordings import PassOver, Progress, Recording, RecordingError
 
 RECORDINGS: Final = "minerva.recordings"
 
-_STEPS: Final = 1000
+_STEPS: Final = 100
 
 
 def map_recording(
@@ -103,12 +101,5 @@ class _Passed:
 @contextmanager
 def _progress(label: str) -> Generator[Progress]:
     """A progress bar on standard error, if it is a terminal."""
-    shown: Any = typer.progressbar(length=_STEPS, label=label, file=sys.stderr)
-    with shown as bar:
-
-        def done(part: float) -> None:
-            more = int(part * _STEPS) - cast("int", bar.pos)
-            if more > 0:
-                bar.update(more)
-
-        yield done
+    with progress_bar(label) as show:
+        yield lambda part: show(int(part * _STEPS), _STEPS)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Final
 
 from minerva_analysis.plotting import check_picture
-from minerva_analysis.progress import progress_bar
 from minerva_analysis.record_plot import plot
 from minerva_analysis.record_tables import export, read_plans
 from minerva_analysis.series_plot import plot_table
@@ -15,6 +14,7 @@ from minerva_bus.cli.output import Done, print_answer
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.console import progress_bar
 from minerva_bus.log.record import Record
 
 _TABLES: Final = (".csv", ".parquet")

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from minerva_analysis.frame_texts import frames_after
-from minerva_analysis.progress import progress_bar
 from minerva_analysis.records import replay
 from minerva_analysis.replays import read_replay
 from minerva_bus.cli.output import (
@@ -18,7 +17,7 @@ from minerva_bus.cli.output import (
     print_message,
     print_result,
 )
-from minerva_bus.launch.console import Console
+from minerva_bus.launch.console import Console, progress_bar
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import Overrides

@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from minerva_analysis.progress import progress_bar
 from minerva_analysis.record_tables import Export, export_plans, read_plans
 from minerva_analysis.table_files import TableFiles
 from minerva_bus.cli.output import (
@@ -21,6 +20,7 @@ from minerva_bus.collect.data_tables import CsvWriter
 from minerva_bus.collect.plans import TablePlan, parse_entries
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import note_read
+from minerva_bus.launch.console import progress_bar
 from minerva_bus.log.record import Record
 from minerva_bus.wording import counted
 from minerva_exporters.datasets import export_dataset

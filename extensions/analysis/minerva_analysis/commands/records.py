@@ -215,9 +215,9 @@ def bisect(
     if the runs differ. This runs the Python code of the world files.
     """
     from minerva_analysis.bisection import bisect as search
-    from minerva_analysis.progress import progress_bar
     from minerva_bus.cli.output import FAILED, print_answer, print_message
     from minerva_bus.errors import WorldStopped
+    from minerva_bus.launch.console import progress_bar
 
     try:
         with progress_bar("recompute") as report:
@@ -286,10 +286,10 @@ def swap(
     recorded. The exit code is 0 if all frames are the same, otherwise 1. Other options are passed
     to the new member. This runs the Python code of the world file that the record names.
     """
-    from minerva_analysis.progress import progress_bar
     from minerva_analysis.swapping import Swap, replay_swapped
     from minerva_bus.cli.output import FAILED, print_answer, print_message
     from minerva_bus.errors import WorldStopped
+    from minerva_bus.launch.console import progress_bar
 
     words = context.args
     # The parser takes unknown options for arguments, so the first may be in place of WORLD.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 
 from minerva_bus.grammar.scene import Scene
@@ -35,15 +34,12 @@ class Pictures:
     def film(self, views: Sequence[tuple[int, Scene]]) -> Iterator[str]:
         """The documents of views with the numbers of their frames.
 
-        All show the same part of the world, and the same legend. If standard error is a terminal,
-        it has a line about the progress.
+        All show the same part of the world, and the same legend.
         """
         for _, scene in views:
             self._include(scene)
-        for done, (frame, scene) in enumerate(views):
-            _report(f"film: {done} of {len(views)} pictures")
+        for frame, scene in views:
             yield self.draw(scene, frame)
-        _report("")
 
     def _include(self, scene: Scene) -> Bounds:
         """Enlarge the part that pictures show, and their legend, by those of a view."""
@@ -62,10 +58,3 @@ class Pictures:
             f"frame {frame}",
             self._drawn.legend(self._vocabulary),
         )
-
-
-def _report(line: str) -> None:
-    """Replace the line on standard error, if that is a terminal."""
-    if sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[K{line}")
-        sys.stderr.flush()
