@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,6 +12,7 @@ from typing import Any
 from minerva_analysis.comparing import Difference
 from minerva_bus.cli.output import FAILED, WRONG, print_json, print_message, print_result
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.console import progress_bar
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.wording import counted
@@ -61,8 +63,8 @@ def check_determinism(spec: str, frames: int, as_json: bool) -> int:
     Raises WorldFileError if there is no such world, and MisuseError if it is not a world.
     """
     path = world_path(spec)
-    with TemporaryDirectory(prefix="minerva-") as folder:
-        verdict = _verdict(path, frames, Path(folder))
+    with TemporaryDirectory(prefix="minerva-") as folder, progress_bar("runs") as progress:
+        verdict = _verdict(path, frames, Path(folder), progress)
     if as_json:
         print_json({"file": spec, **verdict.plain()})
     else:
@@ -78,9 +80,12 @@ def world_path(spec: str) -> Path:
     return find_world(spec)
 
 
-def _verdict(path: Path, frames: int, folder: Path) -> Verdict:
+def _verdict(
+    path: Path, frames: int, folder: Path, progress: Callable[[int, int], None]
+) -> Verdict:
     records: list[Path] = []
     for number, layout in enumerate((ALONE, APART)):
+        progress(number, 2)
         records.append(folder / f"{number}.mcap")
         # One after the other, because both worlds have the same name and runtime folder.
         done = run_in_layout(path, frames, layout, records[-1])
