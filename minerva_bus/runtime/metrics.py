@@ -591,13 +591,7 @@ class OrderFates:
         self._last_number += 1
         number = self._last_number
         status = OrderStatus(
-            number,
-            self._next_change(),
-            person,
-            str(event),
-            event.type,
-            "waiting",
-            frame,
+            number, self._next_change(), person, str(event), event.type, "waiting", frame
         )
         self._orders[number] = _Order(event, status)
         self._waiting.add(number)
@@ -683,7 +677,9 @@ class OrderFates:
                 changed.append(self._change(number, "done", frame, sender, is_open=False))
             for number in self._matches(event, self._fails.get(event.type, ()), frame):
                 to_all = not self._orders[number].event.receivers
-                changed.append(self._change(number, "failed", frame, sender, is_open=to_all))
+                text = str(event)
+                failed = self._change(number, "failed", frame, sender, is_open=to_all, report=text)
+                changed.append(failed)
         return changed
 
     def changed_since(self, change: int) -> tuple[OrderStatus, ...]:
@@ -714,12 +710,13 @@ class OrderFates:
         )
 
     def _change(
-        self, number: int, state: str, frame: int, by: str, *, is_open: bool
+        self, number: int, state: str, frame: int, by: str, *, is_open: bool, report: str = ""
     ) -> OrderStatus:
         order, change = self._orders[number], self._next_change()
         order.status = replace(
-            order.status, state=state, frame=frame, by=by, change=change, open=is_open
-        )
+            order.status, state=state, frame=frame, by=by, change=change, open=is_open,
+            report=report,
+        )  # fmt: skip
         if is_open:
             self._open.add(number)
         else:

@@ -86,7 +86,7 @@ class OrderStatus:
     empty for a person without a name. `state` is "waiting" (for a frame), "accepted", "rejected",
     "dropped", "done", "failed" or "replaced", since `frame`. `by` is the norm that rejected it, the
     host that its frame ended twice, the agent that reported it, or the order that replaced it.
-    `open`: another state may follow.
+    `report` is the event that failed it. `open`: another state may follow.
     """
 
     number: int
@@ -98,6 +98,7 @@ class OrderStatus:
     frame: int
     by: str = ""
     open: bool = True
+    report: str = ""
 
     @property
     def fate(self) -> str:
@@ -105,11 +106,9 @@ class OrderStatus:
         if self.state == "waiting":
             return "waits for a frame"
         by = {
-            "accepted": "",
-            "rejected": f" by the norm {self.by}",
+            "accepted": "", "replaced": f" by {self.by}", "rejected": f" by the norm {self.by}",
             "dropped": f" because {self.by or 'a host'} ended twice",
-            "replaced": f" by {self.by}",
-        }.get(self.state, f", reported by #{self.by},")
+        }.get(self.state, f", reported by {self.report or f'#{self.by}'},")  # fmt: skip
         return f"{self.state}{by} in frame {self.frame}"
 
 

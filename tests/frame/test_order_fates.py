@@ -67,7 +67,9 @@ def test_a_report_concerns_the_last_order_to_its_sender_with_equal_data_and_all_
     fates.end_frame(2, [eFetched("ball", sender="rex"), eLost("stick", "eaten", sender="rex")])
     assert states(fates) == ["done", "accepted", "failed", "done", "accepted"]
     failed = next(order for order in fates.changed_since(0) if order.state == "failed")
-    assert failed.fate == "failed, reported by #rex, in frame 2"
+    assert failed.fate == (
+        'failed, reported by eLost<what="stick", why="eaten"> from #rex, in frame 2'
+    )
     assert fates.end_frame(3, [eFetched("stick", sender="rex")]) == [], "it has ended"
 
 
