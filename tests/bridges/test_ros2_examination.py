@@ -209,5 +209,10 @@ def test_sources_that_cannot_be_examined():
             assert not good
             assert f"no ROS 2 network answers at tcp/{address}: " in note
             assert why in note
-    with pytest.raises(MinervaError, match="there is no world"):
-        list(examine("nowhere"))
+    for source, why in (
+        ("nowhere", "there is no world"),
+        ("192.168.1.20:7447", "is not an endpoint; expected tcp/HOST:7447"),
+        ("tcp://192.168.1.20:7447", "is not an endpoint; expected tcp/HOST:7447"),
+    ):
+        with pytest.raises(MinervaError, match=why):
+            list(examine(source))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,15 +32,19 @@ _ENDS: Final = {
 Found: TypeAlias = tuple[str, bool, str]
 """What was examined, whether it is good, and a note."""
 
+_ADDRESS: Final = re.compile(r".+:\d+")
+"""Host and port, which no world's name has."""
+
 _LOOK_SECONDS: Final = 0.5
 
 
 def examine(source: str) -> Iterator[Found]:
     """List a network by its endpoint, or compare the services of a world with their networks.
 
-    Raises MinervaError for a source that is neither, or a world file that is wrong.
+    Raises MinervaError for a source that is neither, such as an address without a protocol, or a
+    world file that is wrong.
     """
-    if source.partition("/")[0] in ENDPOINTS:
+    if source.partition("/")[0] in ENDPOINTS or _ADDRESS.fullmatch(source):
         yield from _listed(Ros2Network(source))
     else:
         # Late: a person waits for the list of a network, which needs none of this.
@@ -115,7 +120,8 @@ def _compared(path: Path) -> Iterator[Found]:
             yield from _fit(name, service)
         service.close()
     if not examined:
-        yield str(path), False, "no process with a service of ros2"
+        remedy = "give the endpoint of a robot, tcp/HOST:7447"
+        yield str(path), False, f"no process with a service of ros2; {remedy}"
 
 
 def _fit(name: str, service: NetworkUser) -> Iterator[Found]:
