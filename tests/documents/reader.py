@@ -109,7 +109,7 @@ class Reader:
             self.let_the_open_world_run()
         if line.startswith("minerva pub") and "--connect" not in line:
             # People may give orders when all have joined.
-            self.terminal.until("minerva list", r"frame \d")
+            self.terminal.until("minerva list", r"frame \d+ \((?!gathering)")
         if line.startswith("cd "):
             self.terminal.place /= line.removeprefix("cd ")
         elif line.endswith("&"):
