@@ -4,8 +4,6 @@ The links of an arm are agents: physics moves them, and shows them their poses. 
 solves the inverse kinematics, and sends each link the target of its joint's motor.
 """
 
-# Pyright may find this package where it is installed, instead of here.
-# pyright: reportMissingTypeStubs=false
 from __future__ import annotations
 
 import math
