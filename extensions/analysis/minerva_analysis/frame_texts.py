@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import RecordError
@@ -17,6 +18,11 @@ def frames_up_to(end: int) -> str:
     if end <= 1:
         return "frame 0 only" if end == 1 else "no frames"
     return f"frames 0 to {end - 1}"
+
+
+def missing_frame(path: Path, end: int, number: int) -> str:
+    """What is wrong with the number of a frame that a record of the frames before `end` lacks."""
+    return f"{path}: it has {frames_up_to(end)}, not {number}"
 
 
 def kinds_in(scene: Scene) -> dict[str, int]:
@@ -66,8 +72,7 @@ def frames_after(record: Record, begin: int) -> Iterator[FrameText]:
     cursor = Cursor(record)
     cursor.skip_to(begin)
     if begin < 0 or (begin and cursor.ahead is None):
-        end = record.last()[0]
-        raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {begin}")
+        raise RecordError(missing_frame(record.path, record.last()[0], begin))
     while (frame := cursor.ahead) is not None:
         string = cursor.advance()
         if frame.number >= begin:

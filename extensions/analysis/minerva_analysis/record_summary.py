@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from minerva_analysis.frame_texts import FrameText, frames_up_to, kinds_in
+from minerva_analysis.frame_texts import FrameText, kinds_in, missing_frame
 from minerva_analysis.indexes import wrong_indexes
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import check_new, replacing
@@ -212,7 +212,7 @@ def moment_of(record: Record, number: int | None) -> FrameText:
         # If it was not recorded, a later one may be ahead.
         events = frame.events if frame is not None and frame.number == number else ()
     else:
-        raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {number}")
+        raise RecordError(missing_frame(record.path, end, number))
     seconds = number * record.description.world.dt
     title = f"{seconds:.2f} s of the world"
     return FrameText(title, number, seconds, string, string.digest, events, is_end)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_analysis.frame_texts import frames_up_to
+from minerva_analysis.frame_texts import missing_frame
 from minerva_analysis.table_files import TableFiles
 from minerva_bus.api.running import pick_table
 from minerva_bus.arguments import path_of, whole_number
@@ -154,7 +154,7 @@ def export_plans(
     length = record.last()[0]
     last = length if end is None else min(end, length)
     if not 0 <= begin <= last:
-        raise RecordError(f"{record.path}: it has {frames_up_to(length)}, not {begin}")
+        raise RecordError(missing_frame(record.path, length, begin))
     counts: dict[str, _Counting] = {}
 
     def open_counted(plan: TablePlan) -> Writer:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from minerva_analysis.comparing import Difference, apart, same_events
-from minerva_analysis.frame_texts import frames_up_to
+from minerva_analysis.frame_texts import missing_frame
 from minerva_analysis.replay_algorithm import ReplayAlgorithm
 from minerva_bus.api.world import ContinuedRecord
 from minerva_bus.arguments import path_of
@@ -150,7 +150,7 @@ def read_replay(
         if not cursor.end:
             raise no_frame(record)
         if not 0 <= begin < cursor.end:
-            raise MisuseError(f"{path}: it has {frames_up_to(cursor.end)}, not {begin}")
+            raise MisuseError(missing_frame(path, cursor.end, begin))
         played = replace(description.world, scene=cursor.seek(begin), past=Checkpoint(begin))
     # The record ends the replay, not the world's goal, which its last string may not have reached.
     played = replace(played, frames=cursor.end, until="", name=_name(overrides, description))

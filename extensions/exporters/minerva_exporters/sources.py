@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from minerva_analysis.frame_texts import frames_up_to
+from minerva_analysis.frame_texts import missing_frame
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import name_file
 from minerva_bus.frame.messages import Readings
@@ -71,7 +71,7 @@ class RecordFrames:
         self.length = length = record.last()[0]
         self.begin, self.last = begin, length if end is None else min(end, length)
         if not 0 <= begin <= self.last:
-            raise RecordError(f"{record.path}: it has {frames_up_to(length)}, not {begin}")
+            raise RecordError(missing_frame(record.path, length, begin))
         self._record = record
 
     def __iter__(self) -> Iterator[FrameContents]:
