@@ -140,7 +140,7 @@ class BaseOptions:
             ),
             TopicUse("clock", self.clock, types.CLOCK, sends=True, qos=DEFAULT),
         )  # fmt: skip
-        mounts = transforms_uses(network, needed=not self.mount.strip() and bool(self.scan))
+        mounts = transforms_uses(network, needed=mount_of(self.mount) is None and bool(self.scan))
         return topic_uses(network, [*mounts, *uses], self.qos)
 
 
