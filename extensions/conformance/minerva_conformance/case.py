@@ -86,10 +86,10 @@ class Reappear:
     """A coordinator appears, `later` epochs after the last one, and greets the member.
 
     The member declares its token again. It is welcomed at `frame`, with the data that it saved
-    last if `saved`.
+    last if `saved`; None: it is not welcomed yet.
     """
 
-    frame: int
+    frame: int | None
     later: int = 1
     saved: bool = True
     seed: int | None = None

@@ -36,6 +36,10 @@ class ComparedMember:
         """Replace the reference, because the member is a new process."""
         self._reference = reference(self._role)
 
+    def succeed(self) -> None:
+        """Another coordinator is about to greet both."""
+        self._reference.clear_tick()
+
     def sent(self, message: m.ToMember) -> None:
         """Note a message that both have been sent."""
         for state in self._states:

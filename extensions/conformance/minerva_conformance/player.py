@@ -291,16 +291,19 @@ class _Player:
         self.link.epoch += step.later
         self.link.stage.appear(self.link.epoch)
         self.link.sent.append(f"(the token of a coordinator of epoch {self.link.epoch} appears)")
+        if step.later:
+            self._compared.succeed()
         self._return_to(step.frame, saved=step.saved, seed=SEED if step.seed is None else step.seed)
 
-    def _return_to(self, frame: int, *, saved: bool, seed: int) -> None:
-        """Wait for the member's token, greet it and welcome it again."""
+    def _return_to(self, frame: int | None, *, saved: bool, seed: int) -> None:
+        """Wait for the member's token, greet it and welcome it again, unless `frame` is None."""
         try:
             self.link.await_token(self.link.limits.join)
         except NotJoined as reason:
             raise CaseFailure(str(reason)) from None
         self._deliver(Deliver(m.Greet()))
-        self._welcome(frame, saved=saved, seed=seed)
+        if frame is not None:
+            self._welcome(frame, saved=saved, seed=seed)
 
     def _cut_link(self, frame: int) -> None:
         self.link.cut()

@@ -44,8 +44,8 @@ class Mutant:
 
 
 def answer_again(self: Generator, frame: int) -> None:
-    self.asked = frame
-    self.try_to_answer()
+    self.answers.pop(frame, None)
+    Generator.on_tick(self, frame)
 
 
 def without_orders(self: Generator, frame: int) -> tuple:
@@ -272,6 +272,7 @@ MUTANTS = [
     Mutant("loses the sign of zero", Generator, "P5.4", {"on_orders": positive_zero}),
     Mutant("does not wait for readings", Generator, "P11.4", {"missing": no}),
     Mutant("takes readings as they arrive", Generator, "P11.6", {"distances": in_order_of_arrival}),
+    Mutant("answers the tick of a dead coordinator", Generator, "P6.12", {"is_outdated": no}),
     Mutant("publishes nothing again", Generator, "P11.7", {"on_repeat": do_nothing}),
     Mutant("ignores saved data", Generator, "P8.4", {"welcome": forget_saved}),
     Mutant("has frames of 53 bits", Generator, "P3.1", {"ticked": float_frame}),

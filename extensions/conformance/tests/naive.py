@@ -260,6 +260,7 @@ class Generator(Role):
         super().__init__(member)
         self.count = 0
         self.asked: int | None = None
+        self.asked_by = -1  # The epoch of the coordinator; its successor asks again.
         self.answers: dict[int, tuple] = {}
         self.orders: dict[int, list] = {}
         self.sources: list[str] = []
@@ -299,14 +300,17 @@ class Generator(Role):
         if frame in self.answers:
             self.give(self.answers[frame])
             return
-        self.asked = frame
+        self.asked, self.asked_by = frame, self.member.epoch
         self.try_to_answer()
+
+    def is_outdated(self) -> bool:
+        return self.asked_by != self.member.epoch
 
     def missing(self, frame: int) -> bool:
         return any((frame, publisher) not in self.readings for publisher in self.sources)
 
     def try_to_answer(self) -> None:
-        if self.asked is None or self.missing(self.asked):
+        if self.asked is None or self.is_outdated() or self.missing(self.asked):
             return
         frame, self.asked = self.asked, None
         answer = self.published(frame), self.ticked(frame)

@@ -9,6 +9,7 @@ from minerva_bus.wire.codec import encode
 from minerva_conformance.case import (
     Deliver,
     Disappear,
+    Enter,
     Reappear,
     SendIgnored,
     Tier,
@@ -79,9 +80,12 @@ SUCCESSION: Final = (
         roles=GENERATOR, requires="topics",
     ),
     _case(
-        "unanswered", "answers the successor's tick instead of its predecessor's", "P6.14 P11.4",
-        tick(0), Deliver(m.Sources({"sight": ("eye",)})), tick(1), Disappear(), Reappear(1),
-        Deliver(m.Sources({"sight": ("eye",)})), sights("eye", 1, 2.0), tick(1),
+        "unanswered", "answers the successor's tick instead of its predecessor's",
+        "P6.12 P6.14 P11.4",
+        tick(0), Deliver(m.Sources({"sight": ("ear", "eye")})), tick(1), Disappear(),
+        # The successor learns of the publishers one by one.
+        Reappear(None), Deliver(m.Sources({"sight": ("eye",)})), sights("eye", 1, 2.0),
+        Enter(1), Deliver(m.Sources({"sight": ("eye",)})), sights("eye", 1, 2.0), tick(1),
         roles=GENERATOR, requires="topics",
     ),
     _case(
