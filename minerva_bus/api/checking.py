@@ -10,21 +10,13 @@ from typing import Any, Final
 from minerva_bus.api.world import World
 from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldFileError
-from minerva_bus.frame.member_side import Member
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import file_text, find_world
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.toml_tables import Table, filled, read_options
-from minerva_bus.launch.world_files import (
-    WorldFile,
-    open_tables,
-    read_world_file,
-    unanswered,
-    unplaced,
-    unpublished,
-)
+from minerva_bus.launch.world_files import WorldFile, open_tables, read_world_file
 from minerva_bus.settings.kinds import TEXT, TEXTS
 from minerva_bus.wording import counted
 from minerva_bus.world.services import WorldInfo
@@ -74,36 +66,26 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
 
 
 def _checked(file: WorldFile) -> Checked:
-    warnings = list[str]()
-    members = _checked_services(file, warnings)
-    warnings += [*restless(file), *unplaced(file), *unpublished(file, members)]
-    warnings += unanswered(file, members)
+    warnings = [*_checked_services(file), *restless(file), *file.warnings]
     shown = f"a world with {counted(len(file.processes), 'process')} and {_size(file.world.scene)}"
     return Checked(shown, warnings)
 
 
-def _checked_services(file: WorldFile, warnings: list[str]) -> list[Member]:
-    """The members with services, which have compared their options with the world.
-
-    Their warnings are appended. Raises WorldFileError.
-    """
-    world, tables, members = file.world, set[str](), list[Member]()
+def _checked_services(file: WorldFile) -> Iterator[str]:
+    """The warnings of services that compare their options with the world. Raises WorldFileError."""
+    world, tables = file.world, set[str]()
     info = WorldInfo(world.name, world.vocabulary, world.seed, world.dt)
     for process in file.processes:
         if process.make_service is None or process.table in tables - {""}:
             continue
         tables.add(process.table)
-        members.append(process.make_member())
-        service = members[-1].service
-        if service is None:
-            continue
+        service = process.make_service()
         try:
-            warnings += [f"[process.{process.name}]: {line}" for line in service.check(info) or ()]
+            yield from [f"[process.{process.name}]: {line}" for line in service.check(info) or ()]
         except MinervaError as error:
             raise WorldFileError(f"{file.path}: [process.{process.name}]: {error}") from None
         finally:
             service.close()
-    return members
 
 
 def _check_string(path: Path, vocabulary: str) -> str:

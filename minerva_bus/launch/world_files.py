@@ -37,7 +37,7 @@ from minerva_bus.frame.sender_rights import ID
 from minerva_bus.frame.stimuli import source_of
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import AGENT_ID, Scene, kind_counts
+from minerva_bus.grammar.scene import AGENT_ID, Scene, agents, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.assignment import assigned
 from minerva_bus.launch.installed import file_text
@@ -135,7 +135,7 @@ class WorldFile:
     """A world file with the settings of the command line, checked.
 
     `patience` has the time-outs for all members; a process may have its own. `notes` are lines to
-    print at the start.
+    print at the start, and the `warnings` are among them.
     """
 
     path: Path
@@ -147,6 +147,7 @@ class WorldFile:
     patience: Patience = field(default_factory=Patience)
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     record: RecordSettings = field(default_factory=RecordSettings)
     text: str = ""
     watch: WatchSettings = field(default_factory=WatchSettings)
@@ -256,6 +257,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         waiting,
         options,
         (*_notes(settings.notes, options, path, top.table("world")), *compiled),
+        (),
         record,
         text,
         watch,
@@ -264,8 +266,8 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     file = distributed(file, members)
     # Without its services, the file seems to publish nothing.
     unheard = [] if overrides.only_code else unpublished(file, members)
-    unheard += unanswered(file, members)
-    file = replace(file, notes=(*file.notes, *unplaced(file), *unheard))
+    warnings = (*unplaced(file), *unheard, *unanswered(file, members), *absent(file, members))
+    file = replace(file, notes=(*file.notes, *warnings), warnings=warnings)
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file
 
@@ -794,6 +796,19 @@ def unanswered(file: WorldFile, members: Iterable[Member]) -> list[str]:
         for hello in [member.hello() for member in members]
         for name in hello.generates
         if name not in known and not events[name].visual
+    ]
+
+
+def absent(file: WorldFile, members: Iterable[Member]) -> list[str]:
+    """A warning for each agent that a process's options name and the string lacks."""
+    named = [(m.name, id) for m in members if m.service for id in m.service.concerns]
+    named += [(p.name, id[1:]) for p in file.processes for id in p.speaks_for if id[0] == ID]
+    known = sorted({node.id for node in agents(file.world.scene)}) if named else []
+    return [
+        f"{name}: the string has no agent #{agent}, which its options name"
+        f"{nearest(agent, known)}; it has no effect until one is born"
+        for name, agent in named
+        if agent not in known
     ]
 
 

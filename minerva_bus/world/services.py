@@ -266,6 +266,9 @@ class Service:
     nth: int = 1
     """Use only each n-th reading of a free-running publisher."""
 
+    concerns: tuple[str, ...] = ()
+    """Ids of agents that its options name; a world whose string lacks one warns at its start."""
+
     interactive: bool = False
     """Whether it has a user interface; a world with it as a view runs in real time, without end."""
 

@@ -11,9 +11,10 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import read_text
 from minerva_bus.wording import install
+from minerva_bus.world.services import WorldInfo
 
 _Init = TypeVar("_Init", bound=Callable[..., None])
 
@@ -72,6 +73,26 @@ def event_types(service: str, text: str) -> tuple[str, ...]:
     if not types:
         raise MisuseError(f"{service}: draws is {text!r}; expected visual event types, as ePicture")
     return types
+
+
+def check_parameter(service: str, world: WorldInfo, option: str, name: str) -> None:
+    """Raise MisuseError if no view of a world has the parameter that an option names."""
+    vocabulary = world.vocabulary
+    symbols = (*vocabulary.primitives.values(), *vocabulary.transformations.values())
+    known = sorted({name for symbol in symbols for name in symbol.fields.names})
+    if name not in known:
+        there = f"they have {', '.join(known)}"
+        raise MisuseError(
+            f"{service}: {option} is {name!r}, which no primitive and no transformation of the"
+            f" world has{nearest(name, known, there)}"
+        )
+
+
+def check_owner(service: str, world: WorldInfo, name: str) -> None:
+    """Raise MisuseError if no view has a parameter of an own name for the agents of figures."""
+    # The usual name may be missing, where the views of agents say whose figures they are.
+    if name != "who":
+        check_parameter(service, world, "who", name)
 
 
 def check_port(service: str, port: int) -> None:

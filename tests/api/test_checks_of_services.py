@@ -80,6 +80,7 @@ def world(folder, more):
         ),
         ('service = "laser"\nevent = "eHonk"', "laser: eHonk has no dist"),
         ("service = 'camera'\nevent = 'eHonk'", "camera: eHonk has no marker"),
+        ('service = "collisions"\nevent = "eHonk"\nwho = "headin"', "did you mean 'heading'?"),
         ('service = "sound"\nvoice = "PHron"', "no such primitive; did you mean 'PHorn'?"),
         ('service = "sound"\nvoice = "PHorn#a"', "PHorn has no parameter `name`"),
         ('service = "keyboard"\nkeymap = { k = "eHonk lowd=1" }\nslide = ""', "no lowd"),
@@ -117,6 +118,22 @@ def test_topics_that_no_process_publishes_are_warned_of(more, warnings, tmp_path
     path = world(tmp_path, f"[process.listener]\nservice = 'hall:Listener'\n{more}")
     found = check(path).warnings
     assert [warning.partition(" no readings")[0] for warning in found] == warnings
+
+
+@pytest.mark.parametrize(
+    ("source", "warned"),
+    [
+        ("service = 'nmea'\nrobot = 'bb'", ["bb, which its options name; did you mean 'b'?"]),
+        ("service = 'nmea'\nrobot = 'b'\nspeaks_for = ['#b', 'ACar']", []),
+        ("service = 'keyboard'\nslide = ''\nkeymap = {}\nto = 'a, q'\nspeaks_for = ['#r9']",
+         ["q, which its options name", "r9, which its options name"]),
+    ],
+)  # fmt: skip
+def test_agents_that_the_string_lacks_are_warned_of(source, warned, tmp_path):
+    found = check(world(tmp_path, f"[process.source]\n{source}\n")).warnings
+    start = "source: the string has no agent #"
+    about = [warning.removeprefix(start) for warning in found if warning.startswith(start)]
+    assert [line.partition("; it")[0] for line in about] == warned
 
 
 def test_no_service_joins_a_world_that_is_checked(tmp_path):

@@ -39,7 +39,7 @@ from minerva_services.geometry.picture import (
     Tiles,
     geometry_in_space,
 )
-from minerva_services.options import require
+from minerva_services.options import check_owner, require
 
 if TYPE_CHECKING:
     from minerva_bodies.ros2 import RosNode
@@ -332,6 +332,7 @@ class Cameras(Device, Generator, coupled=True):
         self._pictures, self._seconds = 0, 0.0
 
     def check(self, world: WorldInfo) -> None:
+        check_owner("cameras", world, self._who)
         known = _symbols(world.vocabulary)
         if self._symbol and self._symbol not in known:
             raise BodiesError(

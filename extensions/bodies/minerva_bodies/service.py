@@ -20,7 +20,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.event_factory import event_type
-from minerva_services.options import require
+from minerva_services.options import check_owner, require
 
 if TYPE_CHECKING:
     from minerva_bodies.ros2 import SpaceNode
@@ -133,6 +133,7 @@ class RigidBodies(Device, Generator, coupled=True):
         return tuple(dict.fromkeys(filter(None, types)))
 
     def check(self, world: WorldInfo) -> None:
+        check_owner("bodies", world, self._who)
         self._poses = _compared(world, self._pose, POSE) if self._pose else None
         self._contacts = _compared(world, self._contact, CONTACT) if self._contact else None
         self._ends = _compared(world, self._lost, ()) if self._lost else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -136,11 +136,13 @@ class ControlMap:
     `slide` is the name of that type; empty if there is none.
     """
 
-    def __init__(self, service: str, bindings: Mapping[str, Binding], slide: str, to: str) -> None:
+    def __init__(
+        self, service: str, bindings: Mapping[str, Binding], slide: str, to: Sequence[str]
+    ) -> None:
         self._service = service
         self._bindings = bindings
         self._slide = slide
-        self._to = tuple(sorted({id.strip() for id in to.split(",") if id.strip()}))
+        self._to = tuple(sorted(to))
         self._events: dict[str, Event] = {}
 
     def generates(self) -> tuple[str, ...]:

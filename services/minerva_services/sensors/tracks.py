@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.log.recordings import PassOver, Recorded, RecordingError
 from minerva_bus.world.readings import Battery, Odometry, Position, Reading
-from minerva_services.options import takes_options
+from minerva_services.options import names_in, takes_options
 from minerva_services.sensors.clocks import FirstSkip, watched
 from minerva_services.sensors.playback import PlaybackPace, Playing
 
@@ -230,7 +230,7 @@ class Gpx(Playing, when="freely"):
         **pace: Any,
     ) -> None:
         super().__init__(file, PlaybackPace(**pace))
-        self._robot = robot
+        self._robot, self.concerns = robot, names_in(robot)
         self.publishes = (topic,)
 
     def recording(self) -> GpxTrack:
@@ -278,6 +278,7 @@ class Csv(Playing, when="freely"):
                 if not isinstance(value, kinds) or isinstance(value, bool):
                     raise MisuseError(f"csv: {option}.{name} is {value!r}; see the options of csv")
         self._robot, self._reading = robot, reading
+        self.concerns = names_in(robot)
         self._columns, self._factors = dict(columns or {}), dict(factors or {})
         self.publishes = (topic or reading,)
 

@@ -65,6 +65,7 @@ class Spade(
         self._inside = Addresses.of("inside", inside, domain)
         if not len(self._inside):
             raise MisuseError("spade: inside is empty; expected ids, or a table of ids and JIDs")
+        self.concerns = tuple(self._inside)
         pattern = outside or (f"{{id}}@{domain}" if domain else "")
         if not pattern:
             raise MisuseError('spade: set outside, such as "{id}@example.org", or domain')

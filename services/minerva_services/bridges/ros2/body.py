@@ -18,7 +18,7 @@ from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase
 from minerva_services.bridges.ros2.uses import NetworkUser
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.event_factory import EventFactory
-from minerva_services.options import grouped, takes_options
+from minerva_services.options import grouped, names_in, takes_options
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import PhysicalGeometry, Robot
 
@@ -62,6 +62,7 @@ class Ros2Robot(Device, Generator, NetworkUser, draws=("eRepresent",), coupled=T
         self.network, *_, options = self._parts
         self.uses = options.uses(self.network)
         self._robot, self._decide = robot, decide
+        self.concerns = names_in(robot)
         self._begin()
 
     def _begin(self) -> None:

@@ -42,7 +42,7 @@ from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.ros_messages.readings import place_of
 from minerva_services.bridging.bridge import SourceError, log
 from minerva_services.event_factory import event_type
-from minerva_services.options import check_positive, takes_options
+from minerva_services.options import check_positive, names_in, takes_options
 
 _ACTION: Final = "nav2_msgs/action/NavigateToPose"
 _GOAL = "unique_identifier_msgs/UUID goal_id\ngeometry_msgs/PoseStamped pose\nstring behavior_tree"
@@ -171,6 +171,7 @@ class Ros2Navigation(RobotClient):
         feedback_use = TopicUse("feedback", f"{action}/_action/feedback", _FEEDBACK_MESSAGE)
         (self._of_feedback,) = topic_uses(self.network, [feedback_use], qos)
         self._robot, self._figure, self._action = robot, figure, action
+        self.concerns = names_in(robot)
         self._frame, self._behavior = frame, behavior
         self._feedback_event, self._result_event = feedback, result
         self._every = check_positive("ros2_navigation", "every", every)

@@ -44,7 +44,7 @@ from minerva_services.bridges.ros_messages.messages import (
 from minerva_services.bridges.ros_messages.ranges import HeightBand
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
-from minerva_services.options import grouped, takes_options
+from minerva_services.options import grouped, names_in, takes_options
 from minerva_services.sensors.clocks import SHARED_TOPIC, ClockWatch
 from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset, item_of
 
@@ -123,7 +123,7 @@ class Ros2(Bridge, NetworkUser):
         options = {"router": router, **further}
         self.network, self._band = grouped(options, Ros2Network, HeightBand)
         self.source = f"the ROS 2 network at {router}"
-        self._robot = robot
+        self._robot, self.concerns = robot, names_in(robot)
         self._mount = mount_of(mount)
         self._time_offset = checked_offset(time_offset)
         self._frames, self._clocks = Frames(), ClockWatch()

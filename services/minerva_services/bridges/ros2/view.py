@@ -27,7 +27,7 @@ from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.messages import messages
 from minerva_services.bridges.ros_messages.readings import place_of
 from minerva_services.bridging.bridge import Counting, log
-from minerva_services.options import takes_options
+from minerva_services.options import names_in, takes_options
 
 Cells = NDArray[np.int16]
 _BEAT_SECONDS: Final = 0.25
@@ -148,6 +148,7 @@ class Ros2View(Device, Counting, NetworkUser, draws=("ePicture",)):
         if goal and goal == objective:
             raise MisuseError("ros2_view: goal and objective must be different topics")
         self._robot, self._radius = robot, radius
+        self.concerns = names_in(robot)
         self._event, self._frame = event, frame
         self.when = f"each {every} frames" if every else ""
         self._link = NetworkLink(

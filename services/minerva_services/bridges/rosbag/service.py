@@ -12,7 +12,7 @@ from minerva_services.bridges.ros_messages.conversion import TOPICS
 from minerva_services.bridges.ros_messages.definitions import MessageTopic
 from minerva_services.bridges.ros_messages.ranges import HeightBand
 from minerva_services.bridges.rosbag.bag import Bag
-from minerva_services.options import grouped, takes_options
+from minerva_services.options import grouped, names_in, takes_options
 from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
 
@@ -49,6 +49,7 @@ class Rosbag(Playing, when="freely"):
         pace, self._mounting, self._band = groups
         super().__init__(file, pace, time_offset)
         self._robot, self._topics = robot, _checked(topics)
+        self.concerns = names_in(robot)
         self._events = {
             name: MessageTopic(f"rosbag: events.{name}", table)
             for name, table in (events or {}).items()

@@ -14,7 +14,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.input.controls import ControlMap, InputRange, bindings, choices
-from minerva_services.options import require
+from minerva_services.options import names_in, require
 
 POLL_SECONDS: Final = 0.02
 """Polling interval in seconds: shorter than any button press."""
@@ -76,7 +76,8 @@ class Gamepad(Bridge):
         if wrong:
             raise MisuseError(f"gamepad: buttons.{wrong[0]}: buttons are numbered, from 0")
         self.source = f"gamepad {pad}"
-        self._controls = ControlMap("gamepad", bound, slide, to)
+        self.concerns = names_in(to)
+        self._controls = ControlMap("gamepad", bound, slide, self.concerns)
         self._pad, self._axis, self._dead, self._slides = pad, axis, dead, bool(slide)
 
     def generates(self) -> tuple[str, ...]:

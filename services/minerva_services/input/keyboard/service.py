@@ -20,6 +20,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.input.controls import ControlMap, InputRange, bindings, choices
+from minerva_services.options import names_in
 
 DIGITS: Final = "1234567890"
 
@@ -78,7 +79,8 @@ class Keyboard(Bridge):
                 f"keyboard: keymap.{unknown}: no key has this name; expected a character, or one of"
                 f" {', '.join(NAMED_KEYS)}"
             )
-        self._controls = ControlMap("keyboard", bound, slide, to)
+        self.concerns = names_in(to)
+        self._controls = ControlMap("keyboard", bound, slide, self.concerns)
         self._moves = {"up": step, "down": -step} if slide else {}
         self._slide, self._value, self._path = slide, begin, terminal
         self._terminal: Terminal | None = None

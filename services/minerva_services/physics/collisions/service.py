@@ -19,6 +19,7 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.geometry.volumes import Bodies, Texts, Volumes
+from minerva_services.options import check_owner
 from minerva_services.physics.agent_lines import AGENTS, agent_lines, by_agent
 from minerva_services.physics.collision_events import CollisionEvents
 from minerva_services.physics.collisions.contacts import ANYTHING, Pair, Touches, contacts
@@ -122,6 +123,7 @@ class Collisions(Device, Generator, coupled=True):
         return (self._event,)
 
     def check(self, world: WorldInfo) -> None:
+        check_owner("collisions", world, self._who)
         self._collision_events = CollisionEvents("collisions", world, self._event)
         self._bodies = Bodies(world.vocabulary, self._who)
         _check_known(self._ignored, world)

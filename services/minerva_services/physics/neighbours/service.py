@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.vocabulary import EventType, Vocabulary
+from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.event_factory import event_type
+from minerva_services.options import check_parameter
 from minerva_services.physics.neighbours.perception import individual, summary
 from minerva_services.physics.neighbours.search import near, tree
 from minerva_services.physics.neighbours.spots import (
@@ -114,7 +115,8 @@ class Neighbours(Device, Generator, coupled=True):
     def check(self, world: WorldInfo) -> None:
         self._type = event_type("neighbours", world, self._event)
         self._compare(self._type)
-        self._check_names(world.vocabulary)
+        for option, name in self._names.items():
+            check_parameter("neighbours", world, option, name)
 
     def show(self, view: View) -> None:
         """Compute immediately, in parallel with the members that still work on this frame."""
@@ -144,18 +146,6 @@ class Neighbours(Device, Generator, coupled=True):
         except MisuseError as error:
             shown = ", ".join(spots.shown)
             raise MisuseError(f"neighbours: {error}; agents show {shown}") from None
-
-    def _check_names(self, vocabulary: Vocabulary) -> None:
-        """Check that the view may have the names of the options. Raises MisuseError."""
-        symbols = (*vocabulary.primitives.values(), *vocabulary.transformations.values())
-        known = sorted({name for symbol in symbols for name in symbol.fields.names})
-        there = f"they have {', '.join(known)}"
-        for option, name in self._names.items():
-            if name not in known:
-                raise MisuseError(
-                    f"neighbours: {option} is {name!r}, which no primitive and no transformation of"
-                    f" the world has{nearest(name, known, there)}"
-                )
 
     def _compare(self, declared: EventType) -> None:
         """Check that the type declares data of the kinds that are produced. Raises MisuseError."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
-from minerva_services.options import grouped, takes_options
+from minerva_services.options import grouped, names_in, takes_options
 from minerva_services.sensors.carmen.log import CarmenLog, LogTopics
 from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
@@ -43,6 +43,7 @@ class Carmen(Playing, when="freely"):
             raise MisuseError(f"range_max is {range_max}; expected metres, or 0 for the log's own")
         self._topics = LogTopics(scan, odometry, pose)
         self._robot, self._range_max = robot, range_max
+        self.concerns = names_in(robot)
         # Topics differ between worlds, so the instance attribute hides the class's.
         self.publishes = tuple(dict.fromkeys(topic for topic in (scan, odometry, pose) if topic))
 

@@ -13,7 +13,7 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.log.recordings import STEP_SECONDS
 from minerva_bus.world.readings import Position
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
-from minerva_services.options import require
+from minerva_services.options import names_in, require
 from minerva_services.sensors.clocks import STEPS_BACK
 from minerva_services.sensors.serial_line import LineSplitter, SerialLine, open_line
 
@@ -67,6 +67,7 @@ class Nmea(Bridge):
         self.publishes = (topic,)
         self._port, self._baud, self._topic = port, baud, topic
         self._error, self._robot = error, robot
+        self.concerns = names_in(robot)
         self._time: float | None = None
 
     def open(self) -> Source:

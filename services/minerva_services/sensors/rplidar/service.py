@@ -15,7 +15,7 @@ import numpy as np
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Scan
 from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
-from minerva_services.options import require
+from minerva_services.options import names_in, require
 from minerva_services.sensors.rplidar import packets as p
 from minerva_services.sensors.rplidar.packets import (
     EXPRESS_SINCE,
@@ -77,7 +77,7 @@ class Rplidar(Bridge):
         if not 0 < range_max < float("inf"):
             raise MisuseError(f"rplidar: range_max is {range_max}; expected metres above 0")
         self.source = f"the lidar at {port}"
-        self.publishes = (topic,)
+        self.publishes, self.concerns = (topic,), names_in(robot)
         self._port, self._baud, self._mode, self._topic = port, baud, mode, topic
         self._scan = Scan(
             robot,

@@ -11,7 +11,7 @@ from minerva_bus.log.recordings import Recording, RecordingError
 from minerva_bus.world.readings import Mount, Sightings
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
-from minerva_services.options import takes_options
+from minerva_services.options import names_in, takes_options
 from minerva_services.sensors.clocks import FirstSkip
 from minerva_services.sensors.playback import LAST_SECONDS, PlaybackPace, Player
 from minerva_services.sensors.vision.images import (
@@ -74,6 +74,7 @@ class Vision(Bridge, when="freely"):
             raise MisuseError(f"vision: fps, width, height are {fps:g}, {width}, {height}; not < 0")
         self.source = f"vision: {shown(source)}"
         self._address, self._robot, self._topic, self._fps = source, robot, topic, fps
+        self.concerns = names_in(robot)
         self._pace, self._size = PlaybackPace(speed, loop), (width, height)
         self._dt = math.inf  # Without a world there is no frame that an image must meet.
         self._mount = Mount(mount_x, mount_y, mount_angle)

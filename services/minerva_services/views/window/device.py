@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.options import event_types, takes_options
+from minerva_services.options import event_types, names_in, takes_options
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.window.composer import Composer
 from minerva_services.views.window.controls import WindowControls
@@ -42,6 +42,7 @@ class WindowDevice(Device):
         self.options = options = WindowOptions(self.service, self.needs, **window)
         self.draws = event_types(options.service, draws)
         self.when = options.when
+        self.concerns = names_in(options.follow)
         self.writes = tuple([Path(file) for file in (options.path, options.video) if file])
         self.interactive = options.medium is Medium.WINDOW
         self.coupled = options.medium is Medium.VIDEO  # pyright: ignore
