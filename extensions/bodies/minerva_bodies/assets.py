@@ -60,7 +60,7 @@ def read_asset(where: str, name: str) -> tuple[str, bytes]:
         raise BodiesError(f"{where}: {_missing()}; {_ADVICE}")
     tried = [_missing()]
     if data is not None:
-        tried = [f"{path} has another digest; expected {_DIGEST}{_sha256(data)[:_MIN_DIGEST]}"]
+        tried = [f"{path} has another digest; expected {_mark(data)}"]
     if not is_digest:
         tried.insert(0, f"a digest has {_MIN_DIGEST} to 64 hexadecimal digits")
     for source in _sources if is_digest else ():
@@ -93,6 +93,15 @@ def _contents(where: str, path: Path) -> bytes:
         raise BodiesError(f"{where}: {error.strerror} ({path})") from None
 
 
+def with_digest(file: str, data: bytes) -> str:
+    """The name by which members on other machines get a file with these contents."""
+    return file + _mark(data)
+
+
+def _mark(data: bytes) -> str:
+    return _DIGEST + _sha256(data)[:_MIN_DIGEST]
+
+
 def _sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
@@ -111,7 +120,7 @@ def _folders() -> list[Path]:
 def check_path(where: str, file: str) -> None:
     """Raise BodiesError for a path that is not one below a folder."""
     parts = PurePosixPath(file).parts
-    if not parts or parts[0] == "/" or ".." in parts or "\\" in file or "\0" in file:
+    if not parts or parts[0].startswith("/") or ".." in parts or "\\" in file or "\0" in file:
         raise BodiesError(f"{where}: expected the path of a file below a folder, without ..")
 
 
@@ -201,9 +210,7 @@ class AssetBus:
             if len(data) < size:
                 problems.append(f"{who} has sent {len(data)} of {size} bytes")
             elif not _fits(data, digest):
-                problems.append(
-                    f"{who} has sent other data, {_DIGEST}{_sha256(data)[:_MIN_DIGEST]}"
-                )
+                problems.append(f"{who} has sent other data, {_mark(data)}")
             else:
                 _keep(data)
                 return data, []

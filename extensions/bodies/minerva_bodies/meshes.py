@@ -25,7 +25,11 @@ _HEADER, _TRIANGLE = 84, 50
 def load_mesh(name: str) -> Surface:
     """The surface of an asset; see the module. Raises BodiesError for what is none."""
     where = f"mesh {name!r}"
-    file, data = read_asset(where, name)
+    return read_mesh(where, *read_asset(where, name))
+
+
+def read_mesh(where: str, file: str, data: bytes) -> Surface:
+    """The surface of a file with these contents. Raises BodiesError that begin with `where`."""
     read = _READERS.get(Path(file).suffix.lower())
     if read is None:
         raise BodiesError(f"{where}: expected a file of the type {', '.join(_READERS)}")

@@ -301,7 +301,7 @@ class _Reader(RobotReader):
             if child.tag != "include":
                 children.append(self._included(child, files))
                 continue
-            file = self._beside(self.attribute(child, "file"))
+            file = self.beside(self.attribute(child, "file"))
             if file in files or len(files) > 9:
                 raise self.error(child, f"{file!r} includes itself")
             try:
@@ -313,15 +313,6 @@ class _Reader(RobotReader):
             self.file = own
         root.children[:] = children
         return root
-
-    def _beside(self, *path: str) -> str:
-        parts = list[str]()
-        for part in PurePosixPath(self.file).parent.joinpath(*path).parts:
-            if part == ".." and parts:
-                parts.pop()
-            else:
-                parts.append(part)
-        return "/".join(parts)
 
     def _default(self, default: Element, name: str, outer: Mapping[str, Mapping[str, str]]) -> None:
         """A class of attributes, with those within it."""
@@ -593,7 +584,7 @@ class _Reader(RobotReader):
         mesh = self._meshes[name]
         folder = self._compiler.get("meshdir", self._compiler.get("assetdir", ""))
         scales = self.numbers(mesh, "scale", 3) if "scale" in mesh.attributes else [1.0]
-        return self.mesh(geom, self._beside(folder, self.attribute(mesh, "file")), scales, place)
+        return self.mesh(geom, self.beside(folder, self.attribute(mesh, "file")), scales, place)
 
     def _color_of(self, geom: Element) -> str:
         if "rgba" in geom.attributes:

@@ -8,14 +8,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, count
+from pathlib import PurePosixPath
+from posixpath import normpath
 from typing import Any, Final
 from xml.parsers import expat
 
 import numpy as np
 
+from minerva_bodies.assets import read_asset, with_digest
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import Ball, Box, Capsule, Cylinder, Joint, Matter, Mesh, quaternion
-from minerva_bodies.meshes import load_mesh
+from minerva_bodies.meshes import read_mesh
 from minerva_bodies.rigid import Rigid
 from minerva_bus import Default, Metres, Primitive, Scene, Transformation
 from minerva_bus.grammar.appearance import Disc
@@ -248,14 +251,22 @@ class RobotReader:
         """A mesh with a scale for each axis. Raises BodiesError for different ones."""
         if len(set(scales)) > 1:
             raise self.error(element, "a mesh with different scales; expected equal ones")
+        where = f"mesh {file!r}"
         try:
-            points, triangles = load_mesh(file)
+            file, data = read_asset(where, file)
+            points, triangles = read_mesh(where, file, data)
         except BodiesError as error:
             raise self.error(element, str(error)) from None
         a, b, c = (scales[0] * points)[triangles].swapaxes(0, 1)
         volume = abs(float((a * np.cross(b, c)).sum())) / 6
         reach = scales[0] * float(np.abs(points[:, :2]).max())
-        return LinkSolid(partial(Mesh, "file", scales[0], radius=reach), place, volume, file)
+        form = partial(Mesh, "file", scales[0], radius=reach)
+        # Views on other machines get the file by its digest.
+        return LinkSolid(form, place, volume, with_digest(file, data))
+
+    def beside(self, *path: str) -> str:
+        """The name of a file whose path begins at the folder of this one."""
+        return normpath(PurePosixPath(self.file).parent.joinpath(*path))
 
     def limits(self, element: Element, kind: str, low: float, high: float) -> tuple[float, float]:
         """Limits in metres or degrees. Raises BodiesError for angles that no joint can have."""

@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import PurePosixPath
 from typing import Final
 
 from minerva_bodies.assets import read_asset
@@ -199,10 +198,8 @@ class _Reader(RobotReader):
         file, scales = self.attribute(shape, "filename"), [1.0]
         if "scale" in shape.attributes:
             scales = self.numbers(shape, "scale", 3)
-        if file.startswith(_PACKAGE):
-            file = file.removeprefix(_PACKAGE)
-        else:
-            file = str(PurePosixPath(self.file).parent / file)
+        is_whole = file.startswith(_PACKAGE)
+        file = file.removeprefix(_PACKAGE) if is_whole else self.beside(file)
         return self.mesh(shape, file, scales, place)
 
     def _joint(self, joint: Element, parent: str, place: Rigid) -> RobotJoint:

@@ -1,5 +1,6 @@
 """Robots in URDF: their links and joints, and files that are none."""
 
+import hashlib
 import math
 
 import pytest
@@ -60,6 +61,19 @@ def test_the_mass_of_a_link_gives_its_density(read):
     assert first.shape.spatial[1] == pytest.approx(2.0)  # 12 kg in 6 m³
 
 
+@pytest.mark.parametrize("file", ["../parts/t.obj", "package://parts/t.obj"])
+def test_meshes_have_digests_by_which_views_get_them_from_other_members(tmp_path, read, file):
+    text = robot(LINK.format("a", f'<mesh filename="{file}"/>'))
+    for folder in ("parts", "robots"):
+        (tmp_path / folder).mkdir()
+    surface = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    (tmp_path / "parts/t.obj").write_bytes(surface)
+    (tmp_path / "robots/r.urdf").write_text(text)
+    made = Urdf.read("robots/r.urdf")
+    digest = hashlib.sha256(surface).hexdigest()
+    assert made.symbols[1].fields.all[0].default == f"parts/t.obj#sha256={digest[:16]}"
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -77,6 +91,8 @@ def test_the_mass_of_a_link_gives_its_density(read):
         (robot(LINK.format("a", '<box size="1 2"/>')), "line 2: size='1 2' of <box>; expected 3"),
         (robot(LINK.format("a", '<torus radius="1"/>')), "line 2: the geometry <torus>"),
         (robot(LINK.format("a", '<mesh filename="no.stl"/>')), "line 2: mesh 'no.stl'"),
+        (robot(LINK.format("a", '<mesh filename="../../t.obj"/>')), "line 2: .* without .."),
+        (robot(LINK.format("a", '<mesh filename="/t.obj"/>')), "line 2: .* below a folder"),
         (robot('<link name="a"/>'), "line 2: the link 'a' has no solid"),
         (robot('<link name="a">' * 40), "too many elements"),
         (robot(LINK.format("a", '<sphere radius="0"/>')), "line 2: .*a size is 0"),
