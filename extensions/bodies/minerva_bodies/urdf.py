@@ -81,7 +81,6 @@ class _Reader(RobotReader):
             raise self.error(root, "a robot without a <link>")
         hanging = self._joints(root, links)
         order = self._order(root, links, hanging)
-        self._root = links[order[0]]
         poses, owner = dict[str, Rigid](), dict[str, str]()
         solids = dict[str, Scene]()
         joints = dict[str, RobotJoint]()
@@ -95,7 +94,9 @@ class _Reader(RobotReader):
             fixed = joint is not None and joint.attributes["type"] == "fixed"
             owner[name] = owner[parent] if fixed else name
             within = poses[owner[name]].inverse().then(place)
-            solids[owner[name]] = solids.get(owner[name], EMPTY) + self._solids(links[name], within)
+            stands = self.fixes and owner[name] == order[0]
+            scene = self._solids(links[name], within, stands)
+            solids[owner[name]] = solids.get(owner[name], EMPTY) + scene
             if joint is not None and not fixed:
                 carrier = owner[parent]
                 at = poses[carrier].inverse().then(place)
@@ -153,7 +154,7 @@ class _Reader(RobotReader):
 
     # --- links and joints ---
 
-    def _solids(self, link: Element, within: Rigid) -> Scene:
+    def _solids(self, link: Element, within: Rigid, stands: bool) -> Scene:
         """The solids of a link, at its pose in the body that it is a part of."""
         shown = list(link.all("collision")) or list(link.all("visual"))
         color = next(map(self._color_of, link.all("visual")), self.color)
@@ -171,7 +172,7 @@ class _Reader(RobotReader):
             density,
             made_of.friction,
             made_of.restitution,
-            fixed=self.fixes and link is self._root,
+            fixed=stands,
             group=made_of.group,
         )
         rows = [(each, solid, matter, color) for each, solid in zip(shown, solids, strict=True)]

@@ -6,6 +6,7 @@ import math
 import pytest
 
 from minerva_bodies.errors import BodiesError
+from minerva_bodies.forms import FIXED
 from minerva_bodies.urdf import Urdf
 
 LINK = '<link name="{}"><collision><geometry>{}</geometry></collision></link>\n'
@@ -53,6 +54,8 @@ def test_links_at_fixed_joints_are_a_part_of_their_parent(read):
     assert [*made.links] == ["a"]
     assert not made.joints
     assert "PMyRobotForeArm" in str(made.links["a"])
+    # All solids of a body are moved in the same way.
+    assert [symbol.shape.spatial[4] for symbol in made.symbols[1:]] == [FIXED, FIXED]
 
 
 def test_the_mass_of_a_link_gives_its_density(read):
