@@ -19,7 +19,6 @@ from minerva_conformance.case import Tier
 from minerva_conformance.suite import select
 from minerva_conformance.world import MemberRole
 
-
 FAILED_ONCE = ("succession.unanswered",)
 
 

@@ -80,7 +80,7 @@ def world(folder, more):
         ),
         ('service = "laser"\nevent = "eHonk"', "laser: eHonk has no dist"),
         ("service = 'camera'\nevent = 'eHonk'", "camera: eHonk has no marker"),
-        ('service = "collisions"\nevent = "eHonk"\nwho = "headin"', "did you mean 'heading'?"),
+        ('service = "collisions"\ndraws = "ePicture"\nevent = "eHonk"\nwho = "hw"', "who is 'hw'"),
         ('service = "sound"\nvoice = "PHron"', "no such primitive; did you mean 'PHorn'?"),
         ('service = "sound"\nvoice = "PHorn#a"', "PHorn has no parameter `name`"),
         ('service = "keyboard"\nkeymap = { k = "eHonk lowd=1" }\nslide = ""', "no lowd"),
