@@ -99,8 +99,7 @@ def _check_string(path: Path, vocabulary: str) -> str:
 
 
 def _size(scene: Any) -> str:
-    count = sum(1 for opens, _ in walk(scene) if opens)
-    return counted(count, "symbol")
+    return counted(sum(1 for opens, _ in walk(scene) if opens), "symbol")
 
 
 WORLD_CODE: Final = ("vocabulary", "scene", "defaults", "notes")
@@ -134,10 +133,9 @@ def structure_of(path: Path) -> Structure:
 
 def _named(table: Table, keys: tuple[str, ...]) -> Iterator[str]:
     for key in keys:
-        if key == "command":
-            yield from [" ".join(table.get(key, TEXTS, ()))] if key in table else []
-        elif key in table:
-            yield from table.get(key, TEXTS, ())
+        if key in table:
+            words = table.get(key, TEXTS, ())
+            yield from [" ".join(words)] if key == "command" else words
 
 
 def _string(top: Table, path: Path) -> Scene | None:

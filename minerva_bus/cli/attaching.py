@@ -147,7 +147,7 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
     known = [flag.split()[0] for flag, _ in described(spec)] if ":" not in spec else []
     for key in options:
         # An option of the command itself may be meant, so its suggestions count, too.
-        if known and f"--{key}" not in known:
+        if known and f"--{key.partition('.')[0]}" not in known:
             raise UnknownOption(spec, f"--{key}", known)
     return Member(name, bind(service, typed_options(service, options), name)())
 

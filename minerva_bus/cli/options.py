@@ -67,8 +67,8 @@ Settings = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        help="PROCESS.KEY=VALUE: set a key of a process; SYMBOL.NAME=VALUE or #ID.NAME=VALUE: a"
-        " parameter of the string; may be repeated.",
+        help="PROCESS.KEY=VALUE: set a key of a process (KEY.KEY of a table); SYMBOL.NAME=VALUE or"
+        " #ID.NAME=VALUE: a parameter of the string; may be repeated.",
     ),
 ]
 Collect = Annotated[

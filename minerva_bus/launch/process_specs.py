@@ -23,7 +23,7 @@ from minerva_bus.grammar.columns import MANY
 from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import bind, divisible_names, find_agent, find_service, find_view
-from minerva_bus.launch.toml_tables import Table, beside, read_view, settings_by_process
+from minerva_bus.launch.toml_tables import Table, beside, extended, read_view, settings_by_process
 from minerva_bus.runtime.timeouts import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
 from minerva_bus.settings.world_settings import (
@@ -100,7 +100,7 @@ def read_processes(top: Table, path: Path) -> tuple[ProcessSpec, ...]:
         spec, kind, options = read_view(view)
         name = _free_name(kind, {process.name for process in processes})
         cls = find_view(spec, path.parent)
-        make = reader.maker(name, cls, options | settings.pop(name, {}))
+        make = reader.maker(name, cls, extended({}, options | settings.pop(name, {})))
         processes.append(ProcessSpec(name, make, on_failure="ignore"))
     if settings:
         name = next(iter(settings))
@@ -125,7 +125,7 @@ class _ProcessReader:
     def processes(self, name: str, table: Table, settings: dict[str, Any]) -> list[ProcessSpec]:
         """The processes of one table, with the `settings` of the command line."""
         # Settings of the command line are checked like those of the file.
-        table.data.update(settings)
+        table.data.update(extended(table.data, settings))
         checked = table.named(name, "a process")
         own = table.read(ProcessSettings)
         plain = ProcessSpec(

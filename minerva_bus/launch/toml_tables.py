@@ -17,6 +17,7 @@ import tomllib
 import traceback
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
+from itertools import filterfalse
 from pathlib import Path
 from typing import Any, Final, NoReturn, TypeVar, cast, get_type_hints
 
@@ -307,8 +308,22 @@ def typed_options(cls: type[Service], options: Mapping[str, str]) -> dict[str, A
     values = {key: toml_value(_given(key, text)) for key, text in options.items()}
     return {
         key: options[key] if hints.get(key) is str and not isinstance(value, str) else value
-        for key, value in values.items()
+        for key, value in extended({}, values).items()
     }
+
+
+def extended(table: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """A table with values by key; a key such as `qos.scan` is of a table in it, as in TOML."""
+    whole = dict(table)
+    for key, value in values.items():
+        *path, last = key.split(".", MAX_KEY_PARTS)
+        inner = whole
+        for name in path:
+            own = inner.get(name)
+            inner[name] = dict(cast("dict[str, Any]", own)) if isinstance(own, dict) else {}
+            inner = inner[name]
+        inner[last] = value
+    return whole
 
 
 def settings_by_process(settings: Iterable[str]) -> dict[str, dict[str, Any]]:
@@ -317,9 +332,7 @@ def settings_by_process(settings: Iterable[str]) -> dict[str, dict[str, Any]]:
     Settings of nodes, such as `AEgg.speed=0.3`, are left out.
     """
     values: dict[str, dict[str, Any]] = {}
-    for setting in settings:
-        if of_nodes(setting):
-            continue
+    for setting in filterfalse(of_nodes, settings):
         place, equals, value = setting.partition("=")
         process, dot, key = place.partition(".")
         if not equals or not dot:
@@ -475,12 +488,8 @@ def called(spec: str, options: Mapping[str, Any], path: Path, table: Table, key:
 def _misused(error: MinervaError) -> bool:
     """Whether a function of the framework raised this, because code of a world misused it."""
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
-    place = place_of(error)
-    return (
-        isinstance(error, MisuseError)
-        and place is not None
-        and frame.f_code.co_filename != place.file
-    )
+    place, file = place_of(error), frame.f_code.co_filename
+    return isinstance(error, MisuseError) and place is not None and file != place.file
 
 
 def filled(value: Any, options: Mapping[str, Any], path: Path) -> Any:
@@ -495,8 +504,7 @@ def filled(value: Any, options: Mapping[str, Any], path: Path) -> Any:
         return {key: filled(item, options, path) for key, item in items}
     if not isinstance(value, str):
         return value
-    alone = re.fullmatch(r"\$\{(\w+)\}", value)
-    if alone:
+    if alone := re.fullmatch(r"\$\{(\w+)\}", value):
         return _option(alone.group(1), options, path)
     return re.sub(r"\$\{(\w+)\}", lambda match: str(_option(match.group(1), options, path)), value)
 

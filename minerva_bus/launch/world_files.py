@@ -742,8 +742,7 @@ def _hosts(process: ProcessSpec, world: WorldSpec) -> Iterator[ProcessSpec]:
     counts = kind_counts(*world.scene.pieces)
     work = sum(counts[cls.kind.name] * _seconds(cls) for cls in process.agents)
     count = 1 if world.policy.rules.makes_copies else hosts_for(work, cores())
-    for name in names_of(process.name, count):
-        yield replace(process, name=name, automatic=False)
+    yield from [replace(process, name=n, automatic=False) for n in names_of(process.name, count)]
 
 
 def hosts_for(work: float, most: int) -> int:

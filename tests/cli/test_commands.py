@@ -501,6 +501,7 @@ def test_a_wrong_option_of_run(minerva, home, words, message):
     (("list", "--world", "none"), "no world 'none' runs on this machine"),
     (("pub", "eStep", "x"), "expected data as KEY=VALUE"),
     (("attach", "alphabet:Walker"), "no world runs on this machine"),
+    (("bridge", "ros2", "tcp/127.0.0.1:9", "--qos.scn", "volatile"), "did you mean 'scan'?"),
     (("attach", "terminal"), "no service 'terminal' is installed; there are the views foxglove,"),
     (("attach", "meadow"), "no service 'meadow' is installed; meadow is a world: minerva run"),
     (("run", "svg"), "no world 'svg'; svg takes part in a running world: minerva attach svg"),

@@ -1,8 +1,11 @@
 """`minerva --help` and `minerva COMMAND --help`: groups, summaries and examples."""
 
+import ast
 import inspect
 import json
+import re
 import shlex
+from pathlib import Path
 
 import pytest
 import typer.main
@@ -12,6 +15,7 @@ from minerva_bus.cli.options import examples_of
 from minerva_bus.errors import MisuseError, UnknownOption
 
 ROOT = typer.main.get_group(app)
+REPOSITORY = Path(__file__).parents[2]
 NAMES = [name for group in topics().values() for name in group]
 EXAMPLES = [line for name in NAMES if name != "keys" for line in examples_of(command_of(name))]
 
@@ -50,9 +54,50 @@ def test_the_options_of_examples_exist(line, tmp_path, monkeypatch):
     ROOT.commands[words[1]].make_context(words[1], words[2:])
 
 
+def texts_of(path):
+    """The strings of a module; what an f-string inserts is a null character."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(getattr(part, "value", "") if isinstance(part, ast.Constant) else "\0"
+                          for part in node.values)  # fmt: skip
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def options_of_command(command):
+    """The options of a command, and of its commands if it is a group."""
+    own = {word for each in command.params for word in (*each.opts, *each.secondary_opts)}
+    return own.union(*map(options_of_command, getattr(command, "commands", {}).values()))
+
+
+def untypable(text):
+    """Commands, and options of commands, that a text names and the command line lacks."""
+    for name, rest in re.findall(r"\bminerva ([a-z]+)([^`;,:\n]*)", text):
+        command = ROOT.commands.get(name)
+        words = re.findall(r"(?<![\w-])--[a-z][\w-]*", rest.partition(" -- ")[0])
+        if command is None and words:
+            yield name
+        if command is not None and not command.context_settings.get("ignore_unknown_options"):
+            known = options_of_command(command) | {"--help", "--help-all"}
+            yield from [f"{name} {word}" for word in words if word not in known]
+
+
+MODULES = [path for path in sorted(REPOSITORY.rglob("*.py"))
+           if re.match(r"(minerva_bus|services|agents|worlds|extensions)/",
+                       path.relative_to(REPOSITORY).as_posix())
+           and not {"tests", "build", "benchmarks"} & {*path.parts}]  # fmt: skip
+
+
+def test_commands_of_messages_and_docstrings_can_be_typed():
+    wrong = {path: [*found] for path in MODULES for text in texts_of(path)
+             if (found := [*untypable(text)])}  # fmt: skip
+    assert wrong == {}
+    assert [*untypable("see minerva lst --json, and minerva list --jsn")] == ["lst", "list --jsn"]
+
+
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "keys"])
 def test_a_command_uses_the_options_that_it_does_not_refuse(name):
-    if ROOT.commands[name].ignore_unknown_options:
+    if ROOT.commands[name].context_settings.get("ignore_unknown_options"):
         assert "context.args" in inspect.getsource(command_of(name))
 
 

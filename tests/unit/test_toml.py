@@ -9,6 +9,7 @@ from hypothesis import given
 from minerva_bus.launch.toml_tables import (
     MAX_KEY_PARTS,
     TomlError,
+    extended,
     read_toml,
     toml_value,
     toml_value_text,
@@ -111,3 +112,14 @@ def test_every_text_survives_being_written(text):
 @pytest.mark.parametrize("text", ["\x7f", "a\x7f\x00\x1f", "\\u007f"])
 def test_control_characters_survive_being_written(text):
     assert read_toml(f"x = {toml_value_text(text)}") == {"x": text}
+
+
+def test_a_key_with_dots_is_of_a_table():
+    table = {"qos": {"scan": "reliable"}, "rate": 1}
+    values = {"qos.odometry": "volatile", "rate": 2, "new.table.key": True}
+    qos = {"scan": "reliable", "odometry": "volatile"}
+    assert extended(table, values) == {"qos": qos, "rate": 2, "new": {"table": {"key": True}}}
+    assert table["qos"] == {"scan": "reliable"}
+    assert extended(table, {"rate.unit": "Hz", ".".join("a" * 100_000): 1})["rate"] == {
+        "unit": "Hz"
+    }
