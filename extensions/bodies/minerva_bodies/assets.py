@@ -75,6 +75,8 @@ _ADVICE: Final = (
     "a name that ends with #sha256= and the digest of the file lets other members send it"
 )
 
+_NOBODY: Final = "no other member has it: run the service assets on the machine of the file"
+
 
 def _missing() -> str:
     worlds = world_folders()
@@ -214,7 +216,7 @@ class AssetBus:
             else:
                 _keep(data)
                 return data, []
-        return None, problems or ["no other member has it"]
+        return None, problems or [_NOBODY]
 
     def _received(self, key: str, file: str, digest: str, size: int) -> bytes:
         """The bytes that a member sends, up to a gap."""

@@ -253,22 +253,23 @@ def _shade(color: NDArray[Any], light: float) -> str:
 @lru_cache(maxsize=256)
 def _polygons(solid: Solid) -> Polygons:
     """The faces of a solid, where neighbouring triangles of one plane are a polygon."""
-    _, same = np.unique(solid.vertices.round(6), axis=0, return_inverse=True)
-    polygons, before, plane = list[tuple[int, ...]](), list[tuple[int, int, int]](), np.zeros(4)
+    inverse = np.unique(solid.vertices.round(6), axis=0, return_inverse=True)[1]
+    same = inverse.ravel().tolist()
+    polygons, before, plane = list[tuple[int, ...]](), list[tuple[int, int, int]](), [0.0] * 4
+    a, b, c = solid.vertices.astype(np.float64)[solid.faces].swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1)
+    # Some have no area, such as two points of a ring at a pole.
+    rows = np.flatnonzero(lengths >= 1e-9)
+    normals = normals[rows] / lengths[rows, None]
+    planes = np.column_stack((normals, (normals * a[rows]).sum(axis=1))).tolist()
 
     def close() -> None:
-        polygons.extend(_outline(before, same.ravel().tolist()))
+        polygons.extend(_outline(before, same))
         before.clear()
 
-    for face in solid.faces.tolist():
-        a, b, c = solid.vertices[face].astype(np.float64)
-        normal = np.cross(b - a, c - a)
-        length = float(np.linalg.norm(normal))
-        if length < 1e-9:
-            continue  # Such as two points of a ring at a pole.
-        normal = normal / length
-        here = np.array([*normal, normal @ a])
-        if not np.allclose(here, plane, atol=1e-4):
+    for face, here in zip(solid.faces[rows].tolist(), planes, strict=True):
+        if any(abs(p - q) > 1e-4 + 1e-5 * abs(q) for p, q in zip(here, plane, strict=True)):
             close()
             plane = here
         before.append((face[0], face[1], face[2]))
