@@ -18,6 +18,7 @@ import re
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import lru_cache
@@ -41,6 +42,8 @@ _DIGEST, _MIN_DIGEST = "#sha256=", 16
 _HEX: Final = re.compile(r"[0-9a-f]{16,64}")
 _MAX_QUESTION, _MAX_HOLDERS = 4096, 100
 _ANSWER_SECONDS = 5.0
+_PAUSES: tuple[float, ...] = (0.5, 1.0, 2.0)
+"""Seconds before it asks again: a member with the file may be about to join, or to come back."""
 
 _sources = list["AssetBus"]()
 """The members that this process may ask: those of its world."""
@@ -194,6 +197,14 @@ class AssetBus:
         """The contents, or None and what each member that has the file did instead."""
         if PurePosixPath(file).suffix.lower() not in SENT:
             return None, [f"members send {', '.join(SENT)} only"]
+        data, problems = self._fetched(file, digest)
+        for seconds in _PAUSES:
+            if data is None:
+                time.sleep(seconds)
+                data, problems = self._fetched(file, digest)
+        return data, problems
+
+    def _fetched(self, file: str, digest: str) -> tuple[bytes | None, list[str]]:
         kept = _kept(digest)
         if kept is not None:
             return kept.read_bytes(), []

@@ -32,6 +32,7 @@ def machine(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(assets, "_sources", [])
+    monkeypatch.setattr(assets, "_PAUSES", (0.0,))
     (tmp_path / "parts").mkdir()
     return tmp_path
 
