@@ -430,7 +430,7 @@ class Causes:
         links = [link]
         while event is not None and (source := links[-1].source) is not None:
             if source.kind != "agent":
-                return links, _origin(source, event)
+                return links, origin_of(source, event)
             if len(links) == MAX_LINKS or source.frame not in self._past:
                 return links, f"#{source.name} sent {event.type}; the chain is longer than this"
             link, event = self._sent(event, source.name, source.frame)
@@ -569,7 +569,7 @@ def event_text(event: Event) -> str:
     return str(replace(event, sender="", receivers=()))
 
 
-def _origin(source: EventSource, event: Event) -> str:
+def origin_of(source: EventSource, event: Event) -> str:
     """The end of a chain in words."""
     if source.kind == "norm":
         return f"{source.text} punishes a violation in frame {source.frame} by {event.type}"

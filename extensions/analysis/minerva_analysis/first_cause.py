@@ -16,7 +16,15 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_analysis.causes import Cause, Causes, event_text, same_event
+from minerva_analysis.causes import (
+    Cause,
+    Causes,
+    event_text,
+    origin_of,
+    same_event,
+    source_of,
+    sources_of,
+)
 from minerva_analysis.past_frames import (
     PastFrame,
     ValueChange,
@@ -38,6 +46,7 @@ from minerva_bus.settings.world_settings import Overrides
 from minerva_bus.user_code import defined, is_foreign, report
 from minerva_bus.world.services import Generator
 
+MAX_SENT: Final = 3
 BEFORE: Final = 5
 """Frames before the question that are read, for the chain of causes."""
 
@@ -95,10 +104,10 @@ def answered(question: CauseQuestion) -> CauseAnswer:
     path, frame = Path(question.path), question.frame
     with Record(path) as record:
         file = world_file_of(path, question.world, record.description, Overrides())
-        if question.member:
-            return _generated(question, file)
         # The events that agents sent in a frame are part of the state after it.
         past = {each.frame.number: each for each in past_frames(record, frame - BEFORE, frame + 2)}
+        if question.member:
+            return _generated(question, file, past)
         kinds = kinds_in(file)
         causes = Causes(record.description.world, kinds, past)
     calls = causes.calls(question.agent, frame)
@@ -165,13 +174,21 @@ def _shown(links: Sequence[Cause], origin: str) -> list[str]:
     return [*(line for link in links for line in link.lines()), f"origin: {origin}"]
 
 
-def _generated(question: CauseQuestion, file: WorldFile) -> CauseAnswer:
-    """The class of a generator, whose state before the frame is not in a record."""
+def _generated(
+    question: CauseQuestion, file: WorldFile, past: Mapping[int, PastFrame]
+) -> CauseAnswer:
+    """The events of a generator, with the orders before them, and its class.
+
+    Its state before the frame is not in a record.
+    """
+    frame, member = question.frame, question.member
+    sent = islice(single(sources_of(past[frame]).get(member, ())), MAX_SENT)
+    lines = [origin_of(source_of(event, past, frame, ()), event) for event in sent]
+    lines = lines or [f"{member} sent nothing for frame {frame}"]
     process = next((each for each in file.processes if each.name == question.member), None)
     if process is None or process.make_service is None:
-        return CauseAnswer()
+        return CauseAnswer(tuple(lines))
     cls = type(process.make_service())
-    lines = [f"frame {question.frame}: {question.member} generated it"]
     if issubclass(cls, Generator) and (place := defined(cls.generate)) is not None:
         lines.append(f"  in {cls.__name__}.generate, {place.where}")
     return CauseAnswer(tuple(lines), functions=_functions([cls]))
