@@ -19,7 +19,13 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from minerva_analysis.causes import person_behind, sources_of
-from minerva_analysis.comparing import Difference, compare, same_events, starts_apart
+from minerva_analysis.comparing import (
+    Difference,
+    compare,
+    same_events,
+    starts_apart,
+    without_views,
+)
 from minerva_analysis.first_cause import CauseAnswer, CauseQuestion, SourceFunction
 from minerva_analysis.past_frames import PastFrame, past_frames
 from minerva_analysis.replays import no_progress
@@ -136,7 +142,7 @@ def _parting(a: Path, b: Path, sides: tuple[str, str], world_a: str, world_b: st
         if number is None:
             return Parting(difference)
         begun = "; ".join(starts_apart(first, second))
-        in_a, in_b = (next(past_frames(each, number, number + 1), None) for each in (first, second))
+        in_a, in_b = (_past_frame(each, number) for each in (first, second))
     if in_a is None or in_b is None or in_a.frame.number != in_b.frame.number:
         return Parting(difference)
     asked = (CauseQuestion(str(a), world_a, number), CauseQuestion(str(b), world_b, number))
@@ -145,6 +151,13 @@ def _parting(a: Path, b: Path, sides: tuple[str, str], world_a: str, world_b: st
         # The same code on other inputs, whose results say nothing of the code.
         return replace(parting, remark=f"the runs begin differently: {begun}")
     return parting
+
+
+def _past_frame(record: Record, number: int) -> PastFrame | None:
+    past = next(past_frames(record, number, number + 1), None)
+    if past is None:
+        return None
+    return replace(past, frame=without_views(past.frame, record.description.world.vocabulary))
 
 
 def _of_frame(

@@ -233,7 +233,7 @@ def compare(a: Record, b: Record) -> Difference:
     """Compare two records frame by frame. Raises RecordError."""
     before = tuple(_before(a, b))
     count = 0
-    for in_a, in_b in zip_longest(a.frames(), b.frames()):
+    for in_a, in_b in zip_longest(_frames(a), _frames(b)):
         if in_a is None or in_b is None:
             ended = _ended(in_a, count)
             return Difference(None, count, before, ended, damage=_damage(a, b))
@@ -244,6 +244,20 @@ def compare(a: Record, b: Record) -> Difference:
             return _apart(a, b, in_a, in_b, count, before)
         count += 1
     return Difference(None, count, before, damage=_damage(a, b))
+
+
+def _frames(record: Record) -> Iterator[RecordedFrame]:
+    vocabulary = record.description.world.vocabulary
+    return (without_views(frame, vocabulary) for frame in record.frames())
+
+
+def without_views(frame: RecordedFrame, vocabulary: Vocabulary) -> RecordedFrame:
+    """A frame without visual events, which change no string.
+
+    Observers cause them, many by the clock, so that no two runs with a page have the same ones.
+    """
+    types = vocabulary.events
+    return replace(frame, events=tuple(e for e in frame.events if not types[e.type].visual))
 
 
 def _damage(*records: Record) -> tuple[str, ...]:

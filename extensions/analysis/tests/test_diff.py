@@ -8,6 +8,7 @@ import pytest
 from arbitrary_records import files, written
 
 from minerva_analysis import diff as compared
+from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.log.record_writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
@@ -64,6 +65,11 @@ def test_an_event_that_only_one_has(tmp_path):
     frames = list(happened("meadow")[1])
     record, string = frames[7]
     frames[7] = replace(record, events=record.events[:-1]), string
+    # What an observer asks for is no difference.
+    frames[6] = (
+        replace(frames[6][0], events=(*frames[6][0].events, Event("ePicture"))),
+        frames[6][1],
+    )
     code, difference = diff(tmp_path, bytes_of("meadow"), written(frames))
     assert (code, difference["frame"]) == (1, 7)
     assert difference["events"] == {"a": [str(record.events[-1])], "b": []}
