@@ -34,6 +34,7 @@ from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldStopped
 from minerva_bus.frame.stimuli import AGENTS, is_people
 from minerva_bus.grammar.events import Event, single
+from minerva_bus.launch.past import differing_vocabulary
 from minerva_bus.log.record import Record
 from minerva_bus.wording import short
 
@@ -121,7 +122,7 @@ def bisect(
     Raises:
         RecordError: a record cannot be read.
         WorldFileError: there is no such world file.
-        MinervaError: a world file is that of another world.
+        MinervaError: a record or a world file is that of another world.
         WorldStopped: the code fails when it runs again.
 
     """
@@ -137,6 +138,12 @@ def bisect(
 
 def _parting(a: Path, b: Path, sides: tuple[str, str], world_a: str, world_b: str) -> Parting:
     with Record(a) as first, Record(b) as second:
+        worlds = [record.description.world for record in (first, second)]
+        if worlds[0].name != worlds[1].name and differing_vocabulary(
+            *[world.vocabulary for world in worlds]
+        ):
+            names = f"{worlds[1].name!r}, not of {worlds[0].name!r} as {a}"
+            raise MinervaError(f"{b}: it is the record of another world, {names}")
         difference = replace(compare(first, second), sides=sides)
         number = difference.frame
         if number is None:

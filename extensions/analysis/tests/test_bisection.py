@@ -76,7 +76,7 @@ vocabulary = Vocabulary.of(Miller, Mouse, eWind, eGrain)
 """
 
 
-def write_mill(folder, *changes, seed=5):
+def write_mill(folder, *changes, seed=5, name="mill"):
     """A world in a folder of its own, with its record; `changes` are pairs of old and new text."""
     folder.mkdir()
     code = MILL
@@ -84,7 +84,8 @@ def write_mill(folder, *changes, seed=5):
         assert old in code
         code = code.replace(old, new)
     (folder / "mill.py").write_text(code)
-    (folder / "mill.toml").write_text(WORLD.replace("seed = 5", f"seed = {seed}"))
+    world = WORLD.replace('name = "mill"', f'name = "{name}"')
+    (folder / "mill.toml").write_text(world.replace("seed = 5", f"seed = {seed}"))
     sys.modules.pop("mill", None)
     done = here(folder, "run", "mill.toml", "--in-process", "--rate", 0, "--record", "run.mcap")
     assert not done.returncode, done.stderr
@@ -163,6 +164,16 @@ def test_runs_that_begin_differently_say_nothing_of_the_code(mill, tmp_path):
     assert code == 1
     assert parting["before"] == ["seed 5 in A, 6 in B"]
     assert parting["remark"] == "the runs begin differently: seed 5 in A, 6 in B"
+
+
+def test_records_of_two_worlds_are_not_compared(mill, tmp_path):
+    renamed = write_mill(tmp_path / "b", name="watermill")
+    code, parting = bisected(mill, renamed)
+    assert (code, parting["before"]) == (0, ["name mill in A, watermill in B"])
+    other = write_mill(tmp_path / "c", ("eGrain", "eFlour"), name="bakery")
+    code, answer = bisected(mill, other)
+    assert code == 2
+    assert "the record of another world, 'bakery', not of 'mill'" in answer["error"]
 
 
 def test_code_that_fails_when_it_runs_again_is_reported(tmp_path):
