@@ -14,7 +14,9 @@ playwright = pytest.importorskip("playwright.sync_api")
 
 from page_run import CHROMIUM, FLAGS, copied, eventually, running, shown  # noqa: E402
 
+from minerva_agents.robot.vocabulary import eObjective  # noqa: E402
 from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
+from minerva_bus import World  # noqa: E402
 from minerva_services.geometry.picture import Lists, Texts, Tiles  # noqa: E402
 from minerva_services.views.layout import extremes  # noqa: E402
 from tests.patience import patience  # noqa: E402
@@ -23,6 +25,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt in
 
 FRAMES = 90
 STOPPED_AT = 30
+PARTED_BY = 60
 """Milliseconds for an explanation: a process of its own, which a busy machine starts slowly."""
 
 
@@ -163,7 +166,9 @@ def pin_of(page, name):
 def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, visitors):
     """The robots' world: its markers are labels, and its speed has a unit."""
     words = "--robots", "1", "--parcels", "", "--record", "run.mcap"
-    with running(tmp_path, "robot", *words, "--view", "page") as run:
+    beside = tmp_path / "beside.mcap"
+    order_late(beside)
+    with running(tmp_path, "robot", *words, "--view", f"page:beside={beside}") as run:
         page = visitors(viewport={"width": 1000, "height": 700}).new_page()
         page.goto(run.url)
         shown(page)
@@ -173,6 +178,7 @@ def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, visitors):
         page.keyboard.press("ArrowUp")
         run.event("eSpeed")
         follow_an_order(page)
+        compare_runs(page)
         # A hidden button keeps the focus until the page is drawn again.
         page.evaluate(
             "const close = document.querySelector('#inspector .close'); close.focus(); close.click();"
@@ -209,6 +215,35 @@ def follow_an_order(page):
     past = int(page.get_attribute("body", "data-frame"))
     page.locator("#live").click()
     shown(page, past + 21)
+
+
+def order_late(path):
+    """Record a run in which somebody sends an order in frame `PARTED_BY`."""
+    world = World.load("robot", robots=1, parcels="")
+    with world.start(record=path) as live:
+        live.step(PARTED_BY)
+        live.publish(eObjective("meeting"), by="bert")
+        live.step(2)
+
+
+def compare_runs(page):
+    """Find the order that only one of the runs has, and show its frame."""
+    eventually(lambda: int(page.get_attribute("body", "data-frame")) > PARTED_BY, "it is not there")
+    page.locator("#part").click()
+    panel = page.locator("#parting")
+    panel.get_by_role("button", name="frame").wait_for(timeout=1000 * patience(100))
+    assert page.locator("#inspector").is_hidden()
+    panel.get_by_text("of the person ", exact=False).wait_for()
+    button = panel.get_by_role("button", name="frame")
+    frame = int(button.inner_text().removeprefix("frame "))
+    assert frame <= PARTED_BY
+    page.locator("#mark").wait_for()
+    button.click()
+    page.locator("#shown").get_by_text(f"frame {frame},", exact=False).wait_for()
+    panel.get_by_role("button", name="ARobot#r1").first.click()
+    page.locator("#inspector").get_by_role("button", name="objective").wait_for()
+    assert panel.is_hidden()
+    page.locator("#live").click()
 
 
 def test_interrupting_the_world_ends_its_pages(garden, visitors):

@@ -227,6 +227,11 @@ def test_the_page_loads_nothing_from_elsewhere():
         ({"module": "garden.js"}, "go together"),
         ({"module": "garden.txt", "joins": "snails"}, "not a file with JavaScript"),
         ({"certificate": "/nothing.pem"}, "cannot be used"),
+        (
+            {"beside": "nothing.mcap"},
+            "beside is the record of another run: .*nothing.mcap: No such",
+        ),
+        ({"beside": __file__}, "not an MCAP file; expected a record"),
     ],
 )
 def test_options_are_checked(options, reason):

@@ -133,7 +133,7 @@ def test_a_page_learns_where_it_is_and_sends_orders(garden):
         welcome = messages(socket, "welcome")
         assert welcome == {
             "world": "phone", "page": "page-1", "draws": ["ePicture"], "rate": 15.0,
-            "module": "/modules/garden.js", "joins": {"snails": "snails", "tilt-*": "tilt-1"},
+            "beside": "", "module": "/modules/garden.js", "joins": {"snails": "snails", "tilt-*": "tilt-1"},
             "you": {"name": "page-1", "colour": person_colour("page-1")},
         }  # fmt: skip
         status = messages(socket, "status")
@@ -159,6 +159,8 @@ def test_a_page_learns_where_it_is_and_sends_orders(garden):
         ):
             socket.send(order)
             assert reason in messages(socket, "error"), order
+        socket.send('{"bisect": true}')
+        assert messages(socket, "bisected")["problem"].endswith("--view page:beside=FILE")
         with linked(garden, "/people") as other:
             assert messages(other, "welcome")["page"] == "page-2"
 

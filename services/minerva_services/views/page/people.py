@@ -1,17 +1,20 @@
-"""People on pages: their orders, and what a page shows about an agent.
+"""People on pages: their orders, and what a page shows about an agent, or about two runs.
 
-The causes of a value are explained by `minerva explain`, in a process of its own: that runs code of
-agents, which must not stop the page's server. For a replay it reads the record that is replayed.
+`minerva explain` finds the causes of a value, and `minerva bisect` where the run parts from
+another one, in processes of their own: they run code of agents, which must not stop the page's
+server. For a replay they read the record that is replayed.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, cast
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Final, cast
 
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
@@ -40,12 +43,16 @@ _MAX_ORDERS: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class PageOptions:
-    """What pages draw, at most how many views per second, and which order types gestures send."""
+    """What pages draw, at most how many views per second, and which order types gestures send.
+
+    `beside`: the record of a run with which pages compare this one, or "".
+    """
 
     draws: tuple[str, ...]
     rate: float
     click: str = ""
     slide: str = ""
+    beside: str = ""
 
 
 def sent_types(
@@ -77,8 +84,9 @@ class People:
     """The links to pages over which their users take part: text messages in JSON.
 
     A page sends `{order, data, to}`, `{slide, steps, to}`, `{toggle}`, `{step}`, `{seek}`,
-    `{name}`, `{state}` and `{explain}`, and receives `{welcome}`, `{status}`, `{orders}`, `{you}`,
-    `{state}`, `{explained}`, `{note}`, `{error}` and `{ended}`.
+    `{pause}`, `{name}`, `{state}`, `{explain}` and `{bisect}`, and receives `{welcome}`,
+    `{status}`, `{orders}`, `{you}`, `{state}`, `{explained}`, `{bisected}`, `{note}`, `{error}` and
+    `{ended}`.
     """
 
     def __init__(
@@ -88,7 +96,7 @@ class People:
         self._options = options
         self._names = names
         self._site = site
-        self._inspector = Inspector(world)
+        self._inspector = Inspector(world, options.beside)
         self._orders = LatestOrders(_MAX_ORDERS)
         self._reports = LatestReport(world.vocabulary)
         self._numbers = SentNumbers()
@@ -109,29 +117,30 @@ class People:
                 welcome = {"welcome": self._welcome(number), "status": self._status}
                 await self._send(page, {**welcome, "orders": self._orders.plain()})
                 async with asyncio.TaskGroup() as questions:
-                    explained: asyncio.Task[None] | None = None
+                    asked: dict[str, asyncio.Task[None]] = {}
                     async for text in page:
                         question = _question(text)
                         if question is None:
                             await self._send(page, await self._reply(text, number))
                             continue
                         # A person who asks again no longer waits for the earlier answer.
-                        if explained is not None:
-                            explained.cancel()
-                        explained = questions.create_task(self._explain(page, question))
-                    if explained is not None:
-                        explained.cancel()
+                        if question.reply in asked:
+                            asked[question.reply].cancel()
+                        task = questions.create_task(self._answer(page, question))
+                        asked[question.reply] = task
+                    for task in asked.values():
+                        task.cancel()
             except* ConnectionClosed:
                 pass
             finally:
                 self._pages.discard(page)
 
-    async def _explain(self, page: ServerConnection, question: AgentQuestion) -> None:
+    async def _answer(self, page: ServerConnection, question: Question) -> None:
         try:
-            answer: dict[str, Any] = {"answer": await self._inspector.explain(question)}
+            answer: dict[str, Any] = {"answer": await self._inspector.answer(question)}
         except MinervaError as error:
             answer = {"problem": str(error)}
-        await self._send(page, {"explained": {**question.plain(), **answer}})
+        await self._send(page, {question.reply: {**asdict(question), **answer}})
 
     def _welcome(self, number: int) -> dict[str, Any]:
         return {
@@ -139,6 +148,7 @@ class People:
             "page": self._names.of_page(number),
             "draws": self._options.draws,
             "rate": self._options.rate,
+            "beside": Path(self._options.beside).name,
             "module": self._site.module,
             "joins": self._names.joins_of(number),
             "you": shown_person(self._names.person(number)),
@@ -236,6 +246,10 @@ class People:
             case {"seek": int(frame)}:
                 operator.seek(frame)
                 return ""
+            case {"pause": int(frame)}:
+                operator.pause()
+                operator.seek(frame)
+                return f"paused at frame {frame}"
             case {"step": 1}:
                 operator.step(1)
                 return ""
@@ -256,12 +270,14 @@ class People:
         return declared(**data, receivers=receivers)
 
 
-def _question(text: str | bytes) -> AgentQuestion | None:
-    """The question about an agent in a page's message; None for any other message."""
+def _question(text: str | bytes) -> Question | None:
+    """The question in a page's message; None for any other message."""
     try:
         match _read(text):
             case {"explain": str(agent), "attribute": str(attribute), "frame": int() | None as at}:
                 return AgentQuestion(agent, attribute, at)
+            case {"bisect": True}:
+                return RunsQuestion()
             case _:
                 return None
     except MinervaError:
@@ -285,30 +301,41 @@ def _read(text: str | bytes) -> Mapping[str, Any]:
 
 
 MAX_SECONDS: Final = 120.0
-"""Time limit of an explanation in seconds; on a busy machine it takes long."""
+"""Time limit of an answer in seconds; on a busy machine it takes long."""
 
 MAX_PROCESSES: Final = 2
-"""Explanations that are computed at the same time, for all pages."""
+"""Answers that are computed at the same time, for all pages."""
 
 
 @dataclass(frozen=True, slots=True)
 class AgentQuestion:
-    """An agent, an attribute or "" for all, and a frame or None for the latest recorded one."""
+    """An agent, an attribute or "" for all, and a frame or None for the latest recorded one.
 
+    A page finds the question of an answer by these fields.
+    """
+
+    reply: ClassVar[str] = "explained"
     agent: str
     attribute: str = ""
     frame: int | None = None
 
-    def plain(self) -> dict[str, Any]:
-        """As a JSON object, by which a page finds the question of an answer."""
-        return {"agent": self.agent, "attribute": self.attribute, "frame": self.frame}
+
+@dataclass(frozen=True, slots=True)
+class RunsQuestion:
+    """Where the run parts from the one beside it."""
+
+    reply: ClassVar[str] = "bisected"
+
+
+Question = AgentQuestion | RunsQuestion
 
 
 class Inspector:
-    """Answers questions of pages about agents of one world."""
+    """Answers questions of pages about one world, and the record `beside` its own."""
 
-    def __init__(self, world: WorldInfo) -> None:
+    def __init__(self, world: WorldInfo, beside: str = "") -> None:
         self._world = world
+        self._beside = beside
         self._processes = asyncio.Semaphore(MAX_PROCESSES)
 
     def state(self, agent: str) -> dict[str, Any]:
@@ -320,21 +347,29 @@ class Inspector:
         state = {name: shown_value(node.state[name]) for name in node.names}
         return {"agent": node.id, "kind": node.symbol, "state": state}
 
-    async def explain(self, question: AgentQuestion) -> dict[str, Any]:
-        """The answer of `minerva explain`, as a JSON object.
+    async def answer(self, question: Question) -> dict[str, Any]:
+        """The answer of `minerva explain` or `minerva bisect`, as a JSON object.
 
-        Raises MinervaError if the frame is no longer available, or has no such agent or attribute.
+        Raises MinervaError with the command's message if it has none.
         """
         status = await asyncio.to_thread(self._world.operator.status)
-        replayed = [file.path for file in status.files if status.end]
+        record = next((file.path for file in status.files if file.name == "record"), "")
+        if isinstance(question, AgentQuestion):
+            about = record if status.end else status.world
+            words = ["explain", about, f"--agent={question.agent}"]
+            words += [f"--attribute={question.attribute}"] if question.attribute else []
+            words += [f"--frame={question.frame}"] if question.frame is not None else []
+        elif not (record and self._beside):
+            what = "--record FILE" if self._beside else "--view page:beside=FILE"
+            raise MisuseError(f"there are no two records to compare: start this world with {what}")
+        else:
+            words = ["bisect", record, self._beside]
         async with self._processes:
-            return await _explained(replayed[0] if replayed else status.world, question)
+            return await _answer_of(*words, "--json")
 
 
-async def _explained(about: str, question: AgentQuestion) -> dict[str, Any]:
-    words = ["explain", about, f"--agent={question.agent}", "--json"]
-    words += [f"--attribute={question.attribute}"] if question.attribute else []
-    words += [f"--frame={question.frame}"] if question.frame is not None else []
+async def _answer_of(*words: str) -> dict[str, Any]:
+    """The answer of a command, computed in a process of its own. Raises MinervaError."""
     process = await asyncio.create_subprocess_exec(
         sys.executable,
         "-m",
@@ -347,7 +382,8 @@ async def _explained(about: str, question: AgentQuestion) -> dict[str, Any]:
     try:
         output, errors = await asyncio.wait_for(process.communicate(), MAX_SECONDS)
     except TimeoutError:
-        raise MinervaError(f"no explanation within {MAX_SECONDS:g} s") from None
+        command = shlex.join(("minerva", *words[:-1]))
+        raise MinervaError(f"no answer within {MAX_SECONDS:g} s; try {command}") from None
     finally:
         if process.returncode is None:
             process.kill()
@@ -355,7 +391,7 @@ async def _explained(about: str, question: AgentQuestion) -> dict[str, Any]:
     try:
         answer = json.loads(output)
     except ValueError:
-        text = errors.decode(errors="replace").strip() or "minerva explain failed"
+        text = errors.decode(errors="replace").strip() or f"minerva {words[0]} failed"
         raise MinervaError(text) from None
     if "error" in answer:
         raise MinervaError(str(answer["error"]))

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.runtime.endpoints import is_wildcard
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, names_in, require
@@ -44,6 +44,8 @@ class MemberPage(Device):
         names: additional host names of the page, comma-separated: a proxy's, for example.
         click: the event type sent by a tap on a text; "": the first whose only datum is a text.
         slide: the event type sent by the arrow keys; "": the first whose only datum is a number.
+        beside: the record of another run; pages show where this run, recorded or replayed, parts
+            from it.
 
     Raises MisuseError if websockets is not installed and for invalid options.
 
@@ -64,11 +66,12 @@ class MemberPage(Device):
         names: str = "",
         click: str = "",
         slide: str = "",
+        beside: str = "",
     ) -> None:
         require("page", "websockets", "websockets", "page")
         check_port("page", port)
         check_rate("page", rate)
-        self._options = PageOptions(event_types("page", draws), rate, click, slide)
+        self._options = PageOptions(event_types("page", draws), rate, click, slide, _record(beside))
         self._address = host, port
         self._module = _module(module, joins)
         self._tls = _tls(certificate, key)
@@ -163,6 +166,20 @@ def _module(module: str, joins: str) -> Path | None:
     if path.suffix not in (".js", ".mjs") or not path.is_file():
         raise MisuseError(f"page: module is {module!r}, which is not a file with JavaScript")
     return path.resolve()
+
+
+def _record(beside: str) -> str:
+    """The path of the option `beside`. Raises MisuseError if there is no such record."""
+    if not beside:
+        return ""
+    from minerva_bus.log.record import Record
+
+    path = Path(beside).absolute()
+    try:
+        Record(path).close()
+    except RecordError as error:
+        raise MisuseError(f"page: beside is the record of another run: {error}") from None
+    return str(path)
 
 
 def _tls(certificate: str, key: str) -> ssl.SSLContext | None:

@@ -1,22 +1,8 @@
 /** The panel about one agent: its state, the cause of a value, what it received and what was rejected. */
 
+import { make, short } from "./elements.js";
+
 const EVERY = 1000; // milliseconds between two states of a live world
-
-/** A new element with a class, and texts or elements in it. */
-function make(tag, name = "", ...content) {
-  const element = document.createElement(tag);
-  if (name !== "") element.className = name;
-  element.append(...content);
-  return element;
-}
-
-const LONG_NUMBER = /-?\d+\.\d{6,}(?:e[+-]?\d+)?/g;
-
-/** A text that fits its place; numbers have six digits. */
-function short(text, most = 60) {
-  const rounded = text.replace(LONG_NUMBER, (number) => String(Number(Number(number).toPrecision(6))));
-  return rounded.length > most ? `${rounded.slice(0, most - 1)}…` : rounded;
-}
 
 /**
  * Shows one agent.

@@ -8,6 +8,7 @@ import { Inspector } from "./inspector.js";
 import { include, isPale, legend } from "./legend.js";
 import { loadMember, PageMember } from "./members.js";
 import { Orders } from "./orders.js";
+import { Parting } from "./parting.js";
 import { Person, showFates, showPeople } from "./people.js";
 import { connectToServer } from "./server.js";
 import { Timeline } from "./timeline.js";
@@ -24,7 +25,7 @@ let world = null;
 const server = connectToServer(onMessage, (reason) => lose(reason || "the link to the world is lost; trying again …"));
 const orders = new Orders(scene, element("orders"), (order) => server.send(order), select);
 const person = new Person({ form: element("naming"), button: element("you"), input: element("name") }, (name) => server.send({ name }));
-const timeline = new Timeline({ slider: element("moment"), live: element("live"), shown: element("shown") }, {
+const timeline = new Timeline({ slider: element("moment"), live: element("live"), shown: element("shown"), mark: element("mark") }, {
   show: (items, frame) => {
     scene.show(items);
     element("frame").textContent = `frame ${frame}`;
@@ -32,13 +33,21 @@ const timeline = new Timeline({ slider: element("moment"), live: element("live")
     requestAnimationFrame(() => (document.body.dataset.frame = String(frame)));
   },
   seek: (frame) => server.send({ seek: frame }),
+  pause: (frame) => server.send({ pause: frame }),
   onChange: () => inspector.refresh(),
 });
 const inspector = new Inspector(element("inspector"), { ask: (message) => server.send(message), past: () => timeline.past, asked: () => timeline.asked, select });
+const parting = new Parting({ button: element("part"), panel: element("parting") }, {
+  ask: () => server.send({ bisect: true }),
+  jump: (frame) => timeline.stopAt(frame) || note(`this page no longer has frame ${frame}; replay the record to see it`, true),
+  mark: (frame) => (timeline.marked = frame),
+  select,
+});
 let own = "";
 
-/** Selects an agent on the picture and in the inspector; "" selects none. */
+/** Selects an agent on the picture and in the inspector, which has the place of other panels; "" selects none. */
 function select(agent) {
+  if (agent !== "") parting.close();
   scene.select(agent);
   inspector.open(agent);
 }
@@ -63,6 +72,7 @@ function note(text, isError = false) {
 function lose(reason) {
   note(reason, true);
   inspector.fail(reason);
+  parting.fail(reason);
 }
 
 function onMessage(message) {
@@ -72,6 +82,7 @@ function onMessage(message) {
   if (message.you !== undefined) showSelf(message.you);
   if (message.state !== undefined) inspector.take(message.state);
   if (message.explained !== undefined) inspector.explain(message.explained);
+  if (message.bisected !== undefined) parting.take(message.bisected);
   if (message.note !== undefined) note(message.note);
   if (message.error !== undefined) note(message.error, true);
   if (message.ended !== undefined) end(message.ended);
@@ -84,6 +95,7 @@ function begin(welcome) {
   world = { ...welcome, taken: [] };
   showSelf(welcome.you);
   person.begin();
+  parting.begin(world.beside);
   document.title = element("world").textContent = world.world;
   const view = device({ service: "page", draws: world.draws, when: `at ${world.rate} Hz`, draw });
   join(world.page, view);
@@ -93,6 +105,7 @@ function begin(welcome) {
 function end(why) {
   note(why);
   inspector.fail(why);
+  parting.fail(why);
 }
 
 function showSelf(you) {

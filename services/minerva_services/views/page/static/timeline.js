@@ -1,30 +1,36 @@
 /** The slider over the recent past of a world, or over the record that is replayed. */
 
 const MOST_MOMENTS = 600;
+const THUMB = 16; // pixels
 const MOST_VALUES = 4e6; // items and cells of matrices, each counted once
 
 /**
  * Keeps what was drawn in the last frames, in bounded memory, and shows one of them.
  *
- * `show(items, frame)` draws; `seek(frame)` moves a replay. If the memory is full, every second
- * moment of the older half is dropped: the past remains, but in larger steps.
+ * `show(items, frame)` draws; `seek(frame)` moves a replay, and `pause(frame)` pauses it there. If
+ * the memory is full, every second moment of the older half is dropped: the past remains, but in
+ * larger steps.
  */
 export class Timeline {
   #parts;
   #show;
   #seek;
+  #pause;
   #moments = [];
   #chosen = null; // a frame of the past; null: live
   #end = 0;
+  #marked = null;
   #onChange;
 
-  constructor(parts, { show, seek, onChange }) {
+  constructor(parts, { show, seek, pause, onChange }) {
     this.#parts = parts;
     this.#show = show;
     this.#seek = seek;
+    this.#pause = pause;
     this.#onChange = onChange;
     parts.slider.addEventListener("input", () => this.#choose(Number(parts.slider.value)));
     parts.live.addEventListener("click", () => this.goLive());
+    parts.mark.addEventListener("click", () => this.stopAt(this.#marked));
     this.#update();
   }
 
@@ -57,12 +63,31 @@ export class Timeline {
     this.#update();
   }
 
+  /** Marks a frame on the slider; null: none. */
+  set marked(frame) {
+    this.#marked = frame;
+    this.#update();
+  }
+
+  /** Shows a frame until the user moves on; false if it is not kept. */
+  stopAt(frame) {
+    if (this.#end > 0) this.#pause(frame);
+    else if (!this.#reaches(frame)) return false;
+    else this.#choose(frame);
+    return true;
+  }
+
   goLive() {
     this.#chosen = null;
     const last = this.#moments.at(-1);
     if (last !== undefined) this.#show(last.items, last.frame);
     this.#update();
     this.#onChange();
+  }
+
+  #reaches(frame) {
+    const { min, max } = this.#parts.slider;
+    return frame !== null && Number(min) <= frame && frame <= Number(max);
   }
 
   #choose(frame) {
@@ -77,7 +102,7 @@ export class Timeline {
   }
 
   #update() {
-    const { slider, live, shown } = this.#parts;
+    const { slider, live, shown, mark } = this.#parts;
     const [first, last] = [this.#moments[0]?.frame ?? 0, this.#moments.at(-1)?.frame ?? 0];
     const isReplay = this.#end > 0;
     live.hidden = isReplay;
@@ -88,6 +113,11 @@ export class Timeline {
     slider.value = this.#chosen ?? last;
     if (isReplay) shown.textContent = `frame ${last} of ${this.#end}`;
     else shown.textContent = this.#chosen === null ? "" : `frame ${this.#chosen}, ${last - this.#chosen} ago`;
+    mark.hidden = !this.#reaches(this.#marked);
+    mark.title = `Frame ${this.#marked}: here the runs part`;
+    // The middle of the slider's thumb does not reach the ends of the track.
+    const part = (this.#marked - slider.min) / (slider.max - slider.min || 1);
+    mark.style.left = `calc(${100 * part}% + ${THUMB * (0.5 - part)}px)`;
     document.body.classList.toggle("past", this.#chosen !== null);
   }
 
