@@ -206,11 +206,12 @@ def test_an_event_type_has_a_tool_with_units(served):
 def test_tools_have_examples_and_none_is_for_what_the_world_rejects(served):
     tools = tools_of(served())
     assert "publish_eStep" not in tools  # A clock makes it.
-    for name, tool in tools.items():
+    for tool in tools.values():
         schema = tool.input_schema
-        assert schema["properties"] == {} or schema.get("examples"), name
-        for example in schema.get("examples", ()):
-            jsonschema.validate(example, schema)
+        (example,) = schema["examples"]
+        jsonschema.validate(example, schema)
+    (found,) = tools["find_agents"].input_schema["examples"]
+    assert answer(served(), "find_agents", **found)["agents"]
 
 
 def test_a_long_text_is_read_in_parts(served, monkeypatch):
@@ -379,6 +380,7 @@ HOSTILE = [
     ("sweep", {"world": "meadow", "frames": 1, "values": {"into": ["/tmp/x"]}}),
     ("sweep", {"world": "meadow", "frames": 1, "values": {"seed": ["1,2:9"]}}),
     ("logs", {"since": -1}),
+    ("logs", {"member": "nobody"}),
 ]
 
 
@@ -407,6 +409,27 @@ def test_a_hostile_call_is_rejected_and_nothing_reaches_the_world(
     assert paused.ask("scene") == before
     assert paused.operator.status().paused
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ({"kind": "A" * 60_000}, "(60002 characters) is too long; at most 200 characters"),
+        ({"kind": "AWalker", "limt": 3}, "('limt' was unexpected); did you mean 'limit'?"),
+        ({"kind": "AWalker", "of": 3}, "it takes kind, condition, limit"),
+    ],
+)
+def test_the_reason_of_a_rejection_is_not_hidden_by_a_long_value(served, arguments, problem):
+    (result,) = talk(served(), ("find_agents", arguments))
+    assert problem in result.content[0].text
+    assert len(result.content[0].text) < 400
+
+
+def test_a_result_repeats_the_beginning_of_a_long_event(served, monkeypatch):
+    monkeypatch.setattr("minerva_assistants.mcp.operating.MAX_EVENT", 200)
+    shown = answer(served(), "publish_eWish", x=1.0, name="n" * 5000, to=["c"])["event"]
+    assert shown.startswith("eWish<")
+    assert shown.endswith(" characters)")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any, Final, cast
 
 import mcp_types as types
 
-from minerva_assistants.mcp.tool import Result, Tool, ToolCall, ToolImage
+from minerva_assistants.mcp.tool import Result, Tool, ToolCall, ToolImage, shortened
 from minerva_bus.errors import MinervaError, nearest
 
 MAX_BYTES: Final = 65_536
@@ -79,8 +79,23 @@ def _invalid_arguments(tool: Tool, arguments: Mapping[str, Any]) -> str:
     if not errors:
         return ""
     place = ".".join(str(part) for part in errors[0].path)
-    message = str(errors[0].message)[:400]
+    message = f"{_message(errors[0])[:400]}{_remedy(errors[0], tool)}"
     return f"{tool.name}: {place}: {message}" if place else f"{tool.name}: {message}"
+
+
+def _message(error: Any) -> str:
+    """What is wrong with a value, without the middle of a long one, which would hide the reason."""
+    return str(error.message).replace(repr(error.instance), shortened(repr(error.instance)))
+
+
+def _remedy(error: Any, tool: Tool) -> str:
+    if error.validator == "maxLength":
+        return f"; at most {error.validator_value} characters"
+    known = [*tool.properties]
+    unknown = error.validator == "additionalProperties" and not error.path
+    names = [name for name in error.instance if name not in known] if unknown else []
+    listed = f"it takes {', '.join(known) or 'none'}"
+    return nearest(names[0][:MAX_NAME], known, listed) if names else ""
 
 
 def _success(result: Result) -> types.CallToolResult:

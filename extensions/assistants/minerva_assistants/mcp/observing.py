@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Final
 
 from minerva_assistants.mcp.tool import AGENT_ID, Result, Tool, ToolCall, ToolImage, text, whole
+from minerva_bus.cli.operation import COORDINATOR
 from minerva_bus.errors import BusError, MisuseError, nearest
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
@@ -98,10 +99,24 @@ def _events(call: ToolCall) -> Result:
 
 
 def _logs(call: ToolCall) -> Result:
-    lines = call.link.live().operator.logs(
-        call.arguments.get("since", 0), call.arguments.get("member", "")
-    )
+    live, member = call.link.live(), call.arguments.get("member", "")
+    lines = live.operator.logs(call.arguments.get("since", 0), member)
+    known = [each.name for each in live.status.members]
+    # A member that has left may have lines, and one without lines may be present.
+    if member and not lines and member not in (*COORDINATOR, *known):
+        hint = nearest(member, known, f"there are {', '.join(known)}")
+        raise MisuseError(f"there is no member {member!r}{hint}")
     return {"lines": [asdict(line) for line in lines]}
+
+
+def fitting(tool: Tool, node: AgentNode | None) -> Tool:
+    """A tool whose example is about an agent of the world, if it is about one."""
+    example = dict(tool.example)
+    if node is None or example.keys().isdisjoint({"kind", "agent"}) or "file" in example:
+        return tool
+    number = next((name for name, value in node.state.items() if type(value) in (int, float)), "")
+    about = {"kind": node.symbol, "agent": node.id, "condition": f"{number} >= 0" if number else ""}
+    return replace(tool, example=example | {name: about[name] for name in about if name in example})
 
 
 class _Query:

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice
+from typing import Any, Final, TypeAlias
 
-from minerva_assistants.mcp.tool import AGENT_ID, Result, Tool, ToolCall, text, whole
+from minerva_assistants.mcp.tool import AGENT_ID, Result, Tool, ToolCall, shortened, text, whole
 from minerva_assistants.schemas import schema_of_fields
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.types import Of
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.operator import WorldStatus
 
 PREFIX: Final = "publish_"
 """Begins the name of the tool of an event type."""
+
+Known: TypeAlias = Callable[[Of], Iterable[Any]]
+"""The values of a parameter of a symbol in the string."""
+
+MAX_EVENT: Final = 2000
+"""Characters of the longest event that a result repeats."""
 
 
 def _pause(call: ToolCall) -> Result:
@@ -62,7 +71,7 @@ def _send(call: ToolCall, name: str, data: Mapping[str, Any]) -> dict[str, Any]:
     receivers = tuple(sorted(set(call.arguments.get("to", ()))))
     event = Event(name, declared.fields.names, values, condition, receivers=receivers)
     live.publish(event, call.person)
-    return {"event": str(event), "frame": live.frame}
+    return {"event": shortened(str(event), MAX_EVENT), "frame": live.frame}
 
 
 _TO: Final = {
@@ -118,10 +127,13 @@ PUBLISH: Final = Tool(
 )
 
 
-def event_tools(vocabulary: Vocabulary, status: WorldStatus) -> Iterator[Tool]:
+def event_tools(
+    vocabulary: Vocabulary, status: WorldStatus, known: Known = lambda of: ()
+) -> Iterator[Tool]:
     """A tool for each event type that people may send and whose data JSON can express.
 
     A type with a datum called `to` or `condition` has none, since these are arguments of each tool.
+    `known` returns values that the string has, for examples that the world accepts.
     """
     made = {event for member in status.members for event in member.generates}
     answered = {event for kind in vocabulary.kinds.values() for event in kind.subscribes}
@@ -129,21 +141,31 @@ def event_tools(vocabulary: Vocabulary, status: WorldStatus) -> Iterator[Tool]:
         declared = vocabulary.events[name]
         data = schema_of_fields(declared.fields)
         if data is not None and not {"to", "condition"}.intersection(declared.fields.names):
-            yield _event_tool(declared, data)
+            yield _event_tool(declared, data, known)
 
 
-_SAMPLES: Final = {"boolean": True, "integer": 1, "number": 1.0, "string": "text", "array": []}
+_SAMPLES: Final[Mapping[str, Any]] = {
+    "boolean": True,
+    "integer": 1,
+    "number": 1.0,
+    "string": "text",
+    "array": [],
+}
 """Values of JSON's types in examples."""
 
 
-def _sample(schema: Mapping[str, Any]) -> Any:
-    """A value that fits the schema of a datum."""
+def _sample(field: Field, schema: Mapping[str, Any], known: Known) -> Any:
+    """A value that fits the schema of a datum, and the string where the datum is a name in it."""
+    source = field.type.source
+    values = list(islice(known(source), 1)) if source is not None else []
+    if values:
+        return values if schema["type"] == "array" else values[0]
     if "enum" in schema:
         return schema["enum"][0]
     return schema.get("minimum", schema.get("maximum", _SAMPLES[schema["type"]]))
 
 
-def _event_tool(declared: EventType, data: dict[str, Any]) -> Tool:
+def _event_tool(declared: EventType, data: dict[str, Any], known: Known) -> Tool:
     def send(call: ToolCall) -> Result:
         names = declared.fields.names
         given = {name: value for name, value in call.arguments.items() if name in names}
@@ -156,5 +178,9 @@ def _event_tool(declared: EventType, data: dict[str, Any]) -> Tool:
         {**data["properties"], "to": _TO, "condition": _IF},
         tuple(data["required"]),
         permission="publish",
-        example={name: _sample(data["properties"][name]) for name in data["required"]},
+        example={
+            field.name: _sample(field, data["properties"][field.name], known)
+            for field in declared.fields.all
+            if field.name in data["required"]
+        },
     )

@@ -7,6 +7,7 @@ import re
 import threading
 from collections.abc import AsyncGenerator, Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,9 +27,14 @@ from minerva_assistants.mcp.subscriptions import Subscriptions
 from minerva_assistants.mcp.tool import Tool, ToolCall
 from minerva_bus import __version__
 from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.grammar.columns import values_of
+from minerva_bus.grammar.scene import agents
 
 MAX_CALLS: Final = 8
 """Calls of tools and resources at the same time; further ones are rejected."""
+
+MAX_AGENTS: Final = 1000
+"""Agents of a string that is read for examples."""
 
 PROGRESS_SECONDS: Final = 1.0
 """Time between reports of progress: clients give up calls of which they receive none."""
@@ -102,18 +108,35 @@ class WorldServer:
 
     def _tools(self) -> Iterator[Tool]:
         """All tools, also those that need a permission."""
-        yield from (*observing.TOOLS, *programs.READING, EXPLAIN, *self._more_tools)
-        yield from (*operating.CONTROL, operating.PUBLISH, *programs.RUNNING)
+        yield from self._fixed_tools()
         try:
             live = self._link.live()
             yield from operating.event_tools(live.vocabulary, live.status)
         except MinervaError:
             return  # No world runs now, so there are no event types.
 
+    def _fixed_tools(self) -> Iterator[Tool]:
+        yield from (*observing.TOOLS, *programs.READING, EXPLAIN, *self._more_tools)
+        yield from (*operating.CONTROL, operating.PUBLISH, *programs.RUNNING)
+
+    def _fitting_tools(self) -> list[Tool]:
+        """All tools, with examples that the running world accepts if its string is small."""
+        try:
+            live = self._link.live()
+            status = live.status
+            if status.agents > MAX_AGENTS:
+                return list(self._tools())
+            scene = live.scene
+            events = [*operating.event_tools(live.vocabulary, status, partial(values_of, scene))]
+        except MinervaError:
+            return list(self._fixed_tools())
+        node = next(agents(scene), None)
+        return [*(observing.fitting(tool, node) for tool in self._fixed_tools()), *events]
+
     async def _list_tools(
         self, context: Context, params: types.PaginatedRequestParams | None
     ) -> types.ListToolsResult:
-        tools = await anyio.to_thread.run_sync(lambda: list(self._tools()))
+        tools = await anyio.to_thread.run_sync(self._fitting_tools)
         return types.ListToolsResult(
             tools=[_listed(tool) for tool in tools if tool.allowed(self._allow)]
         )

@@ -69,8 +69,13 @@ class Tool:
             "properties": dict(self.properties),
             "required": list(self.required),
             "additionalProperties": False,
-            **({"examples": [dict(self.example)]} if self.example else {}),
+            "examples": [dict(self.example)],
         }
+
+
+def shortened(shown: str, most: int = 200) -> str:
+    """The beginning of a long text, and its length; a short one as it is."""
+    return shown if len(shown) <= most else f"{shown[:100]}… ({len(shown)} characters)"
 
 
 def text(description: str, longest: int = 200, **more: Any) -> dict[str, Any]:
