@@ -21,7 +21,7 @@ import re
 import stat
 import struct
 import zlib
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Final, TypeAlias
 
@@ -191,6 +191,13 @@ def is_stream(path: str | Path) -> bool:
     except OSError:
         return False  # The error is reported when the file is opened.
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def check_ending(path: Path, endings: Sequence[str], kind: str) -> None:
+    """Raise MisuseError if the name of a file has none of these endings, which name formats."""
+    if path.suffix not in endings:
+        known = ", ".join(endings[:-1]) + " or " * (len(endings) > 1) + endings[-1]
+        raise MisuseError(f"{kind}: cannot write {path}: expected a name that ends in {known}")
 
 
 def check_output(path: Path, kind: str = "output") -> None:

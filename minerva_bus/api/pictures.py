@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from minerva_bus.arguments import path_of, text
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.files import write_output
+from minerva_bus.files import check_ending, write_output
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
@@ -35,6 +35,11 @@ def displayed(value: object) -> dict[str, Any]:
     for entry in entries("minerva.displays").values():
         shown |= load(entry.value)(value)
     return shown
+
+
+def _svg_view() -> Any:
+    # Found by its name, because services import this package.
+    return find_service("svg")
 
 
 class Displayed:
@@ -62,8 +67,14 @@ class Still(Displayed):
     svg: str = field(repr=False)
 
     def save(self, path: str | Path) -> None:
-        """Write an .svg file. Raises MisuseError if it must not be overwritten or written."""
-        write_output(path_of("path", path), self.svg.encode(), "picture")
+        """Write an .svg or .png file; a .png needs the extra `picture`.
+
+        Raises MisuseError for another ending, and if it must not be overwritten or written.
+        """
+        into, svg = path_of("path", path), self.svg
+        check_ending(into, (".svg", ".png"), "picture")
+        is_svg = into.suffix == ".svg"
+        write_output(into, svg.encode() if is_svg else _svg_view().png(svg), "picture")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +102,8 @@ class Film(Displayed):
         Raises MisuseError if it must not be overwritten or written, or if no installed package
         makes pages of films.
         """
+        into = path_of("path", path)
+        check_ending(into, (".html",), "film")
         shown = displayed(self).get("text/html")
         if shown is None:
             raise MisuseError("no package that displays films is installed: minerva_notebook does")
@@ -98,7 +111,7 @@ class Film(Displayed):
             f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
             f"<title>{html.escape(self.pictures[0].world)}</title></head>\n<body>{shown}</body></html>\n"
         )
-        write_output(path_of("path", path), page.encode(), "film")
+        write_output(into, page.encode(), "film")
 
 
 class PictureSeries(Protocol):
@@ -159,9 +172,7 @@ class WorldViews:
                 f"the world {self.name} has no pictures: no primitive has a form, such as"
                 ' Primitive("PBall", Disc(0.5, "#3366cc"))'
             )
-        # Found by its name, because services import this package.
-        svg: Any = find_service("svg")
-        return svg.pictures(self.name, self.vocabulary, width)
+        return _svg_view().pictures(self.name, self.vocabulary, width)
 
     def picture(
         self, scene: Scene, frame: int, event: Visual = PICTURE, width: int = WIDTH

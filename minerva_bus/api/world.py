@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from minerva_bus.api.python_tables import PythonTables
 from minerva_bus.arguments import named, path_of
-from minerva_bus.collect.data_tables import check_ending
+from minerva_bus.collect.data_tables import check_table
 from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.errors import MisuseError, WorldFileError, nearest
-from minerva_bus.files import write_output
+from minerva_bus.files import check_ending, write_output
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
@@ -147,8 +147,7 @@ class World:
         or if the file cannot be written.
         """
         target = path_of("path", path)
-        if target.suffix != ".toml":
-            raise MisuseError(f"{target}: the name of a world file ends with .toml")
+        check_ending(target, (".toml",), "world file")
         write_output(target, self.toml().encode(), "world file")
 
     def toml(self) -> str:
@@ -304,7 +303,7 @@ def _processes(world: World, count: Processes) -> tuple[str, ...]:
 def _collecting(file: WorldFile, collect: Any, into: str | Path) -> WorldFile:
     entries = read_entries(collect)
     if into != "":
-        check_ending(path_of("into", into))
+        check_table(path_of("into", into))
     # The plans are made for their checks: errors appear here, before any process starts.
     plans_of(entries, file.world.vocabulary)
     return replace(file, collect=Collecting(entries, str(into)))

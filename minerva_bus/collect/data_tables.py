@@ -23,9 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.arguments import path_of, text, text_list
+from minerva_bus.collect.plans import ENDINGS
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.files import MARK, check_output
+from minerva_bus.files import MARK, check_ending, check_output
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.wording import counted, install
 
@@ -168,14 +169,14 @@ class DataTable:
 
     def to_csv(self, path: str | Path) -> None:
         """Write a .csv file. Raises MisuseError if it cannot be written."""
-        self._write(path_of("path", path))
+        self._write(path_of("path", path), ".csv")
 
     def to_parquet(self, path: str | Path) -> None:
         """Write a .parquet file. Raises MisuseError, also if pyarrow is not installed."""
-        self._write(path_of("path", path))
+        self._write(path_of("path", path), ".parquet")
 
-    def _write(self, path: Path) -> None:
-        check_ending(path)
+    def _write(self, path: Path, ending: str) -> None:
+        check_table(path, ending)
         check_output(path, f"the table {self.name}")
         writer = create_writer(path, self.types)
         writer.rows(self._columns)
@@ -249,8 +250,6 @@ def _arrow_schema(types: Mapping[str, str], text: str) -> Any:
 
 # --- files ---
 
-ENDINGS: Final = (".csv", ".parquet", ".columns")
-"""Endings of files that are not parts."""
 BUFFERED_ROWS: Final = 1 << 16
 """Rows that are buffered before they are written, so that a Parquet file has large groups."""
 _END: Final = b"$"
@@ -458,10 +457,9 @@ _WRITERS: Final[Mapping[str, Any]] = {
 }
 
 
-def check_ending(path: Path) -> None:
+def check_table(path: Path, *endings: str) -> None:
     """Raise MisuseError if tables cannot be written to a file of this name."""
-    if path.suffix not in ENDINGS:
-        raise MisuseError(f"{path}: expected a file name that ends with .parquet or .csv")
+    check_ending(path, endings or ENDINGS, "table")
     if not path.parent.is_dir():
         raise MisuseError(f"{path}: there is no folder {path.parent}")
 

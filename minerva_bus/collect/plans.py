@@ -17,6 +17,8 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.expressions import FUNCTIONS, Expression
 
 FRAMES: Final = "frames"
+ENDINGS: Final = (".parquet", ".csv")
+"""Endings of the files of tables."""
 _OWN: Final = {"A": ("frame", "id"), "e": ("frame", "sender", "receiver")}
 
 Entries: TypeAlias = Mapping[str, Expression]

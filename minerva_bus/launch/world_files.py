@@ -22,7 +22,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.collect.plans import condition_of, parse_entries, plans_of, read_expression
+from minerva_bus.collect.plans import (
+    ENDINGS,
+    condition_of,
+    parse_entries,
+    plans_of,
+    read_expression,
+)
 from minerva_bus.errors import (
     BusError,
     MisuseError,
@@ -31,6 +37,7 @@ from minerva_bus.errors import (
     WorldFileError,
     nearest,
 )
+from minerva_bus.files import check_ending
 from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.placement import PlacementRules, Rule
 from minerva_bus.frame.sender_rights import ID
@@ -86,8 +93,6 @@ from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.expressions import Expression
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_conditions, sanction_of
-
-ENDINGS: Final = (".parquet", ".csv")
 
 MAX_BYTES: Final = 16 << 20
 """Bytes of a world file."""
@@ -286,8 +291,8 @@ def _record_settings(top: Table) -> RecordSettings:
         # Otherwise `record` is read as a text below.
         del world.data["record"]
     settings = top.read(RecordSettings, defaults)
-    if settings.path and not settings.path.endswith(".mcap"):
-        raise WorldFileError(f"a record is a file .mcap, not {settings.path!r}")
+    if settings.path:
+        check_ending(Path(settings.path), (".mcap",), "record")
     if settings.topics and not settings.path:
         raise MisuseError("topics are recorded in a record: name one, --record FILE.mcap")
     return settings

@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ET
 import pytest
 from balls import Ball, Bell, balls, bells, eBroken, ePicture
 from frogs import pond
+from PIL import Image
 
 from minerva_bus import Interrupted, connect, count, record, run
 from minerva_bus.api import pictures
@@ -51,6 +52,34 @@ def test_a_picture_is_saved_and_an_edited_file_is_kept(tmp_path):
     path.write_text("my own drawing", encoding="utf-8")
     with pytest.raises(MisuseError, match="was not written by Minerva Bus"):
         picture.save(path)
+
+
+def test_the_ending_of_a_file_names_its_format(tmp_path):
+    pytest.importorskip("resvg_py")
+    done = run(balls(), frames=2, film=1, collect={"balls": count(Ball)})
+    done.picture().save(tmp_path / "balls.png")
+    picture = tmp_path / "balls.png"
+    with Image.open(picture) as image:
+        image.verify()
+        assert (image.format, image.info["Software"]) == ("PNG", "Made by Minerva Bus")
+    expected = r"cannot write .*balls.*: expected a name that ends in "
+    for save, endings in [
+        (done.picture().save, ".svg or .png"),
+        (done.film().save, ".html"),
+        (done.table().to_csv, ".csv"),
+        (done.table().to_parquet, ".parquet"),
+        (balls().save, ".toml"),
+    ]:
+        for wrong in ("jpg", ""):
+            with pytest.raises(MisuseError, match=expected + re.escape(endings)):
+                save(tmp_path / f"balls.{wrong}")
+    assert [*tmp_path.glob("balls*")] == [picture]
+
+
+def test_a_picture_as_png_names_what_is_missing(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "minerva_services.views.svg.rendering", None)
+    with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[picture\]'"):
+        run(balls(), frames=1).picture().save(tmp_path / "balls.png")
 
 
 def test_a_world_without_forms_is_explained():

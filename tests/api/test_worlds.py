@@ -152,7 +152,7 @@ def test_options_fill_strings_and_services():
     (lambda: run(pond(), frames=3, processes=0), "at least 1"),
     (lambda: run(5, frames=3), "is neither a World"),
     (lambda: run("nowhere.toml", frames=3), "no world file nowhere.toml"),
-    (lambda: pond().save("pond.txt"), "ends with .toml"),
+    (lambda: pond().save("pond.txt"), "ends in .toml"),
 ])  # fmt: skip
 def test_mistakes_are_explained(make, problem):
     with pytest.raises(MinervaError, match=problem):

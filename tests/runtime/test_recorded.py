@@ -39,7 +39,10 @@ def test_written_frames_survive_when_all_processes_are_killed(tmp_path):
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (("--record", "run.txt"), "a record is a file .mcap"),
+        (
+            ("--record", "run.txt"),
+            "record: cannot write run.txt: expected a name that ends in .mcap",
+        ),
         (("--record", "nowhere/run.mcap"), "nowhere/run.mcap"),
     ],
 )

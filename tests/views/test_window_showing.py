@@ -22,7 +22,7 @@ def test_a_window_draws_by_the_clock():
 
 
 def test_pictures_and_videos_go_by_frames_and_need_no_display():
-    pictures, video = showing({}, path="a.png"), showing({}, video="a.MP4", width=301, height=201)
+    pictures, video = showing({}, path="a.png"), showing({}, video="a.mp4", width=301, height=201)
     assert (pictures.medium, pictures.when) == (Medium.PICTURES, "each 10 frames")
     assert (video.medium, video.asks_every, video.when) == (Medium.VIDEO, 1, "each 1 frames")
     assert video.size == (300, 200)

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from minerva_bus.arguments import path_of
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_output, write_output
+from minerva_bus.files import check_ending, check_output, write_output
 from minerva_bus.wording import install
 from minerva_services.geometry.colors import OKABE_ITO
 
@@ -65,8 +65,7 @@ STYLE: Final[Mapping[str, Any]] = {
 
 def check_picture(path: Path) -> None:
     """Check that a picture can be written to this file. Raises MisuseError."""
-    if path.suffix not in ENDINGS:
-        raise MisuseError(f"{path}: a picture is a {', '.join(ENDINGS)}")
+    check_ending(path, ENDINGS, "picture")
     check_output(path, "picture")
     if not path.parent.is_dir():
         raise MisuseError(f"{path}: there is no folder {path.parent}")
@@ -195,16 +194,13 @@ def _top(group: Sequence[float]) -> float:
 
 def write_figure(figure: Any, path: Path) -> None:
     """Save a matplotlib figure; the suffix of the path names the format. Raises MisuseError."""
-    try:
-        content = _content(figure, path.suffix[1:] or "png")
-    except ValueError as error:
-        raise MisuseError(f"{path}: the picture cannot be written: {error}") from None
+    check_ending(path, ENDINGS, "picture")
     # `write_output` adds the mark and replaces the file only when the picture is complete.
-    write_output(path, content, "picture")
+    write_output(path, _content(figure, path.suffix[1:]), "picture")
 
 
 def _content(figure: Any, kind: str) -> bytes:
-    """A figure as a file of this format. Raises ValueError for an unknown one."""
+    """A figure as a file of this format."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):

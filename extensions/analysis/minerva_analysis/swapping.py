@@ -30,6 +30,7 @@ from minerva_bus.errors import (
     WorldStopped,
     nearest,
 )
+from minerva_bus.files import check_ending
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member_side import Member
@@ -233,8 +234,8 @@ def _again(
         expected = frozenset(member.name for member in members)
         played = replace(description.world, frames=last, expected=expected)
         settings = RecordSettings(into) if into else RecordSettings()
-        if into and not into.endswith(".mcap"):
-            raise MisuseError(f"a record is a file .mcap, not {into!r}")
+        if into:
+            check_ending(Path(into), (".mcap",), "record")
         again = replace(
             file, world=played, record=settings, text=description.file, rate=description.rate
         )

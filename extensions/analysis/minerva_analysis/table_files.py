@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
-from minerva_bus.collect.data_tables import Data, Writer, check_ending, create_writer, table_path
+from minerva_bus.collect.data_tables import Data, Writer, check_table, create_writer, table_path
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.files import check_output, name_file, target_of
 
@@ -25,7 +25,7 @@ class TableFiles:
     """
 
     def __init__(self, path: Path, *, several: bool, sparse: bool) -> None:
-        check_ending(path)
+        check_table(path)
         self.files: dict[str, Path] = {}
         self._path = path
         self._several = several

@@ -144,7 +144,7 @@ def test_a_picture_that_cannot_be_written(tmp_path):
     path.write_bytes(bytes_of("robot"))
     with pytest.raises(MinervaError, match="there is no folder"):
         draw(path, tmp_path / "none" / "run.png")
-    with pytest.raises(MinervaError, match="a picture is a"):
+    with pytest.raises(MinervaError, match=r"run\.docx: expected a name that ends in \.png"):
         draw(path, tmp_path / "run.docx")
 
 
@@ -180,7 +180,7 @@ def test_a_notebook_displays_the_picture_of_a_table_that_the_command_writes(tmp_
     # The file has a mark, the picture on the page has none.
     assert picture[-1000:] == written[-1000:]
     assert repr(plot) == "<Plot of swept: save(path) writes a .png, .svg, .pdf file>"
-    with pytest.raises(MisuseError, match="cannot be written"):
+    with pytest.raises(MisuseError, match=r"cannot write .*own\.tab"):
         plot.save(tmp_path / "own.tab")
 
 
@@ -190,7 +190,9 @@ def test_the_command_plots_a_table(tmp_path, capsys):
     assert capsys.readouterr().out == f"{tmp_path}/t.png\n"
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
     for ending in ("gif", "txt"):
-        with pytest.raises(MisuseError, match=r"a picture is a \.png, \.svg, \.pdf"):
+        with pytest.raises(
+            MisuseError, match=r"expected a name that ends in \.png, \.svg or \.pdf"
+        ):
             app(
                 ["plot", "run.mcap", "--output", str(tmp_path / f"t.{ending}")],
                 standalone_mode=False,

@@ -163,7 +163,10 @@ def test_subscribers_receive_recorded_readings(recorded):
         (("run.mcap", "steps=others:Free"), "runs freely, by the clock"),
         (("deaf.mcap", "eye=yard:Eye"), "listens to 'sight', which is not in the record"),
         (("run.mcap", "eye=yard:Eye", "--record", "run.mcap"), "name another file"),
-        (("run.mcap", "eye=yard:Eye", "--record", "run.txt"), "is a file .mcap"),
+        (
+            ("run.mcap", "eye=yard:Eye", "--record", "run.txt"),
+            "record: cannot write run.txt: expected a name that ends in .mcap",
+        ),
     ],
 )
 def test_an_invalid_swap_is_reported_in_one_line(recorded, words, problem):

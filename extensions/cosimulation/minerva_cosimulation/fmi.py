@@ -19,7 +19,7 @@ from pythonfmu3 import FmuBuilder  # pyright: ignore[reportMissingTypeStubs]
 
 from minerva_bus.api.world import world_of
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import MARK, check_output, write_output
+from minerva_bus.files import MARK, check_ending, check_output, write_output
 from minerva_bus.grammar.fields import Field
 from minerva_cosimulation.stepped_world import SteppedWorld
 from minerva_cosimulation.world_slave import DESCRIPTION, STARTS
@@ -62,7 +62,8 @@ def export_fmu(
 
     """
     path = Path(path)
-    if path.suffix != ".fmu" or not path.stem.isidentifier():
+    check_ending(path, (".fmu",), "fmu")
+    if not path.stem.isidentifier():
         raise MisuseError(f"fmu: path is {str(path)!r}; expected a name such as house.fmu")
     check_output(path, "fmu")
     dt = world_of(world, options).read().world.dt

@@ -188,7 +188,7 @@ def test_fmpy_runs_it_with_its_own_loop(fmu, house):
 @pytest.mark.parametrize(
     ("path", "variables", "problem"),
     [
-        ("house.zip", {}, "expected a name such as house.fmu"),
+        ("house.zip", {}, "expected a name that ends in .fmu"),
         ("my house.fmu", {}, "expected a name such as house.fmu"),
         ("a.fmu", {"outputs": ["hall.past"]}, "list of real; expected a real"),
         ("a.fmu", {"inputs": ["eHeat.wats"]}, "did you mean 'watts'"),

@@ -11,7 +11,7 @@ from typing import Final
 
 from minerva_bus.cli.output import FAILED, print_json, print_message, print_result
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_output, write_output
+from minerva_bus.files import check_ending, check_output, write_output
 from minerva_determinism.certificate import SAME, TITLES, CertificatePlan, Check, certify
 from minerva_determinism.emulation import emulated
 from minerva_determinism.report import page
@@ -51,8 +51,7 @@ def make_certificate(
     Raises WorldFileError, and MisuseError for a path of the page that cannot be written.
     """
     if report is not None:
-        if report.suffix != ".html":
-            raise MisuseError(f"--report {report}: the name of the page ends with .html")
+        check_ending(report, (".html",), "--report")
         check_output(report)
     until = time.monotonic() + 60 * minutes
     shown = _Rows(as_json)

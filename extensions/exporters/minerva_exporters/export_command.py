@@ -19,7 +19,7 @@ from minerva_bus.cli.output import (
 from minerva_bus.collect.data_tables import CsvWriter
 from minerva_bus.collect.plans import TablePlan, parse_entries
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import note_read
+from minerva_bus.files import check_ending, note_read
 from minerva_bus.launch.console import progress_bar
 from minerva_bus.log.record import Record
 from minerva_bus.wording import counted
@@ -81,8 +81,8 @@ _TABLES: Final = ("csv", "parquet")
 
 
 def _export_tables(file: Path, into: Path | None, form: str, options: ExportOptions) -> None:
-    if into is not None and into.suffix != f".{form}":
-        raise MisuseError(f"{into}: expected a file name that ends with .{form}")
+    if into is not None:
+        check_ending(into, (f".{form}",), "table")
     if options.as_json and into is None:
         raise MisuseError("--json needs --csv or --parquet: else standard output has the table")
     entries = parse_entries(options.collect) if options.collect else None

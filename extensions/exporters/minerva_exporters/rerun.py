@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 
 from minerva_analysis.frame_texts import kinds_in
 from minerva_analysis.places import SHOWN, Positions, Surveyor
-from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_file
+from minerva_bus.files import check_ending, check_file
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
@@ -49,8 +48,7 @@ def write_rrd(
     """Write a record as an .rrd file; see `Exporter`."""
     require(FORM, "rerun", "rerun-sdk", "rerun")
     path = only_record(records, FORM)
-    if into.suffix != ".rrd":
-        raise MisuseError(f"{into}: expected a file name that ends with .rrd")
+    check_ending(into, (".rrd",), FORM)
     check_file(into, FORM)
     with Record(path) as record:
         frames = RecordFrames(record, choice.begin, choice.end)

@@ -219,7 +219,7 @@ def test_the_command_writes_files_and_a_summary(recorded, tmp_path, capsys):
     (["--collect", "n=count(AFrog", "--collect", "n=count(AFrog)"], "twice|cannot be read"),
     ([], "several tables"),
     (["--csv", "a.csv", "--parquet", "a.parquet"], "exclude each other"),
-    (["--csv", "a.parquet"], r"expected a file name that ends with \.csv"),
+    (["--csv", "a.parquet"], r"expected a name that ends in \.csv"),
     (["--collect", "AFrog.x", "--json"], "--json needs --csv or --parquet"),
 ])  # fmt: skip
 def test_the_command_reports_wrong_input(recorded, words, problem, monkeypatch, tmp_path):

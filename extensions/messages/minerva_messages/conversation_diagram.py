@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from minerva_bus.cli.output import print_json, print_result
-from minerva_bus.errors import MinervaError
-from minerva_bus.files import check_output, write_output
+from minerva_bus.files import check_ending, check_output, write_output
 from minerva_bus.log.record import Record
 from minerva_messages.exchanges import Exchange, check_drawable, exchange_of
 
@@ -16,9 +15,8 @@ def show_conversation(file: Path, conversation: str, output: Path | None, as_jso
 
     Raises RecordError, and MinervaError for a file that cannot be written.
     """
-    if output is not None and output.suffix.lower() not in (".svg", ".mmd"):
-        raise MinervaError(f"{output}: a conversation is drawn into a .svg or a .mmd")
     if output is not None:
+        check_ending(output, (".svg", ".mmd"), "conversation")
         check_output(output, "conversation")
     with Record(file) as record:
         exchange = exchange_of(record, conversation)
@@ -35,5 +33,5 @@ def show_conversation(file: Path, conversation: str, output: Path | None, as_jso
 def _write(output: Path, exchange: Exchange) -> None:
     from minerva_messages.sequence import draw
 
-    text = draw(exchange) if output.suffix.lower() == ".svg" else exchange.mermaid()
+    text = draw(exchange) if output.suffix == ".svg" else exchange.mermaid()
     write_output(output, text.encode(), "conversation")

@@ -9,6 +9,7 @@ from typing import Any, Final, cast
 
 from minerva_analysis.plotting import check_picture
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
+from minerva_bus.collect.plans import ENDINGS as TABLES
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import folder_of, load
@@ -19,7 +20,6 @@ from minerva_study.evolution import Evolution, Plan
 from minerva_study.evolution_plots import draw_fitness, draw_tree
 from minerva_study.evolving import EvolutionRun, EvolutionStudy
 from minerva_study.executor_pool import Workers
-from minerva_study.results import ENDINGS as TABLES
 from minerva_study.results import write
 from minerva_study.saving import WorldOptions, check_place, save
 from minerva_study.sent_world import SentWorld

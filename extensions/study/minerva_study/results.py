@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_bus.collect import data_tables
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import replacing
 from minerva_bus.launch.toml_tables import option_text, toml_value
 from minerva_bus.wording import install
 from minerva_study.grid import Combination
 
-ENDINGS: Final = (".csv", ".parquet")
 OWN: Final = ("frames", "digest", "ended", "reached")
 LAST: Final = ("error", "seconds")
 
@@ -92,10 +92,7 @@ def _numeric(values: Sequence[Any]) -> bool:
 
 def check_table(path: Path) -> None:
     """Check that a table can be written to this file. Raises MisuseError."""
-    if path.suffix not in ENDINGS:
-        raise MisuseError(f"{path}: a table is {' or '.join(ENDINGS)}")
-    if not path.parent.is_dir():
-        raise MisuseError(f"{path}: there is no folder {path.parent}")
+    data_tables.check_table(path)
     if path.suffix == ".parquet":
         from importlib.util import find_spec
 

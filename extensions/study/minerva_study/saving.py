@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from minerva_bus.collect.plans import ENDINGS as TABLES
 from minerva_bus.errors import MisuseError, WorldFileError
-from minerva_bus.files import check_new, check_output, write_output
+from minerva_bus.files import check_ending, check_new, check_output, write_output
 from minerva_bus.grammar.scene import Scene, scene_of
 from minerva_bus.grammar.text_and_digest import text
 from minerva_bus.launch.toml_tables import of_nodes, toml_value
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.wording import install
-from minerva_study.results import ENDINGS as TABLES
 from minerva_study.results import check_table
 
 ENDINGS = (".mnv", ".toml", *TABLES)
@@ -31,8 +31,7 @@ class WorldOptions:
 
 def check_place(path: Path) -> None:
     """Raise MisuseError if the best string, or the table of all, cannot be saved to this file."""
-    if path.suffix not in ENDINGS:
-        raise MisuseError(f"{path}: a string is saved in .mnv or .toml, all in .csv or .parquet")
+    check_ending(path, ENDINGS, "string or table")
     if path.suffix in TABLES:
         check_table(path)
         # A table has no mark that distinguishes it from a user's file.

@@ -144,9 +144,9 @@ def read(folder):
             "size",
             "#b.vigor, #c: the world's string has no match",
         ),
-        (("-o", "best.txt"), "size", "saved in .mnv or .toml"),
+        (("-o", "best.txt"), "size", "expected a name that ends in .mnv, .toml, .parquet or .csv"),
         (("-o", "no/best.mnv"), "size", "there is no folder no"),
-        (("--plot", "p.doc"), "size", "a picture is a .png"),
+        (("--plot", "p.doc"), "size", "expected a name that ends in .png"),
         ((), "sise", "did you mean 'size'"),
     ],
 )

@@ -282,7 +282,7 @@ def test_over_the_bus_and_alone_the_rows_are_the_same_and_failures_are_named(tmp
     ("words", "problem"),
     [
         (("--set", "vigor=1"), "did you mean '--vigour'"),
-        (("--set", "vigour=1", "-o", "x.xlsx"), "a table is .csv or .parquet"),
+        (("--set", "vigour=1", "-o", "x.xlsx"), "expected a name that ends in .parquet or .csv"),
         (("--set", "vigour=1", "-o", "no/x.csv"), "there is no folder"),
         (("--set", "vigour=1", "-o", "old.csv"), "without its journal"),
     ],

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_file, text_of_path
+from minerva_bus.files import check_ending, check_file, text_of_path
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, require
 from minerva_services.views.overlay import Overlay
@@ -39,11 +39,10 @@ class RerunView(Device, draws=("ePicture",)):
         require("rerun", "rerun", "rerun-sdk", "rerun")
         if every < 1:
             raise MisuseError(f"rerun: every is {every}; expected a number of frames from 1")
-        if not path.lower().endswith(".rrd") or Path(path).name.lower() == ".rrd":
-            raise MisuseError(f"rerun: path is {path!r}; expected a name that ends in .rrd")
         self.when = f"each {every} frames"
         self.draws = event_types("rerun", draws)
         self._path = Path(path)
+        check_ending(self._path, (".rrd",), "rerun")
         self.writes = (self._path,)
         self._file: RrdFile | None = None
         check_file(self._path, "rerun")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_file, text_of_path
+from minerva_bus.files import check_ending, check_file, text_of_path
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, names_in
-from minerva_services.views.sound.sonification import Sonification, Tuning, WavFile, roles, wav_path
+from minerva_services.views.sound.sonification import Sonification, Tuning, WavFile, roles
 
 _RATES = range(8_000, 192_001)
 
@@ -54,7 +55,8 @@ class Sound(Device, draws=("ePicture",)):
             raise MisuseError(f"sound: samples is {samples}; expected 8000 to 192000 per second")
         self.when = f"each {every} frames" if every else ""
         self.draws = event_types("sound", draws)
-        self._path = wav_path(path)
+        self._path = Path(path)
+        check_ending(self._path, (".wav",), "sound")
         self.writes = (self._path,)
         # Also before the world starts, which may take long.
         check_file(self._path, "sound")

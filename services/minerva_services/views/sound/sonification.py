@@ -462,10 +462,3 @@ class WavFile:
 
 _DATA_OFFSET = _HEADER.size + len(_INFO) + _DATA.size
 """Offset of the first sample in bytes."""
-
-
-def wav_path(path: str) -> Path:
-    """The path of a WAV file. Raises MisuseError for other suffixes."""
-    if not path.lower().endswith(".wav") or Path(path).name.lower() == ".wav":
-        raise MisuseError(f"sound: path is {path!r}; expected a name that ends in .wav")
-    return Path(path)

@@ -8,13 +8,6 @@ from pathlib import Path
 from minerva_bus.errors import MisuseError
 
 
-def svg_path(path: str) -> Path:
-    """The path of an SVG file. Raises MisuseError for other suffixes."""
-    if not path.lower().endswith(".svg") or Path(path).name.lower() == ".svg":
-        raise MisuseError(f"picture: path is {path!r}; expected a name that ends in .svg")
-    return Path(path)
-
-
 def numbered(path: Path, frame: int) -> Path:
     """`name-000010.svg` for `name.svg` and frame 10."""
     return path.with_name(f"{path.stem}-{frame:06d}{path.suffix}")

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_output, text_of_path, write_output
+from minerva_bus.files import check_ending, check_output, text_of_path, write_output
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wording import install
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types
-from minerva_services.views.svg.files import numbered, prepare_folder, svg_path
+from minerva_services.views.svg.files import numbered, prepare_folder
 from minerva_services.views.svg.pictures import Pictures
 
 _WIDTHS = range(100, 10_001)
@@ -49,7 +49,8 @@ class Svg(Device, draws=("ePicture",)):
             raise MisuseError(f"picture: width is {width}; expected 100 to 10000 pixels")
         self.when = f"each {every} frames" if every else ""
         self.draws = event_types("picture", draws)
-        self._path = svg_path(path)
+        self._path = Path(path)
+        check_ending(self._path, (".svg",), "picture")
         self.writes = (self._path, self._path.with_suffix(".png")) if png else (self._path,)
         self._keeps_all = frames
         self._makes_png = png
@@ -63,6 +64,15 @@ class Svg(Device, draws=("ePicture",)):
     def pictures(world: str, vocabulary: Vocabulary, width: int) -> Pictures:
         """Pictures without files, as a notebook shows them."""
         return Pictures(world, vocabulary, width)
+
+    @staticmethod
+    def png(document: str) -> bytes:
+        """An SVG document as a PNG. Raises MisuseError, also without the extra `picture`."""
+        try:
+            from minerva_services.views.svg.rendering import png
+        except ImportError:
+            raise MisuseError(f"a picture as PNG: {install('picture')}") from None
+        return png(document)
 
     def _check_outputs(self) -> None:
         """Reject output files that must not be overwritten before the world runs."""

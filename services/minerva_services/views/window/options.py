@@ -11,11 +11,10 @@ from enum import Enum
 from pathlib import Path
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_file, check_output
+from minerva_bus.files import check_ending, check_file, check_output
 from minerva_bus.wording import install
 
 _PIXELS = range(100, 7681)
-_VIDEOS = (".mp4", ".gif")
 RATE = 30.0
 """Maximum views per second of a window."""
 
@@ -74,10 +73,10 @@ class WindowOptions:
                 raise self._wrong(f"{name} is {side}; expected 100 to 7680 pixels")
         if self.path and self.video:
             raise self._wrong("path and video are both set; use one, or add a second view")
-        if self.path and not self.path.lower().endswith(".png"):
-            raise self._wrong(f"path is {self.path!r}; expected a name that ends in .png")
-        if self.video and not self.video.lower().endswith(_VIDEOS):
-            raise self._wrong(f"video is {self.video!r}; expected a name that ends in .mp4 or .gif")
+        if self.path:
+            check_ending(Path(self.path), (".png",), self.service)
+        if self.video:
+            check_ending(Path(self.video), (".mp4", ".gif"), self.service)
         if self.every < 0:
             raise self._wrong(f"every is {self.every}; expected a number of frames from 0")
         if not (0 <= self.fps <= 120 and 0 < self.speed <= 1e6):

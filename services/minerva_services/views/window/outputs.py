@@ -82,7 +82,7 @@ class VideoOutput:
     """A video, in which a view may be shown by several pictures or by none."""
 
     def __init__(self, options: WindowOptions, dt: float, every: int) -> None:
-        suffix = Path(options.video).suffix.lower()
+        suffix = Path(options.video).suffix
         self._path = options.video
         self._timing = Timing.of(dt, options.speed, every, options.fps, suffix)
         self._writer = VideoWriter(options.video, options.size, self._timing.fps)

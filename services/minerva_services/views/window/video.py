@@ -106,7 +106,7 @@ class VideoWriter:
     def _begin(self) -> None:
         import av
 
-        kind = self._path.suffix.lower()[1:]
+        kind = self._path.suffix[1:]
         try:
             self._file: Any = av.open(self._path, "w", format=kind, options=_OPTIONS[kind])
         except OSError as error:
