@@ -27,15 +27,26 @@ from minerva_services.views.page_access import guarding, listen, page_url
 from minerva_services.web_access import WebAccess, token_for
 
 _TITLE: Final = re.compile(b"<title>.*?</title>")
-_NARROW: Final = b"""<style>@media (max-width: 36em) {
+_CODE: Final = b"td.decode(heap.subarray(up+ss,up+sz))"
+_WHOLE_NAMES: Final = (
+    rb'.replace(/(dirtyGroups\.size>0&&\(\w+\(performance\.now\(\)\+)\w+/,"$1 1e3")'
+)
+"""Appended to viser's code: all new letters of labels are drawn in one picture.
+
+viser draws letters for 5 ms in each picture, and no label before its last letter. Without a
+graphics card a picture takes up to seconds, so names came long after the rest of the world.
+"""
+_STYLE: Final = b"""<style>.mantine-Notification-description { display: none; }
+@media (max-width: 36em) {
   div[style*="flex-grow: 1"][style*="background-color"] { height: 55% !important; flex-grow: 0; }
   .mantine-Paper-root[style*="max-height: 60%"] {
     width: 100% !important; max-height: 45% !important;
     div[style*="width: 20em"] { width: 100% !important; }
   }
-  .mantine-Notification-description { display: none; }
 }</style></head>"""
-"""On a phone, viser's sheet of controls would cover the world: here it lies below."""
+"""viser's notifications cover the world, so they have titles only. On a phone, its sheet of
+controls would do so, too: here it lies below.
+"""
 
 
 class PageServer(ViserServer):
@@ -79,14 +90,14 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
 
 
 def _adapt(title: str, response: Any) -> None:
-    """Replace the title of a page, which is viser's, and make the page fit narrow screens."""
+    """Replace the title of a page, which is viser's, and adapt its style and its code."""
     if not response.headers.get("Content-Type", "").startswith("text/html"):
         return
     packed = response.headers.get("Content-Encoding") == "gzip"
     page = gzip.decompress(response.body) if packed else response.body
     if title:
         page = _TITLE.sub(f"<title>{escape(title)}</title>".encode(), page, count=1)
-    page = page.replace(b"</head>", _NARROW, 1)
+    page = page.replace(b"</head>", _STYLE, 1).replace(_CODE, _CODE + _WHOLE_NAMES, 1)
     response.body = gzip.compress(page, compresslevel=1) if packed else page
     del response.headers["Content-Length"]
     response.headers["Content-Length"] = str(len(response.body))
