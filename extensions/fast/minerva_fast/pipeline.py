@@ -11,14 +11,16 @@ the kernel calls, and for each of these twice. Imports numba, so only `library` 
 
 from __future__ import annotations
 
+from operator import getitem, setitem
 from typing import Any, Final
 
+from llvmlite.binding import create_new_function_pass_manager
+from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase
-from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.datamodel.models import OpaqueModel
+from numba.core.registry import cpu_target
 from numba.core.typed_passes import (
-    AnnotateTypes,
-    IRLegalization,
     NativeLowering,
     NoPythonBackend,
     NopythonTypeInference,
@@ -31,20 +33,68 @@ from numba.core.untyped_passes import (
     ReconstructSSA,
     TranslateByteCode,
 )
+from numba.extending import register_model
 
-_FRONT: Final = (
-    TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA,
-    NopythonTypeInference, PreLowerStripPhis, IRLegalization, AnnotateTypes,
-)  # fmt: skip
-"""Of numba's passes those for loops, arithmetic, items, calls and errors: no closures, objects,
-references to arrays or loops in threads."""
+
+class _Function(types.Function):
+    """A function that numba has, which computes the type of each result once."""
+
+    def __init__(self, templates: Any) -> None:
+        super().__init__(templates)
+        self._results: dict[Any, Any] = {}
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        key = tuple(args), tuple(kws.items())
+        if key not in self._results:
+            self._results[key] = super().get_call_type(context, args, kws)
+        return self._results[key]
+
+
+register_model(_Function)(OpaqueModel)
+
+
+class _Types:
+    """numba's types. It tries all forms of an operator for each use; here it does so once."""
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def resolve_value_type(self, value: Any) -> Any:
+        known = self._context.resolve_value_type(value)
+        if type(known) is not types.Function:
+            return known
+        made = _Function(known.templates)  # the same for the same function
+        made._impl_keys = known._impl_keys
+        return made
+
+    def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
+        if function is getitem:
+            function = self.resolve_value_type(getitem)
+        if isinstance(function, _Function):
+            return function.get_call_type(self, args, kws)
+        return self._context.resolve_function_type(function, args, kws)
+
+    def resolve_getitem(self, value: Any, index: Any) -> Any:
+        return self.resolve_function_type(getitem, (value, index), {})
+
+    def resolve_setitem(self, target: Any, index: Any, value: Any) -> Any:
+        return self.resolve_value_type(setitem).get_call_type(self, (target, index, value), {})
+
+
+_TYPES: Final = _Types(cpu_target.typing_context)
 
 
 class _KernelCode(JITCodeLibrary):
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Optimize each function, with the same passes: they take longer to make than to run."""
+        """Make each function small, before it is linked; all are optimized as a whole then."""
         ll_module.data_layout = self._codegen._data_layout
-        manager, builder = self._codegen._function_pass_manager()
+        manager, builder = create_new_function_pass_manager(), self._codegen._pass_builder()
+        manager.add_sroa_pass()
+        manager.add_simplify_cfg_pass()
+        manager.add_instruction_combine_pass()
         for function in ll_module.functions:
             if not function.is_declaration:
                 manager.run(function, builder)
@@ -62,20 +112,14 @@ class _PartCode(_KernelCode):
         self._finalized = True
 
 
-@register_pass(mutates_CFG=True, analysis_only=False)
 class _KernelLowering(NativeLowering):
-    _name = "kernel_lowering"
-
     def run_pass(self, state: Any) -> bool:
         state.library = _KernelCode(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return super().run_pass(state)
 
 
-@register_pass(mutates_CFG=True, analysis_only=False)
 class _PartLowering(NativeLowering):
-    _name = "part_lowering"
-
     def run_pass(self, state: Any) -> bool:
         state.library = _PartCode(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
@@ -87,18 +131,34 @@ class _PartLowering(NativeLowering):
         return True
 
 
+_FRONT: Final = (
+    TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA,
+    NopythonTypeInference, PreLowerStripPhis,
+)  # fmt: skip
+"""Of numba's passes those for loops, arithmetic, items, calls and errors: no closures, objects,
+ends of references, or loops in threads."""
+
+
 class KernelCompiler(CompilerBase):
-    """Compiles a kernel, which Python calls."""
+    """Compiles a kernel, which Python calls; as its own pipeline, without checks between passes."""
 
     lowering: Any = _KernelLowering
+    pipeline_name: Final = "minerva_fast"
+    exec_times: Final[dict[str, Any]] = {}
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.state.typingctx = self.state.targetctx.typing_context = _TYPES
 
     def define_pipelines(self) -> list[Any]:
-        """The passes."""
-        made = PassManager("minerva_fast")
+        """The pipelines."""
+        return [self]
+
+    def run(self, state: Any) -> None:
+        """Run all passes."""
+        state.type_annotation = None
         for each in (*_FRONT, self.lowering, NoPythonBackend):
-            made.add_pass(each, each.__name__)
-        made.finalize()
-        return [made]
+            each().run_pass(state)
 
 
 class PartCompiler(KernelCompiler):
