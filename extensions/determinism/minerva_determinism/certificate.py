@@ -51,6 +51,7 @@ MOST_LINES: Final = 12
 """Most lines about one check."""
 DEADLY_FRAMES: Final = 3
 """Frames, from the first, at each of whose messages a member dies."""
+DEATHS: Final = f"a death at each message of {DEADLY_FRAMES} frames"
 
 PLAIN_PROCESSOR: Final = {
     "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
@@ -168,6 +169,7 @@ class CertificatePlan:
         pythons: commands of other interpreters, in words, by the name of their check.
         until: the time on the monotonic clock at which no further check begins, seconds.
         shown: called with each check.
+        begun: called with the world, the numbers of done and of all checks, and what runs now.
 
     """
 
@@ -176,6 +178,7 @@ class CertificatePlan:
     pythons: Mapping[str, Sequence[str]]
     until: float
     shown: Callable[[Check], None]
+    begun: Callable[[str, int, int, str], None]
 
 
 def certify(specs: Sequence[str], plan: CertificatePlan) -> Certificate:
@@ -210,10 +213,14 @@ class _World:
         self._spec, self._path, self._plan, self._until = spec, path, plan, until
         self._folder = folder
         self._base = folder / "base.mcap"
+        self._done = 0
+        self._total = 0
 
     def checks(self, first: bool) -> Iterator[Check]:
         """All checks; nothing follows if the world does not run in one process."""
         began = time.monotonic()
+        self._total = 3 + len([*self._layouts(first, self._plan.frames)]) + len(self._plan.pythons)
+        self._begin(ALONE.name)
         done = run_in_layout(self._path, self._plan.frames, ALONE, self._base)
         if done.returncode:
             yield self._stopped(ALONE, done)
@@ -227,15 +234,18 @@ class _World:
         seconds = time.monotonic() - began
         count = len(self._digests)
         yield Check(self._spec, ALONE.name, SAME, count, digest=self._digests[-1], seconds=seconds)
-        for number, layout in enumerate(self._layouts(first)):
+        for number, layout in enumerate(self._layouts(first, count)):
             yield self._timed(layout.name, partial(self._run, layout, number))
         yield self._timed("recomputed from its record", self._recompute)
-        yield self._timed(f"a death at each message of {DEADLY_FRAMES} frames", self._die)
+        yield self._timed(DEATHS, self._die)
         for name, words in self._plan.pythons.items():
             yield self._timed(name, partial(self._elsewhere, words))
 
-    def _layouts(self, first: bool) -> Iterator[Layout]:
-        count = len(self._digests)
+    def _begin(self, name: str) -> None:
+        self._plan.begun(self._spec, self._done, self._total, name)
+        self._done += 1
+
+    def _layouts(self, first: bool, count: int) -> Iterator[Layout]:
         yield Layout("one process for each member", 1, {"PYTHONHASHSEED": "1"})
         yield APART
         yield Layout("three, without vector features", 3, PLAIN_PROCESSOR)
@@ -254,6 +264,7 @@ class _World:
         began = time.monotonic()
         if began >= self._until:
             return Check(self._spec, name, NO_TIME, lines=("--minutes gives it more",))
+        self._begin(name)
         try:
             done = check()
         except MinervaError as error:
@@ -302,6 +313,7 @@ class _World:
         runs = 0
         for position, when, changed in deaths(file, range(DEADLY_FRAMES)):
             runs += 1
+            self._plan.begun(self._spec, self._done - 1, self._total, f"{DEATHS}: {runs:,}")
             if changed is not None:
                 text = f"{when} {position}: frame {changed} is the first that differs"
                 return Check(self._spec, "", DIFFERS, frames, runs, lines=(text,))

@@ -12,6 +12,7 @@ from typing import Final
 from minerva_bus.cli.output import FAILED, print_json, print_message, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_ending, check_output, write_output
+from minerva_bus.launch.console import Console
 from minerva_determinism.certificate import SAME, TITLES, CertificatePlan, Check, certify
 from minerva_determinism.emulation import emulated
 from minerva_determinism.report import page
@@ -54,8 +55,13 @@ def make_certificate(
         check_ending(report, (".html",), "--report")
         check_output(report)
     until = time.monotonic() + 60 * minutes
-    shown = _Rows(as_json)
-    made = certify(worlds, CertificatePlan(frames, processes, pythons, until, shown))
+    shown = CheckRows(as_json)
+    try:
+        made = certify(
+            worlds, CertificatePlan(frames, processes, pythons, until, shown, shown.begun)
+        )
+    finally:
+        shown.console.end()
     if report is not None:
         write_output(report, page(made).encode())
     if as_json:
@@ -70,10 +76,14 @@ def make_certificate(
     return 0 if made.is_complete else FAILED
 
 
-class _Rows:
-    """Prints a row for each check: on standard output, or with `--json` where people read."""
+class CheckRows:
+    """Prints a row for each check: on standard output, or with `--json` where people read.
+
+    A terminal also shows the check that runs.
+    """
 
     def __init__(self, as_json: bool) -> None:
+        self.console = Console()
         self._world = ""
         self._as_json = as_json
 
@@ -83,7 +93,12 @@ class _Rows:
         elif sys.stderr.isatty():
             print_message(text)
 
+    def begun(self, world: str, done: int, total: int, name: str) -> None:
+        """Show in the status line what runs."""
+        self.console.progress(world, done, total, name)
+
     def __call__(self, check: Check) -> None:
+        self.console.end()
         if check.world != self._world:
             self._world = check.world
             self._print(_row([check.world, *TITLES[1:]]))

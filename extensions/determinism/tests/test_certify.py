@@ -1,5 +1,6 @@
 """`minerva certify` compares a world in all layouts, and finds state that deaths lose."""
 
+import io
 import json
 import math
 import os
@@ -13,9 +14,18 @@ import pytest
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.world_files import read_world_file
-from minerva_determinism.certificate import FAILS, LEFT_OUT, NO_TIME, SAME, CertificatePlan, certify
-from minerva_determinism.certify_command import interpreters
+from minerva_determinism.certificate import (
+    FAILS,
+    LEFT_OUT,
+    NO_TIME,
+    SAME,
+    CertificatePlan,
+    Check,
+    certify,
+)
+from minerva_determinism.certify_command import CheckRows, interpreters
 from minerva_determinism.emulation import emulated
+from minerva_determinism.layouts import ALONE, APART
 from minerva_determinism.positions import WHEN, deaths
 
 pytest.importorskip("mcap")
@@ -91,6 +101,7 @@ def plan(**changes):
         "pythons": {},
         "until": math.inf,
         "shown": shown.append,
+        "begun": lambda *_: None,
     }
     return CertificatePlan(**{**defaults, **changes})
 
@@ -176,10 +187,26 @@ def test_a_death_loses_state_that_is_not_saved(world):
     assert not [changed for _, _, changed in found if changed is not None]
 
 
+def test_a_terminal_shows_the_check_that_runs(monkeypatch, capsys):
+    screen = io.StringIO()
+    screen.isatty = lambda: True
+    monkeypatch.setattr(sys, "stderr", screen)
+    rows = CheckRows(as_json=False)
+    rows.begun("pond", 2, 8, APART.name)
+    assert screen.getvalue().endswith(f"  2/8 {APART.name}")
+    rows(Check("pond", APART.name, SAME, 12))
+    assert screen.getvalue().endswith("\r\x1b[2K")  # The row stands alone in its line.
+    assert capsys.readouterr().out.splitlines()[1].startswith(f"{APART.name} ")
+
+
 def test_without_time_and_without_a_run_it_is_no_certificate(world):
     path = world("late_garden")
-    made = certify([str(path)], plan(until=time.monotonic()))
+    begun = []
+    made = certify(
+        [str(path)], plan(until=time.monotonic(), begun=lambda *what: begun.append(what))
+    )
     assert {check.result for check in made.checks[1:]} == {NO_TIME}
+    assert begun == [(str(path), 0, len(made.checks), ALONE.name)]
     assert not made.is_complete
     path.with_suffix(".py").write_text(path.with_suffix(".py").read_text() + "1 / 0\n")
     failing = certify([str(path)], plan())
