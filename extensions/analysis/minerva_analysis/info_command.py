@@ -45,16 +45,17 @@ def show_moment(file: Path, frame: int | None, string: bool, as_json: bool) -> N
         print_answer(moment, as_json)
 
 
-def recover_record(file: Path, output: Path | None, as_json: bool) -> None:
-    """Write what is intact in a record into a new one. Raises RecordError and MisuseError.
+def recover_record(file: Path, output: Path | None, as_json: bool) -> int:
+    """Write what is intact in a record into a new one; returns the exit code, 1 after damage.
 
-    Of a folder with the parts of tables, write the tables.
+    Of a folder with the parts of tables, write the tables. Raises RecordError and MisuseError.
     """
     if file.is_dir():
         _recover_tables(file, output, as_json)
-        return
+        return 0
     done = recover(file, output or recovered_name(file))
     print_answer(done, as_json)
+    return FAILED if done.losses.damage else 0
 
 
 def _recover_tables(folder: Path, output: Path | None, as_json: bool) -> None:

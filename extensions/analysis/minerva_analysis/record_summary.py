@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from minerva_analysis.frame_texts import FrameText, kinds_in, missing_frame
-from minerva_analysis.indexes import wrong_indexes
+from minerva_analysis.indexes import all_losses
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.files import check_new, replacing
 from minerva_bus.frame.stimuli import RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.chunks import Damage, Losses
+from minerva_bus.log.chunks import Losses
 from minerva_bus.log.entries import Dropped
 from minerva_bus.log.record import Cursor, Record
 from minerva_bus.log.record_writer import RecordWriter
@@ -115,7 +115,7 @@ def info_of(record: Record, check: bool = False) -> Info:
         events.update(_counted(frame.events))
     events.update(_counted(record.closing_events()))
     topics, dropped = _sensed(record)
-    losses = record.losses()
+    losses = all_losses(record) if check else record.losses()
     reached = last.number + 1 if last is not None else 0
     return Info(
         world=world.name,
@@ -228,35 +228,28 @@ def written(string: Scene) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """Result of a recovery: the new record, its number of frames, and the losses.
-
-    `indexes`: wrong indexes between chunks, which cost no frame.
-    """
+    """Result of a recovery: the new record, its number of frames, and the losses."""
 
     path: Path
     frames: int
     losses: Losses
-    indexes: tuple[Damage, ...] = ()
 
     def plain(self) -> dict[str, Any]:
         """The result as a JSON object."""
-        indexes = [[wrong.begin, wrong.end - 1] for wrong in self.indexes]
-        plain = {"record": str(self.path), "frames": self.frames, "indexes": indexes}
-        return plain | self.losses.plain()
+        return {"record": str(self.path), "frames": self.frames} | self.losses.plain()
 
     def lines(self) -> list[str]:
         """The result as lines of text."""
         losses = self.losses
         shown = [f"{self.path}: {counted(self.frames, 'frame')}"]
-        if self.indexes:
-            count = sum(wrong.end - wrong.begin for wrong in self.indexes)
-            where = f"bytes {self.indexes[0].begin:,} to {self.indexes[-1].end - 1:,}"
-            wrong = f"{count:,} bytes of indexes between chunks are wrong ({where})"
-            shown.append(f"{wrong}; no frame is lost, and the new record has right ones")
-        # The reader warns of damage.
-        if losses.cut and not losses.damage:
+        if losses.damage:
+            count = sum(damage.end - damage.begin for damage in losses.damage)
+            places = counted(len(losses.damage), "place")
+            shown.append(f"damaged: {count:,} bytes in {places}, {losses.damaged}")
+            shown.append(f"lost: {losses.frames}")
+        elif losses.cut:
             shown.append(f"cut off: its last {losses.cut:,} bytes belong to no complete chunk")
-        elif not (losses.damage or self.indexes):
+        else:
             shown.append("nothing was damaged")
         return shown
 
@@ -274,7 +267,7 @@ def recover(path: Path, into: Path) -> Recovered:
     """
     with Record(path) as record:
         check_new(into, "record")
-        losses = record.losses()
+        losses = all_losses(record)
         if losses.damage and next(record.frames(), None) is None:
             raise RecordError(f"{path}: no frame in it is intact")
         try:
@@ -284,4 +277,4 @@ def recover(path: Path, into: Path) -> Recovered:
                 writer.finish()
         except OSError as error:
             raise MisuseError(f"{into}: cannot be written: {error.strerror}") from None
-    return Recovered(into, writer.frames, losses, tuple(wrong_indexes(path, losses)))
+    return Recovered(into, writer.frames, losses)

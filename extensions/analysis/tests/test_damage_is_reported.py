@@ -18,7 +18,7 @@ from minerva_bus.errors import DamagedRecordWarning, MisuseError, RecordError
 from minerva_bus.log.record import Record
 from minerva_bus.settings.world_settings import Overrides
 from tests.log.recorded_runs import bytes_of, record_of
-from tests.log.test_damaged import CHUNK, MESSAGE_INDEX, flipped, parts, stopped
+from tests.log.test_damaged import CHUNK, MESSAGE_INDEX, METADATA, flipped, parts, stopped
 from tests.runtime.running import here
 
 pytestmark = pytest.mark.filterwarnings("ignore::minerva_bus.errors.DamagedRecordWarning")
@@ -109,7 +109,7 @@ def test_recovery_without_a_frame_fails_and_leaves_no_file(records):
     assert WHOLE in err
     assert not (records / "empty.recovered.mcap").exists()
     code, out, err = minerva("recover", "holes.mcap")
-    assert code == 0
+    assert code == 1
     assert "holes.mcap is damaged: bytes " in err
     assert out.startswith("holes.recovered.mcap: ")
     code, _, err = minerva("info", "holes.recovered.mcap", "--check")
@@ -191,16 +191,55 @@ def test_a_recovery_names_wrong_indexes_between_chunks(tmp_path):
     # A time in the first one, and the channel of the last one.
     path.write_bytes(flipped(flipped(data, first + 17), last + 9))
     done = recover(path, new)
-    assert [(wrong.begin, wrong.end) for wrong in done.indexes] == [
+    assert [(wrong.begin, wrong.end) for wrong in done.losses.damage] == [
         (first, first + length), (last, last + other)
     ]  # fmt: skip
     assert done.frames == 60
-    assert f"{length + other:,} bytes of indexes between chunks are wrong" in done.lines()[1]
+    assert f"damaged: {length + other:,} bytes in 2 places, bytes {first:,}" in done.lines()[1]
+    assert done.lines()[2] == "lost: no frame"
     new.unlink()
     # No record at all: only the scan names it.
     path.write_bytes(flipped(data, last))
-    done = recover(path, new)
-    assert (done.indexes, done.losses.damage[0].begin) == ((), last)
+    assert recover(path, new).losses.damage[0].begin == last
+
+
+REGIONS = {0x01: "header", METADATA: "metadata", CHUNK: "chunk", MESSAGE_INDEX: "index",
+           0x0F: "end of the data", 0x03: "schema", 0x04: "channel", 0x08: "chunk's index",
+           0x0B: "statistics", 0x0D: "metadata's index", 0x0E: "offset", 0x02: "footer"}  # fmt: skip
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_damage_of_any_byte_is_no_success(finished, tmp_path):
+    path, new = tmp_path / "run.mcap", tmp_path / "new.mcap"
+    data = bytes_of("meadow", finished=finished)
+    found = {"magic": (0, 8)} | ({"last magic": (len(data) - 8, 8)} if finished else {})
+    for opcode, name in REGIONS.items():
+        # The world is stored in the first two chunks, and the last one may be cut off.
+        places = parts(data, opcode)
+        found |= {name: places[len(places) // 2]} if places else {}
+    assert len(found) == (len(REGIONS) + 2 if finished else 5)
+    for name, (at, length) in found.items():
+        middle = (9 + length) // 2 if length > 8 else 4
+        for place in (0, 1, middle, length - 1):  # the opcode, the length, and the body
+            path.write_bytes(flipped(data, at + place))
+            with Record(path) as record:
+                info = info_of(record, check=True)
+            assert info.losses.damage, (name, place)
+            assert not info.checked
+        done = recover(path, new)
+        assert done.losses == info.losses
+        assert done.lines()[1].startswith("damaged: ")
+        new.unlink()
+
+
+def test_a_bit_that_leaves_all_parts_valid_is_found(tmp_path):
+    path = tmp_path / "run.mcap"
+    data = bytearray(bytes_of("meadow"))
+    data[data.index(b"minerva-bus ") + 12] ^= 1  # The version, a digit.
+    path.write_bytes(data)
+    done = recover(path, tmp_path / "new.mcap")
+    assert "the checksum of all data is wrong" in done.lines()[1]
+    assert done.frames == 60
 
 
 def test_recover_overwrites_nothing(tmp_path):
@@ -227,7 +266,8 @@ def test_the_command_reports_losses(tmp_path):
     at, _ = parts(data, CHUNK)[3]
     path.write_bytes(flipped(data, at + 100))
     words = [sys.executable, "-m", "minerva_bus", "recover", str(path), "--json"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=tmp_path)
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 1
     said = json.loads(done.stdout)
     assert said["record"] == str(tmp_path / "run.recovered.mcap")
     assert said["lost"][0][0] == 8

@@ -160,12 +160,12 @@ def recover(
 ) -> None:
     """Copy the intact frames of a damaged record to a new one.
 
-    It reports what is lost. A run that is killed while it collects data leaves the folder
-    FILE.parts, from which it makes the tables.
+    It reports what is lost; the exit code is 1 if anything is damaged. A run that is killed while
+    it collects data leaves the folder FILE.parts, from which it makes the tables.
     """
     from minerva_analysis.info_command import recover_record
 
-    recover_record(file, output, json)
+    raise typer.Exit(recover_record(file, output, json))
 
 
 @examples(
