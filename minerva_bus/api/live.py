@@ -9,21 +9,14 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from minerva_bus.api.on_bus import connect_on_bus, start_on_bus
-from minerva_bus.api.pictures import (
-    PICTURE,
-    WIDTH,
-    Displayed,
-    Still,
-    Visual,
-    WorldViews,
-)
+from minerva_bus.api.pictures import PICTURE, WIDTH, Displayed, Still, Visual, WorldViews
 from minerva_bus.api.running import SHOWN_DIGITS, pick_table
 from minerva_bus.api.world import World, request_of
 from minerva_bus.collect.collector import agents_now
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped, whole
 from minerva_bus.frame.world_state import WorldSpec
-from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.events import AnyEvent, Event, single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.console import Console
@@ -170,6 +163,16 @@ class Live(Displayed):
         """
         self._backend.operator.named(by).order(event)
 
+    @property
+    def sent(self) -> tuple[Event, ...]:
+        """The events of agents and norms in the last frame, in order; they belong to the next.
+
+        Raises MisuseError for a world in other processes.
+        """
+        if not isinstance(self._backend, Here):
+            raise MisuseError("what agents send is known of a world in this process only")
+        return self._backend.sent
+
     def view(self, event: Visual) -> Scene:
         """The view π of the string for a visual event.
 
@@ -263,6 +266,10 @@ class Here:
     @property
     def scene(self) -> Scene:
         return self._run.algorithm.scene
+
+    @property
+    def sent(self) -> tuple[Event, ...]:
+        return tuple(single(self._run.algorithm.closing_events))
 
     @property
     def ended(self) -> bool:

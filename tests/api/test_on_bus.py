@@ -80,6 +80,8 @@ def test_a_world_elsewhere_is_connected_to():
             assert other.status.world == "pond"
         with connect() as unknown, pytest.raises(MisuseError, match="class of AFrog"):
             unknown.view("ePicture")
+        with pytest.raises(MisuseError, match="a world in this process only"):
+            _ = live.sent
         live.step()
         assert live.frame == 4  # Closing a connection does not end the world.
     with pytest.raises(BusError, match="no world"):

@@ -246,6 +246,7 @@ def test_events_and_views_of_a_live_world():
         live.step()
         sizes = [node.state["size"] for node in live.scene.nodes if hasattr(node, "state")]
         assert sizes == [5.0, 7.0]
+        assert live.sent == ()
         assert live.view("ePicture") == live.view(ePicture) == live.view(ePicture())
         assert {node.symbol for node in live.view("ePicture")} == {"TAt"}
         with pytest.raises(MisuseError, match="not visual"):

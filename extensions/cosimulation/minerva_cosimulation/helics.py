@@ -3,14 +3,16 @@
     house = WorldFederate("house.toml", "house.json", seed=7)
     print(house.run(until=100))
 
-The interface: https://docs.helics.org/en/latest/user-guide/fundamental_topics/value_federates.html
+The interfaces: https://docs.helics.org/en/latest/user-guide/fundamental_topics/value_federates.html
+and https://docs.helics.org/en/latest/user-guide/fundamental_topics/message_federates.html
 """
 
 from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Final, TypeVar, cast
@@ -37,15 +39,34 @@ _READERS: Final[Mapping[str, Callable[[helics.HelicsInput], Any]]] = {
 }
 """How an input of HELICS is read, by the kind of its type."""
 
+_MESSAGE: Final = {"text": "text", "source": "text", "destination": "text", "time": "real"}
+"""Data that the event type of messages may have, with the kinds of their types."""
+
+
+@dataclass(frozen=True)
+class _Endpoint:
+    """An endpoint, and the names of the events that it receives and sends; "": none."""
+
+    of_helics: helics.HelicsEndpoint
+    receives: str
+    sends: str
+
+    @property
+    def name(self) -> str:
+        return self.of_helics.name
+
 
 class WorldFederate:
-    """Steps a world as a value federate; HELICS grants the time of each step.
+    """Steps a world as a federate with values and messages; HELICS grants the time of each step.
 
     The publications of the configuration are outputs of the world and have their names, such as
-    `room.celsius`; its inputs have the names of inputs, such as `room.eHeat.watts`. A step takes
-    the `period` of the configuration, in seconds of HELICS, or 1 s. At the time of a step the
-    world gets the values that were published before this time, runs the frames of the step, and
-    publishes its outputs; those of time 0 are of the initial string.
+    `room.celsius`; its inputs have the names of inputs, such as `room.eHeat.watts`. An endpoint has
+    tags: a message that it gets is an event of the type that it `receives`, such as `room.eAsk`,
+    and events of the type that it `sends` are its messages. A step takes the `period` of the
+    configuration, in seconds of HELICS, or 1 s; the first one ends at its `offset` and a period.
+    At the time of a step the world gets the values and messages that were sent before this time,
+    runs the frames of the step, and publishes its outputs; those of time 0 are of the initial
+    string.
 
     Args:
         world: a `World`, a world file, or the name of an installed world.
@@ -71,7 +92,7 @@ class WorldFederate:
         if frames < 1:
             raise MisuseError(f"helics: frames is {frames}; expected a whole number from 1")
         self._config, self._frames = Path(config), frames
-        self._period = _period(self._config)
+        self._period, self._offset = _times(self._config)
         self._world = SteppedWorld(world, seed, **options)
 
     @property
@@ -86,7 +107,7 @@ class WorldFederate:
         if the world or the federation fails.
         """
         try:
-            federate = _awaited(helics.helicsCreateValueFederateFromConfig, str(self._config))
+            federate = _awaited(helics.helicsCreateCombinationFederateFromConfig, str(self._config))
             try:
                 self._take_part(federate, until)
             finally:
@@ -97,24 +118,96 @@ class WorldFederate:
         finally:
             self._world.close()
 
-    def _take_part(self, federate: helics.HelicsValueFederate, until: float) -> None:
+    def _take_part(self, federate: helics.HelicsCombinationFederate, until: float) -> None:
+        # Which messages arrive in an earlier step would depend on the order of processes.
         helics.helicsFederateSetFlagOption(federate, helics.HELICS_FLAG_UNINTERRUPTIBLE, True)
         outputs, inputs = self._outputs(federate), self._inputs(federate)
+        endpoints = self._endpoints(federate)
         _awaited(federate.enter_executing_mode)
         self._publish(outputs)
-        steps = 0
+        steps = 1
         # Multiplied, because a sum of periods would drift from HELICS's own times.
-        while (steps + 1) * self._period <= until:
-            steps += 1
-            _awaited(federate.request_time, steps * self._period)
+        while (time := self._offset + steps * self._period) <= until:
+            granted = _awaited(federate.request_time, time)
+            if abs(granted - time) > _LEAST_PERIOD:
+                raise MisuseError(
+                    f"helics: {self._config}: HELICS granted {granted:g} s in place of {time:g} s:"
+                    " the federation has ended, or the configuration limits the times by more than"
+                    " `period` and `offset`"
+                )
             for name, (source, read) in inputs.items():
                 if source.is_updated():
                     self._world.set(name, read(source))
-            self._world.step(self._frames)
+            for endpoint in endpoints:
+                self._receive(endpoint)
+            for _ in range(self._frames):
+                self._world.step()
+                for endpoint in endpoints:
+                    self._send(endpoint)
             self._publish(outputs)
+            steps += 1
+
+    def _endpoints(self, federate: helics.HelicsCombinationFederate) -> Sequence[_Endpoint]:
+        """The endpoints, sorted by name, with the event types of their tags."""
+        endpoints: list[_Endpoint] = []
+        for place in range(federate.n_endpoints):
+            endpoint = federate.get_endpoint_by_index(place)
+            names = [helics.helicsEndpointGetTag(endpoint, tag) for tag in ("receives", "sends")]
+            if not any(names):
+                raise MisuseError(
+                    f"helics: {self._config}: the endpoint {endpoint.name} needs a tag: the name of"
+                    ' the events that it "receives", that it "sends", or both'
+                )
+            for name in filter(None, names):
+                self._check_messages(endpoint.name, name)
+            endpoints.append(_Endpoint(endpoint, *names))
+        return sorted(endpoints, key=lambda endpoint: endpoint.name)
+
+    def _check_messages(self, endpoint: str, name: str) -> None:
+        """Raise MisuseError if events of this name cannot be messages."""
+        kinds = {field.name: field.type.kind for field in self._world.event_type(name).fields.all}
+        if "text" not in kinds or not kinds.items() <= _MESSAGE.items():
+            raise MisuseError(
+                f"helics: {self._config}: the endpoint {endpoint}: {name} has the data"
+                f" {', '.join(kinds) or 'none'}; an event type of messages has a `text`, and"
+                " may have a `source`, a `destination` (texts) and a `time` (a real number)"
+            )
+
+    def _receive(self, endpoint: _Endpoint) -> None:
+        """Publish the messages of an endpoint as events of the next step, by time and source."""
+        own = endpoint.of_helics
+        messages = [own.get_message() for _ in range(own.n_pending_messages)]
+        for message in sorted(messages, key=lambda each: (each.time, each.original_source)):
+            place = f"helics: a message from {message.original_source} to {endpoint.name}"
+            if not endpoint.receives:
+                raise MisuseError(f'{place}: the endpoint has no tag "receives"')
+            try:
+                text = message.raw_data.decode()
+            except UnicodeDecodeError:
+                raise MisuseError(f"{place} is not text in UTF-8") from None
+            data = {
+                "text": text,
+                "source": message.original_source,
+                "destination": message.original_destination,
+                "time": message.time,
+            }
+            names = self._world.event_type(endpoint.receives).fields.names
+            self._world.publish(endpoint.receives, **{name: data[name] for name in names})
+
+    def _send(self, endpoint: _Endpoint) -> None:
+        """Send the events of the last frame that are messages of an endpoint."""
+        for event in self._world.sent(endpoint.sends):
+            data: dict[str, Any] = dict(zip(event.names, event.values, strict=True))
+            to = data.get("destination") or endpoint.of_helics.default_destination
+            if not to:
+                raise MisuseError(
+                    f"helics: {event.sender} sends {event.type} without a destination, and the"
+                    f" endpoint {endpoint.name} has none"
+                )
+            endpoint.of_helics.send_data(data["text"].encode(), to)
 
     def _outputs(
-        self, federate: helics.HelicsValueFederate
+        self, federate: helics.HelicsCombinationFederate
     ) -> Mapping[str, helics.HelicsPublication]:
         """The publications by the name of the output; each is read once as a check."""
         count = federate.n_publications
@@ -129,7 +222,7 @@ class WorldFederate:
             output.publish(self._world.get(name))
 
     def _inputs(
-        self, federate: helics.HelicsValueFederate
+        self, federate: helics.HelicsCombinationFederate
     ) -> Mapping[str, tuple[helics.HelicsInput, Callable[[helics.HelicsInput], Any]]]:
         """The inputs by name, sorted, with the function that reads each."""
         sources = [federate.get_subscription_by_index(place) for place in range(federate.n_inputs)]
@@ -144,25 +237,29 @@ class WorldFederate:
         return reader
 
 
-def _local(federate: helics.HelicsValueFederate, name: str) -> str:
+def _local(federate: helics.HelicsCombinationFederate, name: str) -> str:
     """A name without the federate's own, which HELICS puts before names that are not global."""
     return name.removeprefix(f"{federate.name}/")
 
 
-def _period(config: Path) -> float:
-    """The period of a configuration, in seconds. Raises MisuseError."""
+def _times(config: Path) -> tuple[float, float]:
+    """The period and the offset of a configuration, in seconds. Raises MisuseError."""
     try:
         plain: Any = json.loads(read_text(config))
     except OSError as error:
         raise MisuseError(f"helics: cannot read {config}: {error.strerror}") from None
     except ValueError as error:
         raise MisuseError(f"helics: {config} is not JSON: {error}") from None
-    period: Any = cast("Any", plain).get("period", _PERIOD) if isinstance(plain, dict) else None
-    if not isinstance(period, int | float) or not period >= _LEAST_PERIOD:
-        raise MisuseError(
-            f"helics: {config} must be an object, with its `period` as a number of seconds"
-        )
-    return float(period)
+    given = cast("Mapping[str, Any]", plain) if isinstance(plain, dict) else {"period": None}
+    times: list[float] = []
+    for name, default, least in (("period", _PERIOD, _LEAST_PERIOD), ("offset", 0.0, 0.0)):
+        time = given.get(name, default)
+        if not isinstance(time, int | float) or not time >= least:
+            raise MisuseError(
+                f"helics: {config} must be an object, with its `{name}` as a number of seconds"
+            )
+        times.append(float(time))
+    return times[0], times[1]
 
 
 def _awaited(call: Callable[..., _Result], *arguments: Any) -> _Result:

@@ -12,6 +12,7 @@ import numpy as np
 from minerva_bus.api.live import Live
 from minerva_bus.api.world import World, world_of
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.scene import AgentNode, agents
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
@@ -26,7 +27,8 @@ class SteppedWorld:
     Inputs are data of events: `eHeat.watts` of an event for all agents that respond to `eHeat`,
     `room.eHeat.watts` of one for the agent `room`. Each step sends the events of which a datum was
     set since the previous one, sorted by type and receiver; data that were not set keep their
-    value, or have the default of the vocabulary. Outputs are attributes: `room.celsius`.
+    value, or have the default of the vocabulary. Outputs are attributes: `room.celsius`, and events
+    that agents have sent: `eAlarm`, or `room.eAlarm` of one agent.
 
     Args:
         world: a `World`, a world file, or the name of an installed world.
@@ -88,6 +90,27 @@ class SteppedWorld:
         node, attribute = self._output(name)
         return _plain(node.state[attribute])
 
+    def publish(self, name: str, **data: Any) -> None:
+        """Send an event in the next step: `eHeat`, or `room.eHeat` for one agent.
+
+        Raises MinervaError as `set` and `step` do.
+        """
+        agent, event_type = self._event(name, name)
+        self._live.publish(event_type(**data, receivers=[agent] if agent else []))
+
+    def sent(self, name: str) -> tuple[Event, ...]:
+        """Events that agents sent in the last frame: `eAlarm`, or `room.eAlarm` of one agent."""
+        agent, _, event_type = name.rpartition(".")
+        return tuple(
+            event
+            for event in self._live.sent
+            if event.type == event_type and agent in (ALL, event.sender)
+        )
+
+    def event_type(self, name: str) -> EventType:
+        """The type of `eHeat` or `room.eHeat`. Raises MisuseError if there is none."""
+        return self._event(name, name)[1]
+
     def input_field(self, name: str) -> Field:
         """The type and default of an input. Raises MisuseError if there is no such input."""
         _, event_type, datum = self._input(name)
@@ -143,24 +166,29 @@ class SteppedWorld:
 
     def _input(self, name: str) -> tuple[str, EventType, str]:
         """The agent ("": all), event type and datum of an input."""
-        parts = name.split(".")
-        if len(parts) not in (2, 3):
+        place, _, datum = name.rpartition(".")
+        if place.count(".") > 1 or not place:
             raise MisuseError(
                 f"{name!r} is not an input; expected EVENT.DATUM or AGENT.EVENT.DATUM"
             )
-        agent = parts[0] if len(parts) == 3 else ALL
+        agent, event_type = self._event(place, name)
+        names = event_type.fields.names
+        if datum not in names:
+            event = event_type.name
+            raise MisuseError(f"{name}: {event} has no {datum!r}{nearest(datum, list(names))}")
+        return agent, event_type, datum
+
+    def _event(self, place: str, name: str) -> tuple[str, EventType]:
+        """The agent ("": all) and the event type of `eHeat` or `room.eHeat`, a part of a name."""
+        agent, _, event = place.rpartition(".")
         if agent:
             self._agent(agent, name)
-        event, datum = parts[-2:]
         events = self.vocabulary.events
         if event not in events:
             raise MisuseError(
                 f"{name}: the world has no event type {event}{nearest(event, list(events))}"
             )
-        names = events[event].fields.names
-        if datum not in names:
-            raise MisuseError(f"{name}: {event} has no {datum!r}{nearest(datum, list(names))}")
-        return agent, events[event], datum
+        return agent, events[event]
 
 
 def _field(fields: Fields, name: str) -> Field:

@@ -8,6 +8,7 @@ from minerva_cosimulation import SteppedWorld
 eStep = EventType("eStep")
 eHeat = EventType("eHeat", watts=float, share=Default(float, 1.0))
 eLeave = EventType("eLeave")
+eAlarm = EventType("eAlarm")
 
 
 class Room(Agent, symbol="ARoom"):
@@ -18,6 +19,8 @@ class Room(Agent, symbol="ARoom"):
     @on("eHeat")
     def heat(self, heat, moment):
         self.heated += 1
+        if heat.watts > 1000:
+            moment.emit(eAlarm())
         self.watts = heat.watts * heat.share
 
     @on("eStep")
@@ -54,6 +57,21 @@ def test_an_input_is_an_event_of_one_step(rooms):
     rooms.step(2)
     rooms.step()
     assert (rooms.get("hall.heated"), rooms.get("bath.heated")) == (1, 2)
+
+
+def test_events_are_published_and_what_agents_sent_is_known(rooms):
+    rooms.publish("bath.eHeat", watts=2000.0)
+    rooms.publish("bath.eHeat", watts=20.0)
+    rooms.step()
+    assert (rooms.get("hall.heated"), rooms.get("bath.heated"), rooms.get("bath.watts")) == (
+        0,
+        2,
+        20.0,
+    )
+    assert [event.sender for event in rooms.sent("eAlarm")] == ["bath"]
+    assert rooms.sent("hall.eAlarm") == rooms.sent("eHeat") == ()
+    rooms.step()
+    assert rooms.sent("eAlarm") == ()
 
 
 def test_data_that_were_not_set_keep_their_value(rooms):
