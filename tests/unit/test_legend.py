@@ -166,6 +166,14 @@ def test_pictures_over_each_other_share_a_legend_without_repetitions():
     both = combined([fir, Lists(WOOD).picture(PFir() + SOIL, {})])
     assert [entry.text for entry in both.legend] == ["fir tree", "stones"]
     assert combined([fir]) is fir
+    parts = [
+        Primitive(name, Disc(1.0, color, meaning="arm"))
+        for name, color in (("PLink", "#111111"), ("PCup", "#222222"))
+    ]
+    arm = [Lists(Vocabulary.of(*parts)).picture(part(), {}) for part in parts]
+    (entry,) = combined([*arm, *arm]).legend
+    assert entry == LegendEntry("arm", Disc, ("#111111", "#222222"))
+    assert entry.swatch is Raster
     assert combined([]).items == Picture().items
 
 

@@ -15,6 +15,7 @@ from minerva_bus.grammar.appearance import Disc
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.strings_codec import plain_scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
+from minerva_services.geometry.colors import LegendEntry
 from minerva_services.geometry.picture import Discs, Lists, Marks, Polyline, Texts, Tiles
 
 ROOT = Path(__file__).parents[2]
@@ -37,7 +38,7 @@ const drawn = new Map();
 for (const item of items) include(drawn, item);
 const frame = frameOf(items);
 const entries = legend(drawn, vocabulary)
-  .map((entry) => ({{ ...entry, dark: entry.form === "line" && isPale(entry.colour) }}));
+  .map((entry) => ({{ ...entry, dark: entry.form === "line" && isPale(entry.colours[0]) }}));
 console.log(JSON.stringify({{ items, frame, entries, again: frameOf([], frame) }}, (name, value) =>
   name === "matrix" ? {{ ...value, values: [...value.values] }} : value));
 """
@@ -151,7 +152,10 @@ def test_the_legend_has_the_same_texts():
         assert sorted((entry["text"], entry["dark"]) for entry in page["entries"]) == sorted(
             entries
         )
-    assert entries == [("arm", False)]
+    (entry,) = shown
+    colors = ["#222222", "#111111"]
+    assert entry == LegendEntry("arm", Disc, tuple(colors))
+    assert page["entries"] == [{"text": "arm", "form": "raster", "colours": colors, "dark": False}]
 
 
 def test_a_figure_of_a_population_has_the_id_that_it_shows():

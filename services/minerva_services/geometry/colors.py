@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Final, TypeAlias
 
@@ -147,8 +147,8 @@ _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 class LegendEntry:
     """A text, and the colours of its swatch, which has the look of the shape.
 
-    A raster without meanings has several colours: the shades of one primitive. `opacity` is from
-    0 to 1.
+    Several colours are the shades of a raster without meanings, a scale, or those of things with
+    the same text. `opacity` is from 0 to 1.
     """
 
     text: str
@@ -159,12 +159,17 @@ class LegendEntry:
     heading: bool = False
 
     @property
+    def swatch(self) -> type[Shape]:
+        """The shape that the swatch looks like; several colours are a strip, as of a matrix."""
+        return self.shape if len(self.colors) == 1 else Raster
+
+    @property
     def on_dark(self) -> bool:
         """Whether this is a line too pale for paper: its swatch has a dark ground.
 
         Discs and matrices have an outline.
         """
-        return self.shape is Line and is_pale(self.colors[0])
+        return self.swatch is Line and is_pale(self.colors[0])
 
 
 Legend: TypeAlias = tuple[LegendEntry, ...]
@@ -209,23 +214,27 @@ class DrawnColors:
 
 
 def legend(vocabulary: Vocabulary, colors: Mapping[str, Collection[str]]) -> Legend:
-    """The legend of a picture that shows primitives in these colours: things, then matrices.
-
-    A text is listed once: things of several colours have the swatch of the first.
-    """
+    """The legend of a picture that shows primitives in these colours: things, then matrices."""
     shapes = {name: p.shape for name, p in vocabulary.primitives.items() if name in colors}
-    entries = [
+    return merged(
         entry
         for name, shape in sorted(shapes.items(), key=lambda item: isinstance(item[1], Raster))
         if shape is not None
         for entry in _entries(name, shape)
         # A swatch of several colours is a scale, which is understood as a whole.
         if len(entry.colors) != 1 or entry.colors[0] in colors[name]
-    ]
-    first = dict[tuple[str, type[Shape]], LegendEntry]()
+    )
+
+
+def merged(entries: Iterable[LegendEntry]) -> Legend:
+    """A legend that lists each text of a shape once, with all of its colours."""
+    known = dict[tuple[str, type[Shape]], LegendEntry]()
     for entry in entries:
-        first.setdefault((entry.text, entry.shape), entry)
-    return tuple(first.values())
+        first = known.setdefault((entry.text, entry.shape), entry)
+        colors = tuple(dict.fromkeys((*first.colors, *entry.colors)))
+        if colors != first.colors:
+            known[entry.text, entry.shape] = replace(first, colors=colors)
+    return tuple(known.values())
 
 
 def _entries(name: str, shape: Shape) -> Iterator[LegendEntry]:

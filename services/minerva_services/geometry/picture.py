@@ -22,7 +22,15 @@ from minerva_bus.grammar.vocabulary import Primitive, Vocabulary
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import WorldInfo
-from minerva_services.geometry.colors import Color, DrawnColors, Legend, color_of, rgb, rgbs_of
+from minerva_services.geometry.colors import (
+    Color,
+    DrawnColors,
+    Legend,
+    color_of,
+    merged,
+    rgb,
+    rgbs_of,
+)
 from minerva_services.geometry.incremental import ByParts, ItemGeometry, batched
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -198,7 +206,7 @@ def combined(pictures: Sequence[Picture]) -> Picture:
         return pictures[0]
     items = [item for picture in pictures for item in picture.items]
     entries = [entry for picture in pictures for entry in picture.legend]
-    return Picture(tuple(items), tuple(dict.fromkeys(entries)))
+    return Picture(tuple(items), merged(entries))
 
 
 Row: TypeAlias = tuple[float, float, float, float, float, Color, bool, str, str]

@@ -416,7 +416,7 @@ def _width(entry: LegendEntry, em: float) -> float:
 
 
 def _swatch_width(entry: LegendEntry) -> float:
-    if entry.shape is Line:
+    if entry.swatch is Line:
         return 1.6
     return max(1.0, 0.5 * len(entry.colors))
 
@@ -424,7 +424,7 @@ def _swatch_width(entry: LegendEntry) -> float:
 def _swatch(entry: LegendEntry) -> str:
     """A swatch one letter high around y = 0, from x = 0."""
     color = paint(entry.colors[0])
-    if entry.shape is Disc:
+    if entry.swatch is Disc:
         mark = ""
         if entry.heading:
             corners = [
@@ -436,9 +436,9 @@ def _swatch(entry: LegendEntry) -> str:
             f'<circle cx=".5" r=".45" fill="{color}" stroke="{OUTLINE}" stroke-opacity=".55"'
             f' stroke-width=".06"/>{mark}'
         )
-    if entry.shape is Label:
+    if entry.swatch is Label:
         return f'<path d="{PIN}" transform="translate(.5 .5) scale(.045)" fill="{color}"/>'
-    if entry.shape is Line:
+    if entry.swatch is Line:
         dashes = ' stroke-dasharray=".32"' if entry.dashed else ""
         ground = f'<rect y="-.4" width="1.6" height=".8" fill="{DARK}"/>' if entry.on_dark else ""
         return f'{ground}<path d="M0 0h1.6" stroke="{color}" stroke-width=".2"{dashes}/>'

@@ -66,14 +66,14 @@ def _swatch(entry: LegendEntry) -> str:
     """A swatch 1.4 em wide, with a space of 0.5 em."""
     box = "display:inline-block;height:0.85em;margin-right:0.5em;vertical-align:-0.05em"
     stops = [_css_color(color, entry.opacity) for color in entry.colors]
-    if entry.shape is Line:
+    if entry.swatch is Line:
         style = "dashed" if entry.dashed else "solid"
         drawn = f"width:1.4em;height:0;vertical-align:0.25em;border-top:0.2em {style} {stops[0]}"
         if entry.on_dark:
             drawn += f";box-shadow:0 0 0 0.25em {DARK};background:{DARK}"
-    elif entry.shape is Disc:
+    elif entry.swatch is Disc:
         drawn = f"width:0.85em;margin-left:0.55em;border-radius:50%;background:{stops[0]}"
-    elif entry.shape is Label:
+    elif entry.swatch is Label:
         # A drop with its tip below.
         drawn = (
             "width:0.75em;height:0.75em;margin:0 0.6em 0 0.65em;vertical-align:0.1em;"
@@ -85,7 +85,7 @@ def _swatch(entry: LegendEntry) -> str:
             f"{color} {at * share:.0f}% {(at + 1) * share:.0f}%" for at, color in enumerate(stops)
         ]
         drawn = f"width:1.4em;background:linear-gradient(90deg,{','.join(parts)})"
-    line = "" if entry.shape is Line else ";box-shadow:0 0 0 1px #0003"
+    line = "" if entry.swatch is Line else ";box-shadow:0 0 0 1px #0003"
     return f'<span style="{box};{drawn}{line}"></span>'
 
 

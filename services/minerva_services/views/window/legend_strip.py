@@ -45,7 +45,7 @@ def legend_strip(legend: Legend, width: int, ui: float) -> pygame.Surface:
 
 
 def _swatch(entry: LegendEntry, ui: float) -> pygame.Surface:
-    if entry.shape is Label:
+    if entry.swatch is Label:
         return pin(rgb(entry.colors[0]), 0.7 * ui)
     side, color = round(_SWATCH * ui), entry.colors[0]
     if len(entry.colors) > 1:
@@ -54,12 +54,12 @@ def _swatch(entry: LegendEntry, ui: float) -> pygame.Surface:
         for at, shown in enumerate(entry.colors):
             surface.fill(_over(shown, entry.opacity), (at * shade, 0, shade, side))
         return surface
-    surface = _blank((round(1.6 * side) if entry.shape is Line else side, side))
-    if entry.shape is Line:
+    surface = _blank((round(1.6 * side) if entry.swatch is Line else side, side))
+    if entry.swatch is Line:
         if entry.on_dark:
             surface.fill(DARK)
         _draw_line(surface, color, entry.dashed, max(2, round(3 * ui)))
-    elif entry.shape is Disc:
+    elif entry.swatch is Disc:
         _draw_disc(surface, color, entry.heading)
     else:
         surface.fill(_over(color, entry.opacity))

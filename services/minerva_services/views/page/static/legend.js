@@ -26,13 +26,22 @@ export function include(drawn, { symbol, form, matrix, colours }) {
   return isNew || known.size > before;
 }
 
-/** The entries for what is drawn: `{text, form, colour}`, things first, then matrices; each text once. */
+/**
+ * The entries for what is drawn: `{text, form, colours}`, things first, then matrices.
+ *
+ * Each text of a form is listed once, with all of its colours; several look like those of a matrix.
+ */
 export function legend(drawn, vocabulary) {
   const entries = [...drawn.keys()].sort().flatMap((symbol) => entriesOf(symbol, vocabulary, drawn.get(symbol)));
   const isGround = ({ form }) => form === "raster";
   const sorted = [...entries.filter((entry) => !isGround(entry)), ...entries.filter(isGround)];
-  const isFirst = ({ text, form }, at) => sorted.findIndex((other) => other.text === text && other.form === form) === at;
-  return sorted.filter(isFirst);
+  const merged = new Map();
+  for (const { text, form, colour } of sorted) {
+    const key = `${form} ${text}`;
+    if (!merged.has(key)) merged.set(key, { text, form, colours: new Set() });
+    merged.get(key).colours.add(colour);
+  }
+  return [...merged.values()].map(({ text, form, colours }) => ({ text, form: colours.size > 1 ? "raster" : form, colours: [...colours] }));
 }
 
 function entriesOf(symbol, vocabulary, shown) {
@@ -45,5 +54,5 @@ function entriesOf(symbol, vocabulary, shown) {
     const entries = colours.map((colour, n) => ({ text: meanings[n] ?? "", form, colour }));
     return entries.filter(({ text, colour }) => text && colour && shown.has(colour));
   }
-  return colours.filter(Boolean).slice(-1).map((colour) => ({ text: words(symbol), form, colour }));
+  return colours.filter(Boolean).map((colour) => ({ text: words(symbol), form, colour }));
 }

@@ -177,11 +177,14 @@ function draw({ type, frame, nodes, vocabulary }) {
 }
 
 function showLegend(vocabulary) {
-  const entries = legend(explained, vocabulary).map(({ text, form, colour }) => {
+  const entries = legend(explained, vocabulary).map(({ text, form, colours }) => {
     const entry = document.createElement("li");
     const swatch = document.createElement("i");
-    swatch.className = form === "line" && isPale(colour) ? "line dark" : form;
-    swatch.style[form === "line" ? "borderColor" : "backgroundColor"] = colour;
+    swatch.className = form === "line" && isPale(colours[0]) ? "line dark" : form;
+    const stops = colours.map((colour, n) => `${colour} ${(100 * n) / colours.length}% ${(100 * (n + 1)) / colours.length}%`);
+    if (form === "line") [swatch.style.borderColor] = colours;
+    else swatch.style.background = `linear-gradient(90deg, ${stops.join(", ")})`;
+    swatch.classList.toggle("wide", colours.length > 1);
     entry.append(swatch, text);
     return entry;
   });
