@@ -188,7 +188,7 @@ def _fate(world: Client, number: int, wait: float) -> OrderStatus | None:
             print_message(_expected(order, world.operator.status().paused))
         if time.monotonic() > until:
             known = "unknown" if order is None else order.fate
-            print_error(f"the order has not ended within {wait:g} s: {known}")
+            print_error(f"the order is still open after {wait:g} s: {known}")
             return order
         time.sleep(POLL_SECONDS)
 
@@ -197,4 +197,5 @@ def _expected(order: OrderStatus, is_paused: bool) -> str:
     """The state of an open order, and what `pub` waits for."""
     if order.state == "waiting":
         return "the world is paused: minerva resume" if is_paused else "waiting for the next frame"
-    return f"{order.fate}; waiting for what becomes of it"
+    follows = "what becomes of it" if order.state == "accepted" else "another agent to complete it"
+    return f"{order.fate}; waiting for {follows}"

@@ -547,8 +547,12 @@ _BY_NAME: Final = Priority()
 class _Order:
     event: Event
     status: OrderStatus
+    able: int = 0
+    """Number of agents that it is for; 0: unknown."""
     accepted: int = -1
     """The frame that it counts in."""
+    failed: set[str] = field(default_factory=set[str])
+    """The agents that have failed it."""
 
 
 class OrderFates:
@@ -559,8 +563,8 @@ class OrderFates:
     may declare that it `completes` or `fails` orders of some types. Such an event of an agent
     concerns the last order of these types that was accepted before, that is addressed to this agent
     or to all, and whose data are equal to those of the event where both have data of one name; and
-    all orders equal to it, because people may give the same order. One agent that fails an order to
-    all does not end it: another agent may still complete it.
+    all orders equal to it, because people may give the same order. An order to all has failed when
+    all agents that respond to its type have failed it: until then, another may still complete it.
 
     An event type may also declare that such an order `replaces` orders of some types: those that
     were before it, that have not ended, whose receivers all receive it, and that are not equal.
@@ -586,14 +590,17 @@ class OrderFates:
         self._last_number = 0
         self._last_change = 0
 
-    def arrive(self, event: Event, person: str, frame: int) -> int:
-        """Note an order that waits for a frame; returns its number."""
+    def arrive(self, event: Event, person: str, frame: int, able: int = 0) -> int:
+        """Note an order that waits for a frame; returns its number.
+
+        `able`: the number of agents that it is for, 0 if that is not known.
+        """
         self._last_number += 1
         number = self._last_number
         status = OrderStatus(
             number, self._next_change(), person, str(event), event.type, "waiting", frame
         )
-        self._orders[number] = _Order(event, status)
+        self._orders[number] = _Order(event, status, able)
         self._waiting.add(number)
         if len(self._orders) > MAX_ORDERS:
             oldest = next(iter(self._orders))
@@ -676,10 +683,12 @@ class OrderFates:
             for number in self._matches(event, self._completes.get(event.type, ()), frame):
                 changed.append(self._change(number, "done", frame, sender, is_open=False))
             for number in self._matches(event, self._fails.get(event.type, ()), frame):
-                to_all = not self._orders[number].event.receivers
-                text = str(event)
-                failed = self._change(number, "failed", frame, sender, is_open=to_all, report=text)
-                changed.append(failed)
+                order, text = self._orders[number], str(event)
+                order.failed.add(sender)
+                rest = not order.event.receivers and len(order.failed) != order.able
+                changed.append(
+                    self._change(number, "failed", frame, sender, is_open=rest, report=text)
+                )
         return changed
 
     def changed_since(self, change: int) -> tuple[OrderStatus, ...]:

@@ -356,16 +356,18 @@ def _send(
         raise ProtocolError(refusal)
     takers = algorithm.members.takers(event.type)
     note = algorithm.orders.without_effect(event)
-    number = running.log.orders.arrive(event, person, algorithm.frame)
+    kinds, composition = algorithm.world.vocabulary.kinds, algorithm.composition
+    counts = [
+        *composition.single.items(),
+        *((p.symbol, p.count) for p in composition.parts.values()),
+    ]
+    able = sum(count for kind, count in counts if event.type in kinds[kind].subscribes)
+    number = running.log.orders.arrive(event, person, algorithm.frame, able)
     running.runner.handle(s.Publish(event, person))
     return {
-        "frame": algorithm.frame,
-        "event": str(event),
-        "through": takers,
-        "by": person,
-        "number": number,
-        **({"note": note} if note else {}),
-    }
+        "frame": algorithm.frame, "event": str(event), "through": takers, "by": person,
+        "number": number, **({"note": note} if note else {}),
+    }  # fmt: skip
 
 
 def publish(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -386,9 +388,9 @@ def publish(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     vocabulary = algorithm.world.vocabulary
     declared = vocabulary.events.get(name)
     if declared is None:
-        raise ProtocolError(
-            f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
-        )
+        known = list(vocabulary.events)
+        hint = nearest(name, known, f"it has {', '.join(known)}")
+        raise ProtocolError(f"the world has no event type {name}{hint}")
     # A condition that no agent can fulfil is an error of the operator.
     vocabulary.check_condition(name, condition, "pub")
     try:
@@ -450,10 +452,7 @@ def _scene(running: WorldRun, _: Mapping[str, Any]) -> dict[str, Any]:
 
 def _fragment(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
     """The text of the outermost agent with an id, or of one in a population."""
-    composition, agent = (
-        running.algorithm.composition,
-        as_text(asked.get("agent"), "the agent"),
-    )
+    composition, agent = running.algorithm.composition, as_text(asked.get("agent"), "the agent")
     # Names of parts are internal, and change when hosts join or leave.
     node = composition.agent(agent) if not agent.startswith(PART) else None
     if node is None:
@@ -463,14 +462,8 @@ def _fragment(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _note(running: WorldRun, asked: Mapping[str, Any], value: object = "") -> None:
     """Note that a person operates the world, with an effect."""
-    running.noted(
-        PersonOperation(
-            running.algorithm.frame,
-            as_text(asked["ask"], "ask"),
-            str(value),
-            person_of(asked),
-        )
-    )
+    frame, operation = running.algorithm.frame, as_text(asked["ask"], "ask")
+    running.noted(PersonOperation(frame, operation, str(value), person_of(asked)))
 
 
 def _pause(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:

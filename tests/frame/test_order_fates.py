@@ -123,3 +123,13 @@ def test_reports_survive_the_wire_and_are_absent_without_any():
     assert (back["eFetched"].completes, back["eLost"].fails) == (("eFetch",), ("eFetch",))
     assert back["eSit"].replaces == ("eSit", "eFetch")
     assert not {"completes", "fails", "replaces"} & plain_vocabulary(Vocabulary.of(eStay)).keys()
+
+
+def test_an_order_to_all_has_failed_when_all_that_it_is_for_have_failed_it():
+    fates = OrderFates(VOCABULARY)
+    fates.arrive(eFetch("tea"), "anna", 0, able=2)
+    fates.judge(eFetch("tea"), "anna", 1)
+    fates.end_frame(1, ())
+    for frame, agent, is_open in ((2, "a", True), (3, "a", True), (4, "b", False)):
+        (order,) = fates.end_frame(frame, [eLost("tea", "gone", sender=agent)])
+        assert (order.state, order.open) == ("failed", is_open)

@@ -155,7 +155,7 @@ def test_pub_waits_for_the_fate_of_an_order(world):
     ask(world, "pause")
     words = ("x=1", "name=n", "--to", "a,b", "--wait", "--timeout", "0.1")
     late = ask(world, "pub", "eWish", *words, code=1)
-    assert "has not ended within 0.1 s: " in late.stderr
+    assert "is still open after 0.1 s: " in late.stderr
     ask(world, "resume")
 
 
