@@ -19,14 +19,10 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Final
 
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
-
 from minerva_bus.errors import KeysError, MisuseError, nearest
 from minerva_bus.security.credentials import FAMILY, HUB, ROLES, SERVERS, family_start
 from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name
+from minerva_bus.wording import install
 from minerva_certificates.key_folder import (
     AUTHORITY,
     REVOKED,
@@ -39,6 +35,14 @@ from minerva_certificates.key_folder import (
     read_key,
     read_revoked,
 )
+
+try:
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+except ImportError:
+    raise KeysError(f"keys need cryptography: {install('tls')}") from None
 
 AUTHORITY_DAYS: Final = 3650
 DAYS: Final = 365

@@ -1,9 +1,11 @@
 """The certificate authority: files, contents of certificates, and invalid certificates."""
 
+import importlib
 import json
 import os
 import ssl
 import stat
+import sys
 from datetime import timedelta
 from pathlib import Path
 
@@ -349,3 +351,11 @@ def test_a_huge_certificate_is_refused_by_its_size(tmp_path, monkeypatch):
 
 def test_roles_are_completed():
     assert complete_roles(None, "op") == [("operator", "")]
+
+
+@pytest.mark.parametrize("name", ["issuing", "key_folder"])
+def test_without_its_library_the_extra_is_named(name, monkeypatch):
+    monkeypatch.delitem(sys.modules, f"minerva_certificates.{name}")
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with pytest.raises(KeysError, match=r"minerva-bus\[tls\]"):
+        importlib.import_module(f"minerva_certificates.{name}")
