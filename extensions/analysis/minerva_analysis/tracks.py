@@ -52,8 +52,8 @@ class Story:
     """The data of a record's plot.
 
     `tracks` by agent; `counts` of each kind over `times`; `distances` of agents to their goals as
-    (times, metres), and the places of their last `goals`. Per frame: the number of `events`, and
-    the wall time of its end in `seconds`.
+    (times, metres), NaN while they have none, and the places of their last `goals`. Per frame: the
+    number of `events`, and the wall time of its end in `seconds`.
     """
 
     ground: Scene
@@ -146,11 +146,16 @@ class _Sampler:
             goal: Any = agent.state.get(OBJECTIVE) if agent.symbol in self._seekers else None
             track = self.tracks.get(agent.id)
             if track is None or not isinstance(goal, str) or goal not in self._labels:
+                if agent.id in self.distances:
+                    self._add_distance(agent.id, time, np.nan)  # A gap in the curve.
                 continue
             x, y = self.goals[agent.id] = self._labels[goal]
-            times, metres = self.distances.setdefault(agent.id, ([], []))
-            times.append(time)
-            metres.append(float(np.hypot(track.x[-1] - x, track.y[-1] - y)))
+            self._add_distance(agent.id, time, np.hypot(track.x[-1] - x, track.y[-1] - y))
+
+    def _add_distance(self, agent: str, time: float, distance: float) -> None:
+        times, metres = self.distances.setdefault(agent, ([], []))
+        times.append(time)
+        metres.append(float(distance))
 
 
 class _Labels(PlaneGeometry):

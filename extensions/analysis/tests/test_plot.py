@@ -12,7 +12,7 @@ from minerva_analysis.places import Surveyor
 from minerva_analysis.plot_command import plot_file
 from minerva_analysis.plotting import LABEL_HEIGHT, label_ends
 from minerva_analysis.tables import read_table
-from minerva_analysis.tracks import MAX_AGENTS, story_of
+from minerva_analysis.tracks import MAX_AGENTS, _Sampler, story_of
 from minerva_bus import Agent, Default, Degrees, Metres, Motion, Transformation, Vocabulary
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MinervaError, MisuseError
@@ -39,6 +39,12 @@ class Mole(Agent, symbol="AMole"):
     column: int
     cell: float = 0.5
     x0: float = 10.0
+
+
+class Seeker(Agent, symbol="ASeeker"):
+    x: Metres
+    y: Metres
+    objective: str = ""
 
 
 class Name(Agent, symbol="AName"):
@@ -109,6 +115,17 @@ def test_tracks_are_where_agents_were(name, tmp_path):
             assert (track.x[-1], track.y[-1], track.times[-1]) == (x, y, story.times[-1])
             assert story.is_there(track)
     assert len(story.events) == len(story.seconds) == len(strings) - 1
+
+
+def test_the_distance_has_a_gap_without_an_objective(tmp_path, monkeypatch):
+    monkeypatch.setattr("minerva_analysis.tracks.labels", lambda *_: {"kitchen": (0.0, 0.0)})
+    world = Vocabulary.of(TAt, Seeker)
+    sampler = _Sampler(world.read(""), world)
+    for time, goal in enumerate(("", "kitchen", "", "kitchen")):
+        sampler.sample(time, world.read(f'ASeeker#a<x=3, y=4, objective="{goal}">'))
+    times, metres = sampler.distances["a"]
+    assert times == [1, 2, 3]
+    np.testing.assert_equal(metres, [5.0, np.nan, 5.0])
 
 
 def test_the_distance_to_the_objective(tmp_path):
