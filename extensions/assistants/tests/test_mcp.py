@@ -215,13 +215,17 @@ def test_tools_have_examples_and_none_is_for_what_the_world_rejects(served):
 
 
 def test_a_long_text_is_read_in_parts(served, monkeypatch):
-    monkeypatch.setattr("minerva_assistants.mcp.observing.MAX_TEXT", 10)
     server = served()
     answer(server, "pause")
-    first = answer(server, "read_string")
-    second = answer(server, "read_string", offset=first["next"])
+    first = answer(server, "read_string", length=10)
+    second = answer(server, "read_string", offset=first["next"], length=10)
     assert len(first["string"]) == first["next"] == 10
     assert second["string"] != first["string"]
+    (beyond,) = talk(server, ("read_string", {"offset": 10**6}))
+    assert "characters; offset is 1000000" in beyond.content[0].text
+    (agent, *_) = answer(server, "find_agents", kind="AWalker")["agents"]
+    named = answer(server, "read_string", agent=f"#{agent['id']}")
+    assert named["string"].startswith("AWalker#")
     monkeypatch.setattr("minerva_assistants.mcp.observing.MAX_VALUE", 0)
     (agent, *_) = answer(server, "find_agents", kind="AWalker")["agents"]
     assert agent["x"].endswith(f"read_string with agent={agent['id']!r} has all)")
@@ -234,7 +238,9 @@ def test_worlds_run_and_are_compared_and_plotted(served):
             server, "run_world", world="meadow", frames=3, seed=seed, record=f"{seed}.mcap",
             collect={"rabbits": "count(ARabbit)"}, into=f"{seed}.csv",
         )  # fmt: skip
-        assert done["frames"] == 3
+        assert (done["frames"], done["record"], done["table"]) == (3, f"{seed}.mcap", f"{seed}.csv")
+        assert done["last_row"]["frame"] == 3
+        assert done["last_row"]["rabbits"] > 0
     assert answer(server, "diff", a="1.mcap", b="1.mcap")["same"]
     assert not answer(server, "diff", a="1.mcap", b="2.mcap")["same"]
     (plotted,) = talk(server, ("plot", {"file": "1.csv"}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from minerva_services.web_access import new_token
 
 
 def serve_assistants(
-    target: WorldTarget, allow: list[str], listen: str, folder: Path, code: str, as_json: bool
+    target: WorldTarget, allow: Iterable[str], listen: str, folder: Path, code: str, as_json: bool
 ) -> None:
     """Serve at standard input and output, or at an address, until the client leaves or Ctrl-C."""
     try:

@@ -92,6 +92,8 @@ def _remedy(error: Any, tool: Tool) -> str:
     if error.validator == "maxLength":
         return f"; at most {error.validator_value} characters"
     known = [*tool.properties]
+    if error.validator == "required" and not error.path:
+        return f"; it takes {', '.join(known)}"
     unknown = error.validator == "additionalProperties" and not error.path
     names = [name for name in error.instance if name not in known] if unknown else []
     listed = f"it takes {', '.join(known) or 'none'}"

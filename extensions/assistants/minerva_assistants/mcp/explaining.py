@@ -15,18 +15,18 @@ def _explain(call: ToolCall) -> Result:
     arguments = call.arguments
     if not {"file", "agent", "attribute"} & arguments.keys():
         return explain_world(call.link.live().operator).plain()
+    who, what = arguments.get("agent", "").removeprefix("#"), arguments.get("attribute", "")
     missing = [name for name in ("agent", "attribute") if name not in arguments]
     if missing:
         raise MisuseError(f"explain needs `{missing[0]}`: whose value to explain")
     if "file" not in arguments:
         code = _installed(arguments["world"]) if "world" in arguments else None
         operator, frame = call.link.live().operator, arguments.get("frame")
-        who, what = arguments["agent"], arguments["attribute"]
         return explain_running_value(operator, code, who, what, frame).plain()
     words = ["explain", input_file(call, "file", ".mcap")]
     # The world file that a record names may be any, so its code is not run.
     words.append(_installed(arguments["world"]) if "world" in arguments else "--no-code")
-    words += [f"--agent={arguments['agent']}", f"--attribute={arguments['attribute']}"]
+    words += [f"--agent={who}", f"--attribute={what}"]
     words += [f"--frame={arguments['frame']}"] if "frame" in arguments else []
     return run_command(call, *words)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import time
 from collections.abc import Iterator
@@ -18,9 +19,13 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import installed_worlds
 from minerva_bus.launch.registry import running
 from minerva_bus.runtime.operator_client import status_object
+from minerva_bus.wording import install
 
 MAX_TEXT: Final = 100_000
 """Characters of the longest text in a result."""
+
+USUAL_TEXT: Final = 20_000
+"""Characters of a text of which no other length is asked."""
 
 MAX_WAIT: Final = 300
 POLL_SECONDS: Final = 0.1
@@ -30,9 +35,11 @@ MAX_VALUE: Final = 2000
 """Characters of the longest value of an attribute in a list of agents."""
 
 
-def _part(long: str, offset: int) -> dict[str, Any]:
+def _part(long: str, offset: int, length: int) -> dict[str, Any]:
     """A part of a string; `next` is the offset of the one after it, if there is more."""
-    end = offset + MAX_TEXT
+    if offset > len(long):
+        raise MisuseError(f"the string has {len(long)} characters; offset is {offset}")
+    end = offset + length
     more = {"next": end, "characters": len(long)} if end < len(long) else {}
     return {"string": long[offset:end], **more}
 
@@ -76,16 +83,20 @@ def _vocabulary(call: ToolCall) -> Result:
     return vocabulary_object(call.link.vocabulary())
 
 
-def string_object(call: ToolCall, agent: str = "", offset: int = 0) -> dict[str, Any]:
+def string_object(
+    call: ToolCall, agent: str = "", offset: int = 0, length: int = MAX_TEXT
+) -> dict[str, Any]:
     """The string of the world, or the text of one agent, from a character on."""
     live = call.link.live()
     if agent:
-        return {"agent": agent, **_part(live.operator.fragment(agent), offset)}
-    return {"frame": live.frame, **_part(str(live.scene), offset)}
+        return {"agent": agent, **_part(live.operator.fragment(agent), offset, length)}
+    return {"frame": live.frame, **_part(str(live.scene), offset, length)}
 
 
 def _string(call: ToolCall) -> Result:
-    return string_object(call, call.arguments.get("agent", ""), call.arguments.get("offset", 0))
+    arguments = call.arguments
+    agent, offset = arguments.get("agent", "").removeprefix("#"), arguments.get("offset", 0)
+    return string_object(call, agent, offset, arguments.get("length", USUAL_TEXT))
 
 
 def events_object(call: ToolCall, since: int = 0) -> dict[str, Any]:
@@ -211,7 +222,14 @@ def picture_of(call: ToolCall, event: str, width: int = 600) -> str:
 
 def _picture(call: ToolCall) -> Result:
     svg = picture_of(call, call.arguments.get("event", ""), call.arguments.get("width", 600))
-    return ToolImage(svg.encode(), "image/svg+xml")
+    try:
+        rendering: Any = importlib.import_module("minerva_services.views.svg.rendering")
+    except ImportError:
+        # Few models read it.
+        if len(svg) > MAX_TEXT:
+            raise MisuseError(f"the picture is too large for SVG; {install('picture')}") from None
+        return ToolImage(svg.encode(), "image/svg+xml")
+    return ToolImage(rendering.png(svg), "image/png")
 
 
 _KIND = text("Kind of agents, such as ARobot; see `vocabulary`.")
@@ -234,8 +252,9 @@ TOOLS: Final = (
         " more: read on with this offset; pause the world before, because its string changes.",
         _string,
         {
-            "agent": text("Id of an agent, without #.", pattern=AGENT_ID),
+            "agent": text("Id of an agent.", pattern=AGENT_ID),
             "offset": whole("Character to begin at.", 0, 2**53, default=0),
+            "length": whole("Characters to return.", 1, MAX_TEXT, default=USUAL_TEXT),
         },
         example={"agent": "r1"},
     ),
@@ -286,7 +305,7 @@ TOOLS: Final = (
     ),
     Tool(
         "picture",
-        "Draw the string as SVG.",
+        "Draw the string, as PNG.",
         _picture,
         {
             "event": text("Visual event type; default: ePicture."),

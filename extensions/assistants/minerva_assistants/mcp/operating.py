@@ -68,7 +68,7 @@ def _send(call: ToolCall, name: str, data: Mapping[str, Any]) -> dict[str, Any]:
     live.vocabulary.check_condition(name, condition, name)
     # Not `declared(**data)`: a datum must not become a receiver or a sender.
     values = declared.fields.bind(name, (), dict(data))
-    receivers = tuple(sorted(set(call.arguments.get("to", ()))))
+    receivers = tuple(sorted({id.removeprefix("#") for id in call.arguments.get("to", ())}))
     event = Event(name, declared.fields.names, values, condition, receivers=receivers)
     live.publish(event, call.person)
     return {"event": shortened(str(event), MAX_EVENT), "frame": live.frame}

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, cast
 
+from minerva_analysis.tables import read_table
 from minerva_assistants.mcp.tool import Result, Tool, ToolCall, ToolImage, text, whole
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.installed import declared_options, installed_worlds
@@ -147,12 +148,20 @@ def _run(call: ToolCall) -> Result:
         words.append(f"--seed={arguments['seed']}")
     if "record" in arguments:
         words.append(f"--record={file_inside(call.folder, arguments['record'], '.mcap')}")
-    for name, expression in arguments.get("collect", {}).items():
-        words.append(f"--collect={name}={expression}")
-    if "collect" in arguments:
-        into = file_inside(call.folder, arguments.get("into", "collected.csv"), ".csv", ".parquet")
-        words.append(f"--into={into}")
-    return run_command(call, *words)
+    files = {name: arguments[name] for name in ("record",) if name in arguments}
+    if "collect" not in arguments:
+        return {**run_command(call, *words), **files}
+    name = arguments.get("into", "collected.csv")
+    into = file_inside(call.folder, name, ".csv", ".parquet")
+    answer = run_command(call, *words, *_collected(call), f"--into={into}")
+    table = read_table(into)
+    last = {column: table[column].tolist()[-1] for column in table.columns if len(table)}
+    return {**answer, **files, "table": name, "last_row": last}
+
+
+def _collected(call: ToolCall) -> list[str]:
+    given = call.arguments.get("collect", {})
+    return [f"--collect={name}={expression}" for name, expression in given.items()]
 
 
 def _sweep(call: ToolCall) -> Result:
@@ -181,7 +190,7 @@ def _diff(call: ToolCall) -> Result:
 def _plot(call: ToolCall) -> Result:
     arguments = call.arguments
     words = ["plot", input_file(call, "file", ".mcap", ".csv", ".parquet")]
-    words += [f"--collect={entry}" for entry in arguments.get("collect", ())]
+    words += _collected(call)
     words += [f"--{name}={arguments[name]}" for name in ("series", "x") if name in arguments]
     words += ["--bars"] if arguments.get("bars") else []
     with temporary_folder("mcp") as folder:
@@ -194,6 +203,13 @@ _NAME: Final = "^[A-Za-z_][A-Za-z0-9_.-]*$"
 _WORLD: Final = text("Installed world, or a world file (.toml) in the server's folder.")
 _FRAMES: Final = whole("Number of frames.", 1, 1_000_000)
 SECONDS: Final = whole("Time limit in seconds.", 1, MAX_SECONDS, default=60)
+_COLLECT: Final = {
+    "type": "object",
+    "description": "Expressions by name, such as {'sick': 'count(APerson, days > 0)'}.",
+    "propertyNames": {"pattern": _NAME},
+    "additionalProperties": text("Expression.", 1000),
+    "maxProperties": 50,
+}
 _SCALAR: Final = {"type": ["number", "boolean", "string"], "maxLength": 1000}
 
 READING: Final = (
@@ -211,11 +227,7 @@ READING: Final = (
         _plot,
         {
             "file": text("Record (.mcap) or table (.csv, .parquet)."),
-            "collect": {
-                "type": "array",
-                "items": text("NAME=EXPRESSION, such as 'sick=count(APerson, days > 0)'.", 1000),
-                "maxItems": 50,
-            },
+            "collect": _COLLECT,
             "series": text("Columns to plot, separated by commas."),
             "x": text("Column along the axis."),
             "bars": {"type": "boolean", "description": "Histograms of the last frame."},
@@ -243,13 +255,7 @@ RUNNING: Final = (
                 "maxProperties": 50,
             },
             "record": text("Record of the run to write (.mcap)."),
-            "collect": {
-                "type": "object",
-                "description": "Expressions by name, such as {'sick': 'count(APerson, days > 0)'}.",
-                "propertyNames": {"pattern": _NAME},
-                "additionalProperties": text("Expression.", 1000),
-                "maxProperties": 50,
-            },
+            "collect": _COLLECT,
             "into": text("Table for collected data (.csv, .parquet).", default="collected.csv"),
             "seconds": SECONDS,
         },

@@ -10,8 +10,8 @@ from typing import Any, Final, TypeAlias
 
 from minerva_assistants.mcp.connection import WorldConnection
 
-AGENT_ID: Final = "^[A-Za-z0-9_][A-Za-z0-9_:-]*$"
-"""Pattern of the id of an agent, without #."""
+AGENT_ID: Final = "^#?[A-Za-z0-9_][A-Za-z0-9_:-]*$"
+"""Pattern of the id of an agent; messages write it with #, the string is without."""
 
 
 @dataclass(frozen=True, slots=True)
