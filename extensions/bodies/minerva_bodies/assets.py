@@ -132,8 +132,13 @@ def check_path(where: str, file: str) -> None:
 def _local(where: str, file: str) -> Path | None:
     """The file in the first folder that has it. Raises BodiesError for one outside of it."""
     for folder in _folders():
-        path = (folder / file).resolve()
-        if path.is_file():
+        try:
+            path = (folder / file).resolve()
+            exists = path.is_file()
+        except (OSError, ValueError) as error:  # Such as a name that is too long.
+            why = error.strerror if isinstance(error, OSError) else "no name of a file"
+            raise BodiesError(f"{where}: {why}") from None
+        if exists:
             if not path.is_relative_to(folder):
                 raise BodiesError(f"{where}: {folder / file} leads out of its folder")
             return path

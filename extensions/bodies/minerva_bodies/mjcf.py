@@ -78,6 +78,7 @@ _PART, _POINT = 0.1, 0.02
 """Part of the mass of a body with several joints that each further one has, and its radius."""
 _LIGHT = 1e-3
 """Density of a solid without mass, kg/m³."""
+_MAX_INCLUDES: Final = 100
 _LEAST: Final = 1e-3
 """Damping (N·m·s or N·s/m) of a motor with a force: it acts by its speed."""
 
@@ -227,6 +228,9 @@ class _Reader(RobotReader):
         self._bodies = set[str]()
         self._share = 1.0
         """Part of its mass that the next body has."""
+        self._includes = 0
+        self._masses = Counter[str]()
+        """Of the bodies that move, kg."""
         self._scenery = EMPTY
 
     def robot(self, data: bytes) -> Mjcf:
@@ -273,6 +277,9 @@ class _Reader(RobotReader):
             raise self.error(
                 root, f"bodies in space have no {listed}; ignore={list(left)} leaves it out"
             )
+        for name, mass in self._masses.items():
+            if not mass > 0.0:
+                raise self.error(self._where[name], f"the body {name!r} moves, and has no mass")
         for name, scene in self._links.items():
             if not scene:
                 raise self.error(
@@ -302,8 +309,11 @@ class _Reader(RobotReader):
                 children.append(self._included(child, files))
                 continue
             file = self.beside(self.attribute(child, "file"))
-            if file in files or len(files) > 9:
+            if file in files:
                 raise self.error(child, f"{file!r} includes itself")
+            self._includes += 1
+            if self._includes > _MAX_INCLUDES:
+                raise self.error(child, f"more than {_MAX_INCLUDES} files are included")
             try:
                 _, data = read_asset(f"include {file!r}", file)
             except BodiesError as error:
@@ -347,7 +357,10 @@ class _Reader(RobotReader):
             elif element.tag == "mesh":
                 mesh = self._full(element, "main")
                 file = self.attribute(mesh, "file")
-                self._meshes[mesh.attributes.get("name", PurePosixPath(file).stem)] = mesh
+                name = mesh.attributes.get("name", PurePosixPath(file).stem)
+                if name in self._meshes:
+                    raise self.error(mesh, f"the mesh {name!r} appears twice")
+                self._meshes[name] = mesh
             else:
                 self._leave(element, element.tag)
 
@@ -497,9 +510,12 @@ class _Reader(RobotReader):
         share, self._share = self._share, 1.0
         color = next((c for c in map(self._color_of, geoms) if c), self.color)
         fixed = not link or self.fixes
+        weighed = self._weighed(body, geoms, link)
+        if not fixed:
+            self._masses[link] += sum(solid.volume * density for _, solid, density in weighed)
         shown = [
             (geom, solid, self._matter(geom, max(_LIGHT, share * density), fixed), color)
-            for geom, solid, density in self._weighed(body, geoms, link)
+            for geom, solid, density in weighed
         ]
         return self.shown(link or "world", shown, within)
 
@@ -519,6 +535,8 @@ class _Reader(RobotReader):
                 density = self.number(geom, "density", 1000.0)
                 if "mass" in geom.attributes and solid.volume:
                     density = self.number(geom, "mass") / solid.volume
+                if density < 0.0:
+                    raise self.error(geom, f"a density of {density:g} kg/m³; expected 0 or more")
                 rows.append((geom, solid, density))
         inertial = body.first("inertial")
         if inertial is None or self._compiler.get("inertiafromgeom") == "true":
@@ -623,8 +641,10 @@ class _Reader(RobotReader):
                 return _about(numbers[:3], self._degrees() * numbers[3])
             if given == ["xyaxes"]:
                 return _axes(numbers[:3], numbers[3:])
-            made = Rigid()
-            for letter, angle in zip(self._compiler.get("eulerseq", "xyz"), numbers, strict=True):
+            made, order = Rigid(), self._compiler.get("eulerseq", "xyz")
+            if len(order) != 3 or not {*order.lower()} <= {*"xyz"}:
+                raise ValueError(f"eulerseq is {order!r}; expected three of x, y and z")
+            for letter, angle in zip(order, numbers, strict=True):
                 axis = [float(letter.lower() == each) for each in "xyz"]
                 turn = _about(axis, self._degrees() * angle)
                 # Small letters are axes that turn with the body.

@@ -24,7 +24,7 @@ from minerva_bus import Default, Metres, Primitive, Scene, Transformation
 from minerva_bus.grammar.appearance import Disc
 from minerva_bus.grammar.scene import EMPTY
 
-_MAX_DEPTH, _MAX_ELEMENTS = 30, 100_000
+_MAX_DEPTH, _MAX_ELEMENTS, _MAX_TEXT = 30, 100_000, 500
 _AXES = dict.fromkeys("xyz", Default(Metres, 0.0)) | {"w": Default(float, 1.0)}
 
 TPlace: Final = Transformation(
@@ -174,6 +174,10 @@ class RobotReader:
         except expat.ExpatError as error:
             at = Element("", {}, error.lineno)
             raise self.error(at, f"no XML: {expat.ErrorString(error.code)}") from None
+        except BodiesError:
+            raise
+        except (LookupError, ValueError) as error:  # Of the codec that the file names.
+            raise self.error(Element("", {}, 1), f"no XML: {error}") from None
         return top.children[0]
 
     def named(self, root: Element, tag: str) -> dict[str, Element]:
@@ -221,7 +225,7 @@ class RobotReader:
         return numbers
 
     def error(self, element: Element, what: str) -> BodiesError:
-        return BodiesError(f"robot {self.file!r}, line {element.line}: {what}")
+        return BodiesError(f"robot {self.file!r:.200}, line {element.line}: {_line(what)}")
 
     def _symbol(self, name: str) -> str:
         """A name that no symbol has so far."""
@@ -306,6 +310,11 @@ class RobotReader:
         parts = self.numbers(element, name, 4)[:3]
         levels = [min(255, max(0, round(255 * part))) for part in parts]
         return "#" + "".join(f"{level:02x}" for level in levels)
+
+
+def _line(text: str) -> str:
+    """A text with names of the file, in a line."""
+    return " ".join(text.split())[:_MAX_TEXT]
 
 
 def words_of(name: str) -> str:

@@ -73,6 +73,11 @@ class _Reader(RobotReader):
         root = self.parsed(data)
         if root.tag != "robot":
             raise self.error(root, f"the outermost element is <{root.tag}>; expected <robot>")
+        macro = next((child for child in root.children if child.tag.startswith("xacro:")), None)
+        if macro is not None:
+            raise self.error(
+                macro, f"<{macro.tag}> is a macro; read what `xacro {self.file}` prints"
+            )
         self.title = words_of(self.name_of(root))
         for material in root.all("material"):
             self._material(material)

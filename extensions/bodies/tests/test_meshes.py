@@ -1,7 +1,9 @@
 """Assets: files beside the world and in packages, their digests, and surfaces that are none."""
 
 import hashlib
+import json
 import struct
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +24,19 @@ def folder(tmp_path, monkeypatch):
     # As for a command, whose own folder is searched, too.
     monkeypatch.syspath_prepend(tmp_path / "commands")
     return tmp_path
+
+
+def scene(**changes):
+    """A GLB file of a triangle without data, with other parts."""
+    parts: dict[str, Any] = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"componentType": 5126, "count": 3, "type": "VEC3"}],
+    }
+    text = json.dumps(parts | changes).encode()
+    return struct.pack("<4s4I", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A) + text
 
 
 def glb(positions=((0, 0, 0), (1, 0, 0), (0, 2, 0))):
@@ -63,13 +78,19 @@ def test_a_digest_in_the_name_is_checked(folder):
         ("huge.stl", "huge", "bytes; expected at most"),
         ("a.dae", b"", "of the type .obj, .stl, .glb"),
         ("a.glb", b"glTF", "no GLB file"),
-        ("a.obj", b"v 0 0 nan\nf 1 1 1", "not a number"),
-        ("a.obj", b"v 0 0 1\nf 1 2 3", "a triangle has point 3 of 1"),
+        ("a.obj", b"v 0 0 nan\nf 1 1 1", "line 1: 'v 0 0 nan': expected three numbers"),
+        ("a.obj", b"v 0 0 1\nf 1 2 3", "line 2: 'f 1 2 3': the file has 1 points"),
         ("a.obj", b"v 0 0 1\nf 1 x 3", "line 2"),
+        ("a.obj", b"v 0 0 1\nf 1 1 99999999999999999999", "line 2"),
+        (f"{'a' * 300}.obj", None, "File name too long"),
         ("a.obj", b"v 0 0 1\n", "0 triangles"),
         ("a.stl", b"solid", "no STL file"),
-        ("a.stl", b"solid\nvertex 1 2\n", "STL"),
+        ("a.stl", b"solid\nvertex 1 2\n", "line 2: 'vertex 1 2': expected three numbers"),
         ("a.stl", bytes(200), "no STL file"),
+        ("a.glb", scene(buffers=[{"uri": "b.bin"}]), "its data are in another file, 'b.bin'"),
+        ("a.glb", scene(nodes=[{"children": [0]}]), "has two parents"),
+        ("a.glb", scene(accessors=[{"count": 10**9}]), "more than 1000000 triangles"),
+        ("a.glb", scene(extensionsRequired=["EXT_meshopt_compression"]), "are compressed by EXT"),
         ("open.obj", TETRAHEDRON[:-8], "it is open: 3 of 6 edges have one triangle"),
     ],
 )
@@ -84,6 +105,6 @@ def test_what_is_no_mesh_is_an_error_with_its_file(folder, file, data, says):
         (folder / file).write_bytes(data)
     with pytest.raises(BodiesError) as caught:
         check_closed(file, load_mesh(file))
-    assert f"mesh {file!r}" in str(caught.value)
+    assert f"mesh {file!r:.99}" in str(caught.value)
     assert says.replace("FOLDER", str(folder)) in str(caught.value)
     assert len(str(caught.value).splitlines()) <= 10

@@ -82,11 +82,16 @@ def test_meshes_have_digests_by_which_views_get_them_from_other_members(tmp_path
     [
         ("<robot", "line 1: no XML: unclosed token"),
         ('<!DOCTYPE r [<!ENTITY a "b">]>\n<robot name="&a;"/>', "line 1: a document type"),
+        ('<?xml version="1.0" encoding="rot13"?><robot/>', "line 1: no XML: "),
+        (
+            robot("<xacro:include/>").replace(">", ' xmlns:xacro="x">', 1),
+            "line 2: <xacro:include> is",
+        ),
         ("<world/>", "line 1: the outermost element is <world>"),
         (robot(), "line 1: a robot without a <link>"),
         (robot(A, A), "line 3: the link 'a' appears twice"),
         (robot(A, B), "line 1: 2 links have no parent"),
-        (robot(A, B, JOINT.format("floating", "")), "line 4: the joint 'j' is floating; expected"),
+        (robot(A, B, JOINT.format("a&#10;b", "")), "line 4: the joint 'j' is a b; expected"),
         (robot(A, B, JOINT.format("revolute", "")), "line 4: the joint 'j' has no <limit>"),
         (robot(A, JOINT.format("fixed", "")), "line 3: the joint 'j': there is no link 'fore_arm'"),
         (robot(A, B, JOINT.format("revolute", LIMIT)).replace("1 0 2", "1 x 2"), "line 5: xyz"),
