@@ -32,6 +32,8 @@ SIZES = {
     "wheel": 2,
 }
 """Solids by name, with the number of their sizes."""
+LEAST = 1e-9
+"""Size of a solid, metres: single precision has its mass."""
 DYNAMIC, FIXED, KINEMATIC = 0.0, 1.0, 2.0
 JOINTS = ("fixed", "revolute", "prismatic", "spherical")
 AXIAL = ("revolute", "prismatic")
@@ -81,7 +83,7 @@ class Matter:
             raise BodiesError(
                 f"{self}: physics cannot move a solid without mass; expected density > 0"
             )
-        if not -1 <= self.group <= 31:
+        if self.group not in range(-1, 32):
             raise BodiesError(f"{self}: expected a group from -1 to 31")
 
     @property
@@ -303,8 +305,8 @@ def _solid(
     meaning: str,
 ) -> Disc:
     for size in sizes:
-        if not isinstance(size, str) and not 0 < size < 1e6:
-            raise BodiesError(f"{name}: a size is {size}; expected metres above 0, below 1e6")
+        if not isinstance(size, str) and not LEAST <= size < 1e6:
+            raise BodiesError(f"{name}: a size is {size}; expected metres from {LEAST}, below 1e6")
     height = 0.3 if isinstance(half, str) else 2.0 * half
     spatial: Spatial = (name, *matter.measures, *sizes)
     return Disc(radius, color, height=height, meaning=meaning, spatial=spatial)

@@ -25,6 +25,7 @@ from minerva_bodies.forms import (
     DYNAMIC,
     JOINTS,
     KINEMATIC,
+    LEAST,
     MATERIAL,
     SIZES,
     UNFELT,
@@ -170,9 +171,10 @@ class SpaceGeometry(Geometry):
             )
         material, sizes = values[:MATERIAL], values[MATERIAL:]
         for size in sizes:
-            if isinstance(size, float) and not 0.0 < size < 1e6:
+            if isinstance(size, float) and not LEAST <= size < 1e6:
                 raise BodiesError(
-                    f"{_where(owner, figure)}: a size is {size:g}; expected metres from 0 to 1e6"
+                    f"{_where(owner, figure)}: a size is {size:g}; expected metres from {LEAST:g},"
+                    " below 1e6"
                 )
         if owner and form == "terrain" and material[3] == DYNAMIC:
             raise BodiesError(f"{_where(owner, figure)}: a terrain cannot move; make it fixed")
@@ -295,7 +297,10 @@ def moved(motion: Motion, node: TransformationNode, owner: str) -> Rigid:
     spatial: Spatial = motion.spatial or ("euler", 0.0, 0.0, 0.0)
     z, *rest = map(number, spatial[1:])
     if spatial[0] == "quaternion":
-        return Rigid.quaternion(x, y, z, *rest)
+        try:
+            return Rigid.quaternion(x, y, z, *rest)
+        except BodiesError as error:
+            raise BodiesError(f"{_where(owner, node)}: {error}") from None
     if spatial[0] != "euler":
         raise BodiesError(
             f"{node.symbol} has the form {spatial[0]!r} in space; expected euler, quaternion,"

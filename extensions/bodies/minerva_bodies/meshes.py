@@ -21,7 +21,7 @@ Surface: TypeAlias = tuple[NDArray[np.float64], NDArray[np.uint32]]
 """Points (n, 3) in metres, and triangles (m, 3), counter-clockwise as seen from outside."""
 
 MAX_TRIANGLES, MAX_COORDINATE = 1_000_000, 1e6
-_HEADER, _TRIANGLE = 84, 50
+_HEADER, _TRIANGLE, _FLAT = 84, 50, 1e-12
 
 
 def load_mesh(name: str) -> Surface:
@@ -46,7 +46,7 @@ def read_mesh(where: str, file: str, data: bytes) -> Surface:
 
 
 def check_closed(name: str, surface: Surface) -> None:
-    """Raises BodiesError for a surface with a border, which has no inside."""
+    """Raises BodiesError for a surface with a border, or of one plane, which has no inside."""
     points, triangles = surface
     _, same = np.unique(points.round(9), axis=0, return_inverse=True)
     corners = same.ravel()[triangles]
@@ -58,6 +58,9 @@ def check_closed(name: str, surface: Surface) -> None:
             f"mesh {name!r}: it is open: {opened} of {len(count)} edges have one triangle; a body"
             " that moves needs a closed surface"
         )
+    least, _, largest = np.linalg.eigvalsh(np.cov(points.T))
+    if not least > _FLAT * largest:
+        raise BodiesError(f"mesh {name!r}: it is flat; a body that moves needs a volume")
 
 
 def _obj(where: str, data: bytes) -> Surface:
@@ -143,7 +146,7 @@ def _check_glb(data: bytes) -> None:
     magic, _, _, size = struct.unpack_from("<4s3I", data.ljust(20))
     if magic != b"glTF":
         raise BodiesError("no GLB file: it does not begin with glTF")
-    scene = json.loads(data[20 : 20 + size])
+    scene: Any = json.loads(data[20 : 20 + size])
     for buffer in scene.get("buffers", ()):
         if not buffer.get("uri", "data:").startswith("data:"):
             file = f"{buffer['uri']!r:.60}"
@@ -157,13 +160,13 @@ def _check_glb(data: bytes) -> None:
     roots = [root for each in scene.get("scenes", ()) for root in dict.fromkeys(each["nodes"])]
     if len({*inner}) < len(inner) or not {*inner}.isdisjoint(roots):
         raise BodiesError("a node of its scene has two parents; expected a tree")
-    counts = [each["count"] for each in scene.get("accessors", ())]
+    counts: list[int] = [abs(each["count"]) for each in scene.get("accessors", ())]
     # Each mesh is read once, and copied for each node that shows it.
-    meshes = [
-        sum(counts[each.get("indices", each["attributes"]["POSITION"])] for each in parts)
-        for parts in (mesh["primitives"] for mesh in scene.get("meshes", ()))
-    ]
-    shown = sum(meshes[node["mesh"]] for node in nodes if "mesh" in node)
+    meshes = [0] * len(scene.get("meshes", ()))
+    for number, mesh in enumerate(scene.get("meshes", ())):
+        for part in mesh["primitives"]:
+            meshes[number] += counts[part.get("indices", part["attributes"]["POSITION"])]
+    shown = sum(meshes[int(node["mesh"])] for node in nodes if "mesh" in node)
     if max(sum(counts) / 4, sum(meshes), shown) > 3 * MAX_TRIANGLES:
         raise BodiesError(f"its scene has more than {MAX_TRIANGLES} triangles")
 

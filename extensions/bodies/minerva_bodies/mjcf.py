@@ -229,7 +229,7 @@ class _Reader(RobotReader):
         self._share = 1.0
         """Part of its mass that the next body has."""
         self._includes = 0
-        self._masses = Counter[str]()
+        self._masses: dict[str, float] = {}
         """Of the bodies that move, kg."""
         self._scenery = EMPTY
 
@@ -512,7 +512,8 @@ class _Reader(RobotReader):
         fixed = not link or self.fixes
         weighed = self._weighed(body, geoms, link)
         if not fixed:
-            self._masses[link] += sum(solid.volume * density for _, solid, density in weighed)
+            own = sum(solid.volume * density for _, solid, density in weighed)
+            self._masses[link] = self._masses.get(link, 0.0) + own
         shown = [
             (geom, solid, self._matter(geom, max(_LIGHT, share * density), fixed), color)
             for geom, solid, density in weighed

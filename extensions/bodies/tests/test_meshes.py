@@ -91,6 +91,7 @@ def test_a_digest_in_the_name_is_checked(folder):
         ("a.glb", scene(nodes=[{"children": [0]}]), "has two parents"),
         ("a.glb", scene(accessors=[{"count": 10**9}]), "more than 1000000 triangles"),
         ("a.glb", scene(extensionsRequired=["EXT_meshopt_compression"]), "are compressed by EXT"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 3 2\n", "it is flat"),
         ("open.obj", TETRAHEDRON[:-8], "it is open: 3 of 6 edges have one triangle"),
     ],
 )
