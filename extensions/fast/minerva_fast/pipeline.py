@@ -11,6 +11,7 @@ the kernel calls, and for each of these twice. Imports numba, so only `library` 
 
 from __future__ import annotations
 
+from functools import cache
 from operator import getitem, setitem
 from typing import Any, Final
 
@@ -53,6 +54,13 @@ class _Function(types.Function):
 register_model(_Function)(OpaqueModel)
 
 
+@cache  # numba forgets types that nobody refers to
+def _known(function: types.Function) -> _Function:
+    made = _Function(function.templates)
+    made._impl_keys = function._impl_keys
+    return made
+
+
 class _Types:
     """numba's types. It tries all forms of an operator for each use; here it does so once."""
 
@@ -64,11 +72,7 @@ class _Types:
 
     def resolve_value_type(self, value: Any) -> Any:
         known = self._context.resolve_value_type(value)
-        if type(known) is not types.Function:
-            return known
-        made = _Function(known.templates)  # the same for the same function
-        made._impl_keys = known._impl_keys
-        return made
+        return _known(known) if type(known) is types.Function else known
 
     def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
         if function is getitem:

@@ -110,3 +110,27 @@ def test_functions_that_a_kernel_calls_have_no_machine_code_of_their_own(tmp_pat
     assert machine_code.load_kernel(text, "a test")(-7) == 7
     assert "run" in made
     assert not made & {"absolute", "bound"}
+
+
+def test_the_types_of_an_operator_are_computed_once(tmp_path, monkeypatch):
+    from numba.core.types.functions import BaseFunction
+
+    from minerva_fast import machine_code
+
+    asked, resolve = [], BaseFunction.get_call_type
+
+    def noted(function, context, *arguments):
+        asked.append(function)
+        return resolve(function, context, *arguments)
+
+    monkeypatch.setattr(BaseFunction, "get_call_type", noted)
+    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
+    text = (
+        "from minerva_fast.library import *\n\n"
+        "@kernel(int64(int64))\ndef run(number):\n    return {}\n"
+    )
+    load = machine_code.load_kernel
+    assert load(text.format("number + 3 - number * 2"), "a test")(7) == -4
+    asked.clear()
+    assert load(text.format("number - number * 2 + 3"), "a test")(7) == -4
+    assert not asked
