@@ -216,3 +216,9 @@ def test_sources_that_cannot_be_examined():
     ):
         with pytest.raises(MinervaError, match=why):
             list(examine(source))
+
+
+def test_the_world_file_of_the_folder_counts_before_an_installed_world(tmp_path, monkeypatch):
+    world_of(tmp_path, 'router = "tcp/127.0.0.1:1"\n').rename(tmp_path / "robot.toml")
+    monkeypatch.chdir(tmp_path)
+    assert {what.partition(":")[0] for what, _, _ in examine("robot")} == {"eye"}

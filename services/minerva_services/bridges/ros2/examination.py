@@ -50,7 +50,9 @@ def examine(source: str) -> Iterator[Found]:
         # Late: a person waits for the list of a network, which needs none of this.
         from minerva_bus.launch.installed import find_world
 
-        yield from _compared(find_world(source))
+        # The world file in this folder counts before an installed world of the same name.
+        own = f"{source}.toml"
+        yield from _compared(find_world(own if Path(own).is_file() else source))
 
 
 def _listed(network: Ros2Network) -> Iterator[Found]:
