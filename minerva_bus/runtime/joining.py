@@ -394,8 +394,8 @@ class NameToken:
         while not self.is_ours(session):
             if clock() > until:
                 raise BusError(
-                    f"there is a member {self._name!r} in the world already;"
-                    " choose another name (--name)"
+                    f"there is a member {self._name!r} in the world already; end it first, or"
+                    " choose another name (--name; with keys, the certificate of another name)"
                 )
             yield
 

@@ -379,8 +379,8 @@ RAISED: Final[Mapping[str, Callable[[Path], object]]] = {
     "nothing listens at port 9 of 127.0.0.1": attach("tcp/127.0.0.1:9"),
     "there is no host 'nowhere.invalid'": attach("tcp/nowhere.invalid:9"),
     "requires a certificate; name your keys with --keys FOLDER": attach("tls/127.0.0.1:9"),
-    "there is a member 'ground' in the world already; choose another name (--name)": lambda _: join(
-        "yard", "ground"
+    "there is a member 'ground' in the world already; end it first, or choose another name (--name; with keys, the certificate of another name)": lambda _: (
+        join("yard", "ground")
     ),
     "there is no world 'hut' at": lambda _: join("hut", "fox"),
     "the world does not take fox": revoked,

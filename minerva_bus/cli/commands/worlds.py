@@ -114,7 +114,7 @@ def check(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Check a string or a world file.
+    """Check a world file, or a file with a string.
 
     The exit code is 0, or 1 with the error and its place. This runs the Python code that the
     world file or --vocabulary names. Use --no-code for files from untrusted sources.
