@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from minerva_bodies.forms import DYNAMIC, MATERIAL
 from minerva_bodies.geometry import SpaceGeometry
 from minerva_bodies.meshes import ground, load_mesh
+from minerva_bodies.rigid import Rigid
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.services import View
+
+Core: TypeAlias = tuple[NDArray[np.float64], float, NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +45,12 @@ def bounding_boxes(view: View, vocabulary: Vocabulary, who: str = "who") -> list
     parameter with the id of an owner. Raises BodiesError for anything that cannot stand as the view
     shows it.
     """
-    geometry = _Bounds(vocabulary, who=who)
+    geometry = BoundsGeometry(vocabulary, who=who)
     geometry.read(view)
     return geometry.boxes
 
 
-class _Bounds(SpaceGeometry):
+class BoundsGeometry(SpaceGeometry):
     """φ whose α also gives the box of a solid."""
 
     def _clear(self) -> None:
@@ -57,21 +60,23 @@ class _Bounds(SpaceGeometry):
     def solid(self, form: str, owner: str, figure: FigureNode, values: list[Any]) -> None:
         super().solid(form, owner, figure, values)
         moves = bool(owner) and values[3] == DYNAMIC
-        points, ball, disc = _core(form, values[MATERIAL:], moves)
-        placed = np.column_stack(self.pose.turned(*points.T))
-        placed += (self.pose.x, self.pose.y, self.pose.z)
+        self.bound(owner, figure.symbol, core_of(form, values[MATERIAL:], moves), self.pose)
+
+    def bound(self, owner: str, symbol: str, core: Core, pose: Rigid) -> None:
+        """Add the box of a solid at a pose."""
+        points, ball, disc = core
+        placed = np.column_stack(pose.turned(*points.T))
+        placed += (pose.x, pose.y, pose.z)
         # A disc extends along an axis of the world by the sine of the angle to its own axis.
-        along = np.array(self.pose.turned(0.0, 0.0, 1.0))
+        along = np.array(pose.turned(0.0, 0.0, 1.0))
         sines = np.sqrt(np.maximum(0.0, 1.0 - along * along))
         margin = ball + np.multiply.outer(disc, sines)
         lower, upper = (placed - margin).min(axis=0), (placed + margin).max(axis=0)
-        box = BoundingBox(owner, figure.symbol, tuple(lower.tolist()), tuple(upper.tolist()))
+        box = BoundingBox(owner, symbol, tuple(lower.tolist()), tuple(upper.tolist()))
         self.boxes.append(box)
 
 
-def _core(
-    form: str, sizes: list[Any], moves: bool
-) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+def core_of(form: str, sizes: list[Any], moves: bool) -> Core:
     """Points (n, 3) of a solid, and the radii of a ball and of discs across z around them (n,)."""
     ball, discs = 0.0, list[float]()
     points: ArrayLike

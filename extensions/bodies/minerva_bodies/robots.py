@@ -22,6 +22,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bodies.bounds import BoundingBox, BoundsGeometry, core_of
 from minerva_bodies.errors import BodiesError
 from minerva_bodies.forms import DYNAMIC, FIXED
 from minerva_bodies.geometry import Part, ShownBody, SpaceGeometry
@@ -30,6 +31,7 @@ from minerva_bodies.service import RigidBodies
 from minerva_bus import portable
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import FigureNode, TransformationNode
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan, Sightings
 from minerva_bus.world.services import Tick, View, WorldInfo
@@ -156,6 +158,32 @@ class RobotGeometry(SpaceGeometry):
         with self._within(node):
             yield
         self._command, self._placed = outside
+
+
+class _RobotBounds(BoundsGeometry, RobotGeometry):
+    """φ of robots, with the boxes of hulls, floors and walls; wheels are rays."""
+
+    def solid(self, form: str, owner: str, figure: FigureNode, values: list[Any]) -> None:
+        if form == "wheel":
+            RobotGeometry.solid(self, form, owner, figure, values)
+        else:
+            super().solid(form, owner, figure, values)
+
+    def _map(self, figure: FigureNode, *place: Any, **given: Any) -> None:
+        before = self.seen[""]
+        super()._map(figure, *place, **given)
+        for form, _, sizes, pose in self.bodies[""].parts[before:]:
+            self.bound("", figure.symbol, core_of(form, sizes, False), Rigid(*pose))
+
+
+def robot_boxes(view: View, vocabulary: Vocabulary, who: str = "who") -> list[BoundingBox]:
+    """The bounding boxes of a view with robots and maps of the plane, as `rovers` has them.
+
+    Those of a robot are the two parts of its hull. See `bounds.bounding_boxes`.
+    """
+    geometry = _RobotBounds(vocabulary, who=who)
+    geometry.read(view)
+    return geometry.boxes
 
 
 def blocks(cells: NDArray[np.int16]) -> list[tuple[int, int, int, int]]:

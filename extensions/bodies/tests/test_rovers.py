@@ -8,7 +8,7 @@ pytest.importorskip("rapier3d", reason="needs the extra space")
 from minerva_agents.robot.vocabulary import PMap, PMarker, PRobot, TMove, TPlace, TRotate
 from minerva_agents.robot.world import vocabulary
 from minerva_bodies.errors import BodiesError
-from minerva_bodies.robots import Rovers, blocks
+from minerva_bodies.robots import Rovers, blocks, robot_boxes
 from minerva_bus import Tick, View
 from minerva_bus.grammar.events import single
 from minerva_bus.world.context import Frame
@@ -43,6 +43,26 @@ class Hall:
     def ranges(self):
         """Behind, right, ahead, left."""
         return self.published("scan").ranges
+
+
+def test_robots_and_walls_have_bounding_boxes():
+    placed = TPlace(1.0, 2.0)(TRotate(90.0)(TMove(3.0)(ROBOT)))
+    boxes = robot_boxes(View(0, "eRepresent", SCENERY + placed, {}), vocabulary)
+    hull = [box for box in boxes if box.owner == "r1"]
+    # Around the place of the robot, whatever its command is, and above one another.
+    assert [box.symbol for box in hull] == ["PRobot"] * 2
+    for box in hull:
+        assert (box.lower[:2], box.upper[:2]) == (
+            pytest.approx((0.82, 1.82)),
+            pytest.approx((1.18, 2.18)),
+        )
+    assert hull[0].upper[2] == pytest.approx(hull[1].lower[2])
+    floor, *_, wall = [box for box in boxes if box.symbol == "PMap"]
+    assert floor.upper == pytest.approx((6.0, 4.0, 0.0))
+    assert (wall.lower, wall.upper[:2]) == (
+        pytest.approx((3.0, 0.0, 0.0)),
+        pytest.approx((3.2, 1.2)),
+    )
 
 
 def test_a_vehicle_follows_commands_and_measures_where_it_is():
