@@ -370,7 +370,7 @@ def test_its_figures(tmp_path: Path):
     ],
 )  # fmt: skip
 def test_options_that_make_no_sense_are_refused(options: dict[str, object]):
-    with pytest.raises(MinervaError, match=r"sound: \w+ is .*; expected") as caught:
+    with pytest.raises(MinervaError, match=r"sound: .* expected") as caught:
         Sound(**options)  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
 

@@ -169,7 +169,7 @@ def test_a_numbered_picture_does_not_overwrite_a_users_file(tmp_path: Path):
     ],
 )  # fmt: skip
 def test_options_that_make_no_sense_are_refused(options: dict[str, object]):
-    with pytest.raises(MinervaError, match=r"picture: \w+ is .*; expected"):
+    with pytest.raises(MinervaError, match=r"picture: .* expected"):
         Svg(**options)  # type: ignore[arg-type]
 
 

@@ -164,7 +164,7 @@ def test_too_many_for_a_picture(record, capsys):
 
 @pytest.mark.parametrize("name", ["talk.png", "talk"])
 def test_other_pictures_are_refused(record, tmp_path, name):
-    with pytest.raises(MinervaError, match=r"a \.svg or a \.mmd"):
+    with pytest.raises(MinervaError, match=r"ends in \.svg or \.mmd"):
         show_conversation(record(TALK), "", tmp_path / name, False)
 
 
