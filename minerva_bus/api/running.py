@@ -107,7 +107,7 @@ class Run(Displayed):
         Args:
             path: of the picture, .png, .svg or .pdf.
             series: columns, or names of histograms; none: all.
-            x: the column along the axis; "": time.
+            x: the column along the axis; "": `frame`, or `time` in a world with a `dt` of its own.
 
         Raises MisuseError, also without matplotlib.
 

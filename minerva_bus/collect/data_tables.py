@@ -116,11 +116,13 @@ class DataTable:
         """A `Plot` of its columns, which notebooks display; needs the extra `plot`.
 
         A line is the mean of all rows with the same x, such as those of several seeds or agents; a
-        band has the middle 80 % of them. Options of a sweep have a line each.
+        band has the middle 80 % of them. Options of a sweep have a line each; along one of them,
+        the values are those of the last frame.
 
         Args:
             series: columns, or names of histograms; none: all.
-            x: the column along the axis; "": `time` in s, `frame`, or the first with numbers.
+            x: the column along the axis; "": `frame`, or `time` in s in a world with a `dt` of its
+                own; in other tables the first with numbers.
             bars: histograms of the last frame, not over time.
 
         Raises MisuseError if there is nothing to plot, and without matplotlib, with the command

@@ -1,7 +1,7 @@
 """Plots of collected series and histograms. Needs the extra `plot`.
 
 A line has the mean of all rows with the same x, of seeds or agents; a band has the middle 80 % of
-them.
+them. Along an option of a sweep, the rows are those of the last frame of each run.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from minerva_analysis.plotting import COLORS, FAINT, LINE_STYLES, Plot, label_ends, show_grid
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.settings.world_settings import WorldSettings
 
 BAND: Final = (0.1, 0.9)
 MAX_LINES: Final = 28
@@ -24,6 +25,9 @@ MAX_LINES: Final = 28
 
 MAX_LABELS: Final = 7
 """Lines up to which each has its name at its end, and no legend."""
+
+MAX_MARKERS: Final = 12
+"""Points of a line up to which each is marked, such as those of a sweep."""
 
 _OWN: Final = ("frame", "time", "id", "sender", "receiver")
 _BIN: Final = re.compile(r"(?P<name>.+)_(?P<number>[0-9]+)\Z")
@@ -55,6 +59,7 @@ def plot_table(
     Raises MisuseError, also without matplotlib.
     """
     x = _x_of(table, x)
+    table, is_end = _at_end(table, x)
     bins = _histograms(table)
     names = series or _series_of(table, x, bins)
     lines = [
@@ -78,7 +83,7 @@ def plot_table(
         if lines:
             drawn = [name for name in names if name not in bins]
             title = ", ".join(drawn) if len(drawn) <= MAX_LABELS else table.name
-            _draw_lines(axes.pop(0), lines, _label_of(x), title)
+            _draw_lines(axes.pop(0), lines, _label_of(x), title, _about(table, lines, is_end))
         for axis, (name, columns) in zip(axes, histograms.items(), strict=True):
             _draw_histogram(axis, table, x, name, columns, bars=bars)
 
@@ -96,10 +101,40 @@ def _x_of(table: DataTable, wanted: str) -> str:
     if wanted:
         _check(table, wanted, numbers)
         return wanted
-    for name in ("time", "frame", *numbers[:1]):
-        if name in table.columns:
+    for name in ("frame", "time", *numbers[:1]):
+        if name in table.columns and not (name == "frame" and _is_timed(table)):
             return name
     raise MisuseError(f"the table {table.name} has no numbers to plot")
+
+
+def _is_timed(table: DataTable) -> bool:
+    """Whether the world has a `dt` of its own, so that the seconds of a frame mean something."""
+    if "time" not in table.columns:
+        return False
+    return not np.allclose(table["time"], table["frame"] * WorldSettings().dt)
+
+
+def _at_end(table: DataTable, x: str) -> tuple[DataTable, bool]:
+    """The rows of each run's last frame, and True, if x is an option of a sweep."""
+    if "frame" not in table.columns or x not in (keys := _keys(table, x)):
+        return table, False
+    runs = [*zip(*[table[key].tolist() for key in keys], strict=True)]
+    frames = table["frame"].tolist()
+    last: dict[tuple[Any, ...], int] = {}
+    for run, frame in zip(runs, frames, strict=True):
+        last[run] = max(frame, last.get(run, frame))
+    rows = [last[run] == frame for run, frame in zip(runs, frames, strict=True)]
+    columns = {column: table[column][np.array(rows)] for column in table.columns}
+    return DataTable(table.name, table.types, columns), True
+
+
+def _about(table: DataTable, lines: Sequence[_Line], is_end: bool) -> str:
+    """What the values are, beside the title."""
+    rows = max(line.rows for line in lines)
+    what = "rows" if "id" in table.columns or SEED not in table.columns else "runs"
+    parts = ["in the last frame"] * is_end
+    parts += [f"mean and middle 80 % of up to {rows:,} {what}"] * (rows > 1)
+    return ", ".join(parts)
 
 
 def _series_of(table: DataTable, x: str, bins: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
@@ -133,7 +168,9 @@ def _check(table: DataTable, name: str, allowed: Sequence[str]) -> None:
 
 def _lines(table: DataTable, x: str, name: str, unit: str) -> list[_Line]:
     _check(table, name, [column for column, kind in table.types.items() if kind != "text"])
-    keys = [key for key in _keys(table, x) if key != SEED and len({*table[key].tolist()}) > 1]
+    keys = [
+        key for key in _keys(table, x) if key not in (SEED, x) and len({*table[key].tolist()}) > 1
+    ]
     groups: dict[tuple[Any, ...], list[int]] = {}
     for row, key in enumerate(zip(*[table[key].tolist() for key in keys], strict=True)):
         groups.setdefault(key, []).append(row)
@@ -163,23 +200,20 @@ def _label_of(x: str) -> str:
     return "time, s" if x == "time" else x
 
 
-def _draw_lines(axis: Any, lines: Sequence[_Line], label: str, title: str) -> None:
+def _draw_lines(axis: Any, lines: Sequence[_Line], label: str, title: str, about: str) -> None:
     for number, line in enumerate(lines):
         color = COLORS[number % len(COLORS)]
         style = LINE_STYLES[number // len(COLORS)]
         if line.rows > 1:
             axis.fill_between(line.x, line.low, line.high, color=color, alpha=0.18, linewidth=0)
-        marker = "o" if len(line.x) == 1 else None
+        marker = "o" if len(line.x) <= MAX_MARKERS else None
         axis.plot(line.x, line.mean, style, color=color, linewidth=1.7, label=line.label,
                   marker=marker)  # fmt: skip
     units = {line.unit for line in lines}
     axis.set(xlabel=label, ylabel=units.pop() if len(units) == 1 else "")
     show_grid(axis)
     axis.set_title(title)
-    rows = max(line.rows for line in lines)
-    if rows > 1:
-        text = f"mean and middle 80 % of up to {rows:,} rows"
-        axis.set_title(text, loc="right", fontsize=8, fontweight="normal", color=FAINT)
+    axis.set_title(about, loc="right", fontsize=8, fontweight="normal", color=FAINT)
     if len(lines) <= MAX_LABELS:
         _label_ends(axis, lines)
     else:

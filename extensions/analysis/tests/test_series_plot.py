@@ -25,6 +25,27 @@ def test_lines_have_the_mean_and_quantiles_over_seeds_for_each_option():
     assert np.isnan(gap.mean).tolist() == [False, False, True, False, False]
 
 
+def test_the_axis_has_frames_unless_the_world_has_a_time_of_its_own():
+    numbers = np.arange(4)
+    types = {"frame": "int64", "time": "float64", "n": "int64"}
+    for dt, expected in ((0.1, "frame"), (0.5, "time")):
+        table = DataTable("t", types, {"frame": numbers, "time": numbers * dt, "n": numbers})
+        assert series_plot._x_of(table, "") == expected
+
+
+def test_along_an_option_the_values_are_those_of_the_last_frame_of_each_run():
+    table, is_end = series_plot._at_end(swept(), "birds")
+    (line,) = series_plot._lines(table, "birds", "n", "")
+    whole = swept()
+    ends = whole["n"][whole["frame"] == whole["frame"].max()]
+    expected = [ends[:3].mean(), ends[3:].mean()]
+    assert (line.label, line.x.tolist(), line.mean.tolist()) == ("n", [1, 2], expected)
+    assert series_plot._about(table, [line], is_end) == (
+        "in the last frame, mean and middle 80 % of up to 3 runs"
+    )
+    assert series_plot._at_end(swept(), "frame")[1] is False
+
+
 def test_columns_are_series_or_bins_of_histograms():
     table = swept()
     bins = series_plot._histograms(table)
