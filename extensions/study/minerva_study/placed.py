@@ -21,10 +21,11 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
 from minerva_bus import Agent, Disc, EventType, Metres, Motion, Primitive, Scene, Transformation
-from minerva_bus.grammar.appearance import Shape
+from minerva_bus.grammar.appearance import Raster, Shape
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.types import Degrees
 from minerva_bus.world.class_declaration import state_of, view
+from minerva_services.geometry.colors import check_color
 
 eStep = EventType("eStep")  # noqa: N816
 ePicture = EventType("ePicture", visual=True)  # noqa: N816
@@ -55,6 +56,8 @@ class Placed(Agent):
 
     def __init_subclass__(cls, symbol: str = "", form: Shape | None = None, **kwargs: Any) -> None:
         if form is not None:
+            if not isinstance(form, Raster):
+                check_color(form.color)
             cls.form = form
         symbol = symbol or f"A{cls.__name__}"
         if "picture" not in vars(cls):

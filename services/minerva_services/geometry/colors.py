@@ -43,6 +43,8 @@ SCALES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Colours of the named scales, from low to high; a value has the colour of its interval."""
 
+COLOR: Final = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})|[A-Za-z]+")
+"""A plain colour."""
 _SCALED: Final = re.compile(r"(\w+|#[#\w ]+)\( *(\w+) *, *([-+.\w]+) *, *([-+.\w]+) *\)")
 
 
@@ -75,10 +77,17 @@ class Scale:
 def scale_of(color: str) -> Scale | None:
     """The scale that a form's colour names, or None for a plain colour. Raises MisuseError."""
     read = _SCALED.fullmatch(color)
+    if read is None and "(" in color:
+        raise MisuseError(
+            f"{color!r:.80} is not a scale of colours; expected such as viridis(age, 0, 10), or"
+            " colours #rrggbb in a list: #009e73 #d55e00(state, 0, 2)"
+        )
     if read is None:
         return None
     name, parameter, *ends = read.groups()
     own = tuple(name.split()) if name.startswith("#") else ()
+    for each in own:
+        check_color(each)
     try:
         low, high = map(float, ends)
     except ValueError:
@@ -91,6 +100,12 @@ def scale_of(color: str) -> Scale | None:
     # Each group has a colour of its own, so as many are used as there are numbers.
     colors = own or SCALES[name][: int(high - low) if name == GROUPS else None]
     return Scale(parameter, low, high, colors, bool(own) or name == GROUPS)
+
+
+def check_color(color: str) -> None:
+    """Raise MisuseError if this is neither a colour nor a scale of colours."""
+    if scale_of(color) is None and not COLOR.fullmatch(color):
+        raise MisuseError(f"{color[:40]!r} is not a colour; expected #rrggbb or a name")
 
 
 def color_of(color: str, parameters: Mapping[str, Any]) -> str:
@@ -261,6 +276,9 @@ def _entries(name: str, shape: Shape) -> Iterator[LegendEntry]:
             if text and color:
                 yield LegendEntry(text, Raster, (color,), shape.opacity)
     else:
-        colors = tuple([color for _, color in shape.colors if color])
-        if colors:
-            yield LegendEntry(words(name), Raster, colors, shape.opacity)
+        shades = [(bound, color) for bound, color in shape.colors if color]
+        if shades:
+            (low, _), (high, _) = shades[0], shades[-1]
+            ends = f": {low:g} to {high:g}" if len(shades) > 1 else ""
+            colors = tuple([color for _, color in shades])
+            yield LegendEntry(words(name) + ends, Raster, colors, shape.opacity)

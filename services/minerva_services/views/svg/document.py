@@ -8,7 +8,6 @@ legend has swatches with texts, in rows below the caption.
 from __future__ import annotations
 
 import math
-import re
 import weakref
 from dataclasses import dataclass
 from itertools import repeat
@@ -34,7 +33,14 @@ from minerva_bus.semantics.plane import (
 )
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import xml_characters
-from minerva_services.geometry.colors import DrawnColors, Legend, LegendEntry, color_of, colors_of
+from minerva_services.geometry.colors import (
+    COLOR,
+    DrawnColors,
+    Legend,
+    LegendEntry,
+    color_of,
+    colors_of,
+)
 from minerva_services.geometry.picture import text_parameter
 from minerva_services.geometry.volumes import color_ranges, rectangles
 from minerva_services.views.layout import (
@@ -150,8 +156,13 @@ def _caption(page: Page, title: str, subtitle: str) -> str:
         f'<path d="M{short(start)} {short(middle - tick)}v{short(2 * tick)}m0-{short(tick)}'
         f'h{short(bar)}m0-{short(tick)}v{short(2 * tick)}" fill="none" stroke="{FAINT}"/>'
         f'<text x="{short(start - size * 0.6)}" y="{short(line)}" text-anchor="end">'
-        f"{page.grid_step:g} m</text></g>"
+        f"{length_text(page.grid_step)}</text></g>"
     )
+
+
+def length_text(metres: float) -> str:
+    """A length in a unit that suits it."""
+    return f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"
 
 
 _MIN_RADIUS = 3
@@ -207,6 +218,7 @@ class Drawing(PlaneGeometry):
         self._ground: list[str] = []
         self._things: list[str] = []
         self._discs = 0
+        self._covered: list[Rectangle] = []
         self._pins: list[_Placed] = []
         self._floor: tuple[NDArray[Any], Pose, float] | None = None
         self._names: dict[str, _Placed] = {}
@@ -235,7 +247,11 @@ class Drawing(PlaneGeometry):
         page, scale = self._page, self._page.font_size / 20
         pins = [(pin.x - 8 * scale, pin.y - 28 * scale, pin.x + 8 * scale, pin.y)
                 for pin in self._pins[:MAX_PLACED]]  # fmt: skip
-        taken = pins + [_places(name.text, 0.9 * scale, name.x, name.y)[-1] for name in names]
+        taken = (
+            pins
+            + self._covered
+            + [_places(name.text, 0.9 * scale, name.x, name.y)[-1] for name in names]
+        )
         frame = (page.padding, page.padding, page.width - page.padding, float(page.height))
         places = LabelPlaces(frame, taken, None if self._floor is None else self._floor_at)
         return [*(self._label(pin, places) for pin in self._pins), *map(self._name, names)]
@@ -253,6 +269,7 @@ class Drawing(PlaneGeometry):
             name = text_parameter(self.vocabulary.primitives[figure.symbol])
             self._disc(
                 shape.heading,
+                _MIN_RADIUS * self._pixel,
                 at.x,
                 at.y,
                 at.angle,
@@ -286,17 +303,23 @@ class Drawing(PlaneGeometry):
             colors_of(disc.color, inner),
             inner.column(name) if name and disc.heading else repeat(""),
         )
+        # In a crowd, gaps are seen only if discs have their own size.
+        least = (_MIN_RADIUS if n <= _CROWD else 0.5) * self._pixel
         for row in zip(*rows, strict=False):
-            self._disc(disc.heading, *row)
+            self._disc(disc.heading, least, *row)
         return True
 
     def _disc(
-        self, heading: bool, x: float, y: float, angle: float, radius: float, color: str, name: str
-    ) -> None:
+        self, heading: bool, least: float, x: float, y: float, angle: float, radius: float,
+        color: str, name: str,
+    ) -> None:  # fmt: skip
         # On the map of a city a robot would be smaller than a pixel and vanish.
-        radius = max(radius, _MIN_RADIUS * self._pixel)
+        radius = max(radius, least)
         outline = min(1.6 * self._pixel, radius / 3)
         self._discs += 1
+        if self._discs <= MAX_PLACED:
+            (right, down), size = self._page.pixel(x, y), radius * self._page.scale
+            self._covered.append((right - size, down - size, right + size, down + size))
         self._things.append(
             f'<circle cx="{self._m(x)}" cy="{self._m(y)}" r="{self._m(radius)}"'
             f' fill="{paint(color)}" stroke-width="{self._m(outline)}"/>'
@@ -437,7 +460,10 @@ def _swatch(entry: LegendEntry) -> str:
             f' stroke-width=".06"/>{mark}'
         )
     if entry.swatch is Label:
-        return f'<path d="{PIN}" transform="translate(.5 .5) scale(.045)" fill="{color}"/>'
+        return (
+            f'<path d="{PIN}" transform="translate(.5 .5) scale(.045)" fill="{color}"'
+            f' stroke="{OUTLINE}" stroke-opacity=".55" stroke-width="1.3"/>'
+        )
     if entry.swatch is Line:
         dashes = ' stroke-dasharray=".32"' if entry.dashed else ""
         ground = f'<rect y="-.4" width="1.6" height=".8" fill="{DARK}"/>' if entry.on_dark else ""
@@ -452,7 +478,7 @@ def _swatch(entry: LegendEntry) -> str:
     box = f'y="-.5" width="{short(whole)}" height="1"'
     return (
         f'<rect {box} fill="{PANEL}"/>{cells}'
-        f'<rect {box} fill="none" stroke="{BORDER}" stroke-width=".06"/>'
+        f'<rect {box} fill="none" stroke="{OUTLINE}" stroke-opacity=".55" stroke-width=".06"/>'
     )
 
 
@@ -460,6 +486,7 @@ PIN = "M0 0L-6.6-12.4a8 8 0 1 1 13.2 0z"
 """Its tip is at the position itself, so that it does not hide what is there."""
 LETTER_WIDTH = 0.7
 """Width of a character in font sizes, of a wide bold font: the viewer chooses the actual font."""
+_LEAST_FONT = 12.5
 _MIN_ASPECT, _MAX_ASPECT = 0.25, 1.5
 _MAX_COORDINATE = 1e8
 _MARGIN = 0.05
@@ -481,8 +508,8 @@ class Page:
 
     @property
     def font_size(self) -> float:
-        """Pixels; readable at half the picture's width, as on a web page."""
-        return self.width * 0.016
+        """Pixels; large pictures are readable at half their width, small ones as they are."""
+        return max(self.width * 0.016, _LEAST_FONT)
 
     @property
     def scale(self) -> float:
@@ -612,7 +639,6 @@ def _grown(frame: Bounds, x: float, y: float) -> Bounds:
 
 
 _MAX_NUMBER = 1e9
-_COLOR = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})|[A-Za-z]+")
 
 
 def short(value: float, decimals: int = 3) -> str:
@@ -630,7 +656,7 @@ def exact(value: float) -> str:
 
 def paint(color: str) -> str:
     """A colour that is safe in an attribute. Raises MisuseError if it is invalid."""
-    if not _COLOR.fullmatch(color):
+    if not COLOR.fullmatch(color):
         raise MisuseError(f"{color[:40]!r} is not a colour; expected #rrggbb or a name")
     return color
 
