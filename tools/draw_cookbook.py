@@ -20,9 +20,9 @@ PROGRAMS = ROOT / "examples" / "cookbook"
 PICTURES = ROOT / "docs" / "cookbook"
 PAGE = ROOT / "docs" / "cookbook.md"
 RECIPES = (
-    *("grid", "torus", "network", "field", "image", "gis", "colour", "size", "births", "batch"),
-    *("species", "chance", "orders", "collect", "sweep", "parallel", "film", "load", "save"),
-    *("resume", "forest"),
+    *("grid", "torus", "network", "field", "warmth", "image", "gis", "colour", "size", "births"),
+    *("batch", "species", "chance", "orders", "collect", "sweep", "parallel", "film", "load"),
+    *("save", "resume", "forest"),
 )
 
 
@@ -50,8 +50,9 @@ def draw(recipe: str) -> None:
         for path in sorted(Path().glob(f"{recipe}*.[ps][nv]g")):
             data = path.read_bytes()
             picture = Image.open(BytesIO(png(data.decode()) if path.suffix == ".svg" else data))
-            # 128 colours suffice, and take a third of the room.
-            picture.convert("RGB").quantize(128).save(PICTURES / f"{path.stem}.png", optimize=True)
+            # A palette takes a third of the room; its colours are adjusted to those that are used.
+            picture = picture.convert("RGB").quantize(256, kmeans=3)
+            picture.save(PICTURES / f"{path.stem}.png", optimize=True)
 
 
 if __name__ == "__main__":

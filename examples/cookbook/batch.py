@@ -6,7 +6,7 @@ from minerva_bus import Disc, World, each, on, run
 from minerva_study import Placed
 
 
-class Walker(Placed, form=Disc(0.2, "inferno(steps, 0, 60)")):
+class Walker(Placed, form=Disc(0.2, "inferno(steps, 30, 55)")):
     steps: int = 0
 
     @on("eStep", population=True)  # With one agent for each call, drop population=True.

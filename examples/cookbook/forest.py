@@ -20,8 +20,10 @@ class Tree(Placed, form=Disc(0.9, "#084 #d50 #444(state, 0, 3)", meaning="green,
 
 
 def forest(options):
-    x, y = np.random.default_rng(1).uniform(0, (options["area"] * TREES) ** 0.5, (2, TREES))
-    return Tree.many("t", TREES, x=x, y=y, burns=x < 2, state=np.int64(x < 2))
+    wide = (options["area"] * TREES) ** 0.5
+    x, y = np.random.default_rng(1).uniform(-wide / 2, wide / 2, (2, TREES))
+    fire = x**2 + y**2 < 20
+    return Tree.many("t", TREES, x=x, y=y, burns=fire, state=np.int64(fire))
 
 
 near = service("neighbours", draws="ePicture", summary=True, radius=2.5)
@@ -31,5 +33,5 @@ done = run(world, frames=100, film=10, collect=curve)
 done.film().save("forest.html")
 done.picture().save("forest.svg")
 done.plot("forest-curve.png")
-table = sweep(world, {"area": [2.0, 3.0, 4.0]}, frames=100, collect=curve)
-table.plot("burnt").save("forest-sweep.png")
+table = sweep(world, {"area": [2.0, 2.5, 3.0, 3.5, 4.0]}, frames=200, collect=curve)
+table.plot("burnt", x="area").save("forest-sweep.png")

@@ -25,9 +25,9 @@ class Person(Placed, form=Disc(0.3, "groups(knows, 0, 2)", meaning="knows nothin
 
 links = [(n, (n + 1) % 60) for n in range(60)] + [(3, 33), (11, 50), (20, 42), (27, 57)]
 x, y = 8 * np.cos(np.arange(60) * np.pi / 30), 8 * np.sin(np.arange(60) * np.pi / 30)
-friends = [" ".join(f"p{a + b - n}" for a, b in links if n in (a, b)) for n in range(60)]
-people = Person.many("p", 60, x=x, y=y, friends=np.array(friends, object), knows=np.arange(60) < 1)
-lines = sum((PLink((x[a], x[b]), (y[a], y[b])) for a, b in links), EMPTY)
-run(World(lines + people, services=[each("eStep")], name="rumour"), frames=20).picture().save(
-    "network.svg"
-)
+scene = sum((PLink((x[a], x[b]), (y[a], y[b])) for a, b in links), EMPTY)
+for n in range(60):
+    friends = " ".join(f"p{a + b - n}" for a, b in links if n in (a, b))
+    scene += Person(f"p{n}", x=x[n], y=y[n], friends=friends, knows=n < 1).string
+world = World(scene, services=[each("eStep")], name="rumour")
+run(world, frames=20).picture().save("network.svg")

@@ -1,4 +1,4 @@
-"""Size by a value: drops of dew grow until they are a centimetre wide, and begin again."""
+"""Size by a value: bubbles grow until they are a metre wide, and begin again."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from minerva_bus import Disc, World, each, on, run
 from minerva_study import Placed
 
 
-class Drop(Placed, form=Disc("radius", "#56b4e9")):
+class Bubble(Placed, form=Disc("radius", "#56b4e9")):
     radius: float = 0.1
 
     @on("eStep", population=True)
@@ -16,5 +16,5 @@ class Drop(Placed, form=Disc("radius", "#56b4e9")):
 
 
 x, y = np.random.default_rng(2).uniform(0, 20, (2, 200))
-world = World(Drop.many("d", 200, x=x, y=y), services=[each("eStep")], name="dew")
+world = World(Bubble.many("b", 200, x=x, y=y), services=[each("eStep")], name="bubbles")
 run(world, frames=50, seed=1).picture().save("size.svg")

@@ -27,5 +27,5 @@ class Animal(Placed, form=Disc(0.2, "groups(fox, 0, 2)", meaning="rabbit, fox"))
 
 x, y = np.random.default_rng(1).uniform(0, 25, (2, 240))
 animals = Animal.many("a", 240, x=x, y=y, fox=np.arange(240) % 12 == 0)
-world = World(animals, services=[service("neighbours", draws="ePicture", summary=True)])
-run(world, frames=200, seed=1).picture().save("species.svg")
+near = service("neighbours", draws="ePicture", summary=True)
+run(World(animals, services=[near], name="meadow"), frames=200).picture().save("species.svg")

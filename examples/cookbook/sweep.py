@@ -15,7 +15,7 @@ class Tree(Placed):
     @on("eNear", population=True)
     def burn(self, near, moment):
         self.burnt |= self.burns
-        self.burns = (near.sum_burns > 0) & ~self.burnt
+        self.burns = (moment.chance.random() > 0.5**near.sum_burns) & ~self.burnt
 
 
 def forest(options):
@@ -25,6 +25,7 @@ def forest(options):
 
 near = service("neighbours", draws="ePicture", summary=True, radius=2.0)
 world = World(forest, services=[near], options={"trees": 1000}, name="forest")
-density = {"trees": [500, 750, 1000, 1250]}
-table = sweep(world, density, frames=60, collect={"burnt": Tree.burnt.mean()}, quiet=True)
-table.plot("burnt").save("sweep.png")
+density = {"trees": [500, 750, 1000, 1250, 1500, 1750]}
+burnt = {"burnt": Tree.burnt.mean()}
+table = sweep(world, density, seeds=4, frames=200, collect=burnt, quiet=True)
+table.plot("burnt", x="trees").save("sweep.png")  # in the last frame, when the fires are out

@@ -5,6 +5,7 @@ import runpy
 import pytest
 
 from minerva_bus import EMPTY, Disc, view
+from minerva_bus.errors import MisuseError
 from minerva_study import Placed
 from tools.draw_cookbook import PAGE, PICTURES, PROGRAMS, RECIPES, page
 
@@ -49,3 +50,19 @@ def test_a_class_has_its_own_picture_or_that_of_its_form():
     )
     assert (Rock.kind.name, Ghost.kind.name) == ("ARock", "AGhost")
     assert Ghost.views["ePicture"] is Ghost.picture
+
+
+@pytest.mark.parametrize(
+    ("color", "problem"),
+    [
+        ("green red black(state, 0, 3)", r"in a list: #009e73 #d55e00\(state, 0, 2\)"),
+        ("magma(state, 0, 3)", "with one of viridis, inferno"),
+        ("#zzz #000(state, 0, 2)", "'#zzz' is not a colour"),
+        ("#12345", "expected #rrggbb or a name"),
+    ],
+)
+def test_a_wrong_colour_is_refused_when_the_class_is_made(color, problem):
+    with pytest.raises(MisuseError, match=problem):
+
+        class Tree(Placed, form=Disc(0.3, color)):
+            state: int = 0
