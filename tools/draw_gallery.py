@@ -14,23 +14,25 @@ import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from threading import Event, Thread
+from typing import Any
 
-import matplotlib
+import numpy
 import paho.mqtt.client as mqtt
-from matplotlib import pyplot
-from PIL import Image
+from PIL import Image, ImageOps
 
-matplotlib.use("agg")
+from minerva_analysis.plotting import COLORS, Plot, show_grid
+from minerva_services.views.palette import PAPER
 
 ROOT = Path(__file__).parents[1]
 OUTPUT = ROOT / "docs" / "gallery"
 WORLDS = ROOT / "worlds" / "minerva_worlds"
 MAP = ROOT / "agents" / "minerva_agents" / "robot" / "plan" / "office.yaml"
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
-WIDTH, DRAWN_WIDTH, SIZE_LIMIT = 520, 1040, 240_000
+WIDTH, SIZE_LIMIT = 560, 240_000
 FRAME_MS, LAST_MS = 100, 2000
 PORT = 18830
 
@@ -112,7 +114,9 @@ FILMS = {
 def pictures(name: str, film: Film, folder: Path) -> list[Image.Image]:
     """Run a world and load its pictures, in the order of frames."""
     file = folder / ("picture.png" if film.view == "opengl" else "picture.svg")
-    view = f"{film.view}:path={file},frames=true,every={film.every},width={DRAWN_WIDTH}"
+    # Windows have more room around the world, and texts of a fixed size.
+    width = 2 * WIDTH if film.view == "opengl" else WIDTH
+    view = f"{film.view}:path={file},frames=true,every={film.every},width={width}"
     view += f",{film.options}" * bool(film.options)
     with ExitStack() as stack:
         if film.around is not None:
@@ -143,33 +147,41 @@ def epidemic() -> list[Image.Image]:
         capture_output=True, text=True,
     )  # fmt: skip
     frames, people = json.loads(done.stdout)
-    drawn = []
-    for start in range(0, len(people["frame"]), 200):
-        rows = slice(start, start + 200)
-        now = int(people["frame"][start])
-        states = zip(people["ill"][rows], people["days"][rows], strict=True)
-        colours = ["#c0392b" if ill else "#8a94a0" if days else "#2f6f8f" for ill, days in states]
-        figure, (place, curve) = pyplot.subplots(1, 2, figsize=(9, 4.5), dpi=116)
-        place.scatter(people["x"][rows], people["y"][rows], c=colours, s=26)
+    x, y, days = (numpy.array(people[key]).reshape(-1, 200) for key in ("x", "y", "days"))
+    sick = numpy.array(people["ill"]).reshape(-1, 200) > 0
+
+    def paint(at: int, figure: Any) -> None:
+        place, curve = figure.subplots(1, 2)
+        groups = {"healthy": ~sick & (days == 0), "sick": sick, "immune": ~sick & (days > 0)}
+        for (name, rows), colour in zip(groups.items(), COLORS, strict=False):
+            place.scatter(x[at][rows[at]], y[at][rows[at]], s=22, color=colour, label=name)
         place.set(xlim=(0, 20), ylim=(0, 20), xticks=[], yticks=[], aspect="equal")
-        place.set_title("blue: healthy, red: sick, grey: immune", fontsize=10)
-        for key, colour in (("sick", "#c0392b"), ("immune", "#8a94a0")):
-            curve.plot(frames["frame"][: now + 1], frames[key][: now + 1], colour, label=key)
-        curve.set(xlim=(0, 240), ylim=(0, 200), xlabel="frame", ylabel="people")
-        curve.legend(loc="upper left", frameon=False)
-        figure.tight_layout()
-        file = io.BytesIO()
-        figure.savefig(file, format="png")
-        pyplot.close(figure)
-        drawn.append(scaled(Image.open(file)))
+        place.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=3, handletextpad=0.1)
+        for key, colour in (("sick", COLORS[1]), ("immune", COLORS[2])):
+            curve.plot(frames["frame"][: 4 * at + 1], frames[key][: 4 * at + 1], color=colour)
+        curve.set(xlim=(0, 240), ylim=(0, 200), xlabel="frame", ylabel="people", box_aspect=1)
+        show_grid(curve)
+
+    drawn = []
+    for at in range(len(x)):
+        content, _ = Plot("sir", (6.5, 3.6), partial(paint, at))._repr_png_()
+        drawn.append(scaled(Image.open(io.BytesIO(content))))
     return drawn
+
+
+def level(images: Sequence[Image.Image]) -> list[Image.Image]:
+    """The images in the height of the largest: a legend grows while a world runs."""
+    size = WIDTH, max(image.height for image in images)
+    return [ImageOps.pad(image, size, color=PAPER, centering=(0, 0)) for image in images]
 
 
 def save(images: Sequence[Image.Image], path: Path) -> None:
     """Write an animation with the best quality that keeps it small."""
+    images = level(images)
     for step, quality in product((1, 2, 4), (80, 60, 40)):
-        shown = [*images[:-1:step], images[-1]]
-        times = [FRAME_MS * step] * (len(shown) - 1) + [LAST_MS]
+        # The last picture comes first: it is what a page shows that does not play the film.
+        shown = [images[-1], *images[:-1:step]]
+        times = [LAST_MS] + [FRAME_MS * step] * (len(shown) - 1)
         file = io.BytesIO()
         shown[0].save(
             file, "webp", save_all=True, append_images=shown[1:], duration=times, loop=0,
