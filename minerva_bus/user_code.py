@@ -257,23 +257,37 @@ def _is_set(cell: Any) -> bool:
 def assignments(handler: Callable[..., Any], attribute: str) -> list[SourceLine]:
     """The lines of a method that set or delete an attribute of its first argument."""
     function = inspect.unwrap(handler)
+    own = getattr(getattr(function, "__code__", None), "co_varnames", ())[:1]
+    places = {
+        place
+        for place, node in _parsed(function)
+        if isinstance(node, ast.Attribute) and own and _sets(node, own[0], attribute)
+    }
+    return sorted(places, key=lambda place: place.line)
+
+
+def expressions(function: Callable[..., Any]) -> list[tuple[SourceLine, ast.expr]]:
+    """The statements of a function that are expressions, with their lines, if it is the user's."""
     code: CodeType | None = getattr(function, "__code__", None)
-    if code is None or not code.co_varnames:
+    if code is None or is_foreign(code.co_filename):
         return []
+    nodes = [(place, node.value) for place, node in _parsed(function) if isinstance(node, ast.Expr)]
+    return sorted(nodes, key=lambda each: each[0].line)
+
+
+def _parsed(function: Callable[..., Any]) -> Iterator[tuple[SourceLine, ast.stmt | ast.expr]]:
+    """The statements and expressions of a function, with the lines in which they begin."""
+    code: CodeType | None = getattr(function, "__code__", None)
     try:
-        lines, first = inspect.getsourcelines(function)
+        lines, first = inspect.getsourcelines(cast("CodeType", code))
         # A method is indented, which the parser rejects.
         tree = ast.parse(textwrap.dedent("".join(lines)))
     except (OSError, TypeError, SyntaxError):
-        return []
-    own = code.co_varnames[0]
-    setters = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute))
-    numbers = sorted({node.lineno for node in setters if _sets(node, own, attribute)})
-    name = function_name(code)
-    return [
-        SourceLine(code.co_filename, first + number - 1, name, (lines[number - 1].strip(),))
-        for number in numbers
-    ]
+        return
+    for node in ast.walk(tree):
+        if code is not None and isinstance(node, ast.stmt | ast.expr):
+            place = SourceLine(code.co_filename, first + node.lineno - 1, function_name(code))
+            yield replace(place, shown=(lines[node.lineno - 1].strip(),)), node
 
 
 def _sets(node: ast.Attribute, own: str, attribute: str) -> bool:
@@ -364,10 +378,15 @@ class blamed:  # noqa: N801 - used like a function
 
 
 def _handler_place(handler: Callable[..., Any], error: BaseException) -> SourceLine | None:
-    """The line of a handler that sets the attribute in question, or its first line."""
+    """The lines of a handler that set the attribute in question, or its first line."""
     attribute = error.attribute if isinstance(error, StateError) else ""
     places = assignments(handler, attribute) if attribute else []
-    return places[-1] if places else defined(handler)
+    if len(places) < 2:
+        return places[0] if places else defined(handler)
+    # Attributes are checked after a method, so any of these lines may be the cause.
+    lines = " or ".join(str(place.line) for place in places)
+    shown = tuple(line for place in places[:MESSAGE_LINES] for line in place.shown)
+    return replace(places[0], function=f"{places[0].function}: set in line {lines}", shown=shown)
 
 
 # --- causes and hints ---

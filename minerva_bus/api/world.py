@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -91,6 +92,8 @@ class World:
         # The module would otherwise stay for as long as the program runs.
         weakref.finalize(self, sys.modules.pop, made.module.__name__, None)
         self._file = self.read()
+        for line in self._file.warnings:
+            warnings.warn(line, UserWarning, stacklevel=2)
 
     @classmethod
     def load(cls, path: str | Path, **options: Any) -> World:

@@ -16,9 +16,12 @@ them.
 
 from __future__ import annotations
 
+import ast
+import inspect
 import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -45,7 +48,7 @@ from minerva_bus.frame.stimuli import source_of
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AGENT_ID, Scene, agents, kind_counts
-from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.grammar.vocabulary import EventType, Primitive, Transformation, Vocabulary
 from minerva_bus.launch.assignment import assigned
 from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.machine_resources import cores
@@ -85,6 +88,7 @@ from minerva_bus.settings.world_settings import (
     WatchSettings,
     WorldSettings,
 )
+from minerva_bus.user_code import expressions, variables_of
 from minerva_bus.wire.keys import is_name
 from minerva_bus.wire.plain import DEFAULT, Limits, configurable_limits
 from minerva_bus.wording import counted
@@ -93,6 +97,7 @@ from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.expressions import Expression
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_conditions, sanction_of
+from minerva_bus.world.services import Generator
 
 MAX_BYTES: Final = 16 << 20
 """Bytes of a world file."""
@@ -272,6 +277,9 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     # Without its services, the file seems to publish nothing.
     unheard = [] if overrides.only_code else unpublished(file, members)
     warnings = (*unplaced(file), *unheard, *unanswered(file, members), *absent(file, members))
+    classes = [cls for process in processes for cls in process.agents]
+    classes += [type(member.service) for member in members if member.service]
+    warnings = (*warnings, *dict.fromkeys(line for cls in classes for line in idle(cls)))
     file = replace(file, notes=(*file.notes, *warnings), warnings=warnings)
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file
@@ -836,6 +844,45 @@ def unpublished(file: WorldFile, members: Iterable[Member]) -> list[str]:
         for topic, who in sorted(wanted.items())
         if topic not in known
     ]
+
+
+@cache
+def idle(cls: type) -> tuple[str, ...]:
+    """A warning for each statement without effect in the methods of a class, by its source.
+
+    For example `EMPTY` or `eDay()` without `return` or `yield`.
+    """
+    functions = [value for base in cls.__mro__ for value in vars(base).values()]
+    return tuple(
+        f"{place.where}, in {place.function}: `{ast.unparse(node)}` has no effect: {hint}"
+        for function in map(inspect.unwrap, filter(callable, functions))
+        for place, node in expressions(function)
+        if (hint := _hint(node, function.__globals__ | variables_of(function), cls))
+    )
+
+
+def _hint(node: ast.expr, names: Mapping[str, Any], cls: Any) -> str:
+    """What to write instead of an expression as a statement; "" if it may have an effect."""
+    forgotten = f"did you forget return{' or yield' if issubclass(cls, Generator) else ''}?"
+    match node:
+        case ast.Call(func=ast.Call()):
+            return _hint(node.func, names, cls)
+        case ast.Call():
+            meant = names.get(ast.unparse(node.func))
+            if isinstance(meant, EventType) and issubclass(cls, Agent):
+                return "to send it, use moment.emit"
+            symbol = isinstance(meant, EventType | Primitive | Transformation)
+            return forgotten if symbol or hasattr(meant, "kind") else ""
+        case ast.IfExp():
+            return _hint(node.orelse, names, cls) and _hint(node.body, names, cls)
+        case ast.Compare(ops=[ast.Eq()]):
+            return "to assign, write ="
+        case ast.Attribute():
+            return "call it, or use its value"
+        case ast.Name() | ast.BinOp() | ast.Compare() | ast.Constant(value=None):
+            return forgotten
+        case _:
+            return ""
 
 
 def _problems(file: WorldFile, kind: str, rule: Rule) -> Iterator[str]:

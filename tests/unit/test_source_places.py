@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from minerva_bus.errors import UserCodeError
+from minerva_bus.errors import StateError, UserCodeError
 from minerva_bus.launch.child_processes import blocked_at
-from minerva_bus.user_code import SourceLine, innermost, place_of
+from minerva_bus.user_code import SourceLine, innermost, place_of, report
 
 
 @dataclass(frozen=True)
@@ -114,3 +114,20 @@ def test_a_program_on_the_command_line_has_a_source_line(monkeypatch):
     ]  # fmt: skip
     monkeypatch.setattr(sys, "orig_argv", ["python", "-c", f"exec({SNAIL!r})"])
     assert place_of(executed("<string>")).lines() == ["  <string>:9, in Snail.dry"]
+
+
+def test_each_line_that_sets_a_wrong_attribute_may_be_the_cause():
+    def dry(self):
+        self.water = 1.0
+        if self.water < 0:
+            self.water /= 2
+
+    error = UserCodeError("dry", dry)
+    error.__cause__ = StateError("water must be a finite number, not nan", "water")
+    first = dry.__code__.co_firstlineno + 1
+    assert report(error).split("\n") == [
+        "dry: water must be a finite number, not nan",
+        f"  {__file__}:{first}, in dry: set in line {first} or {first + 2}",
+        "    self.water = 1.0",
+        "    self.water /= 2",
+    ]
