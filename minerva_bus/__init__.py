@@ -11,13 +11,7 @@ if TYPE_CHECKING:
     from minerva_bus.api.checking import check
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.python_tables import each, service
-    from minerva_bus.api.running import (
-        Interrupted,
-        Run,
-        record,
-        resume,
-        run,
-    )
+    from minerva_bus.api.running import Interrupted, Run, record, resume, run
     from minerva_bus.api.world import World
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.appearance import Disc, Label, Line, Motion, Raster

@@ -22,10 +22,7 @@ from minerva_bus.frame.collection_step import CollectionStep, FrameInbox, visual
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.evolution_step import EvolutionStep
 from minerva_bus.frame.member_lifecycle import MemberLifecycle, Shutdown
-from minerva_bus.frame.member_table import (
-    MemberChange,
-    Members,
-)
+from minerva_bus.frame.member_table import MemberChange, Members
 from minerva_bus.frame.norm_rejections import Norms
 from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.sender_rights import EVENTS, EventWork, OrderRules

@@ -29,13 +29,7 @@ from minerva_bus.frame.stimuli import (
     person_of,
 )
 from minerva_bus.frame.view_streams import Views
-from minerva_bus.frame.world_state import (
-    FrameInFlight,
-    FrameResult,
-    Phase,
-    Progress,
-    WorldSpec,
-)
+from minerva_bus.frame.world_state import FrameInFlight, FrameResult, Phase, Progress, WorldSpec
 from minerva_bus.grammar.columns import Columns, Delta, packed
 from minerva_bus.grammar.events import AnyEvent, Event, senders_of
 from minerva_bus.grammar.ids import MAX_SHOWN, Ids, row_delta_of_ids

@@ -23,13 +23,7 @@ from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.sender_rights import OrderRules
 from minerva_bus.frame.stimuli import Instructions
 from minerva_bus.frame.view_streams import Views
-from minerva_bus.frame.world_state import (
-    InputSteps,
-    OutcomeSteps,
-    Phase,
-    Progress,
-    WorldSpec,
-)
+from minerva_bus.frame.world_state import InputSteps, OutcomeSteps, Phase, Progress, WorldSpec
 
 MAX_DEATHS: Final = 2
 """Ends of a host in one frame after which the frame is tried without the events of guests."""

@@ -26,10 +26,7 @@ from minerva_bus.launch.specs import bind, divisible_names, find_agent, find_ser
 from minerva_bus.launch.toml_tables import Table, beside, extended, read_view, settings_by_process
 from minerva_bus.runtime.timeouts import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
-from minerva_bus.settings.world_settings import (
-    PatienceSettings,
-    ProcessSettings,
-)
+from minerva_bus.settings.world_settings import PatienceSettings, ProcessSettings
 from minerva_bus.wire.keys import COORDINATOR, checked_name
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent

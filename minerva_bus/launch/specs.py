@@ -25,13 +25,7 @@ from typing import Any, cast, get_type_hints
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MinervaError, WorldFileError, nearest
 from minerva_bus.grammar.text_and_digest import value_text
-from minerva_bus.launch.installed import (
-    AGENTS,
-    SERVICES,
-    WORLDS,
-    help_line,
-    installed_views,
-)
+from minerva_bus.launch.installed import AGENTS, SERVICES, WORLDS, help_line, installed_views
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.user_code import place_of, report
 from minerva_bus.world.agent import Agent

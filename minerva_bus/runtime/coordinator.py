@@ -20,13 +20,7 @@ from minerva_bus.frame.member_table import MemberState
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.runtime.admission import Admission, Linked, ListenConfig
 from minerva_bus.runtime.metrics import Status
-from minerva_bus.runtime.questions import (
-    COMMANDS,
-    Answers,
-    Command,
-    LocalQuestion,
-    WorldRun,
-)
+from minerva_bus.runtime.questions import COMMANDS, Answers, Command, LocalQuestion, WorldRun
 from minerva_bus.runtime.receiver import Decoded, Receiver, Successor, TokensChanged, successor
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.runtime.session import REAL, System, run_through

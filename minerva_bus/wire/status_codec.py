@@ -13,15 +13,7 @@ from math import isfinite, nan
 from typing import Any, Final, get_args, get_origin, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.wire.plain import (
-    as_bool,
-    as_int,
-    as_list,
-    as_map,
-    as_number,
-    as_scalar,
-    as_text,
-)
+from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_number, as_scalar, as_text
 from minerva_bus.world.operator import CollectedSeries, LogLine, OrderStatus, WorldStatus
 
 _SCALARS: Final[dict[Any, Callable[[Any, str], Any]]] = {

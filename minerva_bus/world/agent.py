@@ -33,12 +33,7 @@ from minerva_bus.errors import MinervaError, MisuseError, StateError, UserCodeEr
 from minerva_bus.grammar.columns import SCALARS, Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids, no_id
-from minerva_bus.grammar.scene import (
-    AGENT_ID,
-    EMPTY,
-    AgentNode,
-    Scene,
-)
+from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
@@ -56,12 +51,7 @@ from minerva_bus.world.class_declaration import (
 )
 from minerva_bus.world.context import Context
 from minerva_bus.world.expressions import expose_attributes
-from minerva_bus.world.population import (
-    as_one,
-    check_births,
-    child_id,
-    view_as_one,
-)
+from minerva_bus.world.population import as_one, check_births, child_id, view_as_one
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 Handler = Callable[[Any, Any, Context], Scene | None]
