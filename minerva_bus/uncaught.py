@@ -37,11 +37,17 @@ def report_threads() -> None:
 
 def rendered(error: BaseException) -> str:
     """The text to show of an error of Minerva Bus."""
-    from minerva_bus.user_code import report, whole  # which import all error classes
+    from minerva_bus.user_code import place_of, report, whole  # which import all error classes
 
     if os.environ.get(VARIABLE):
         return whole(error)
-    return f"{type(error).__name__}: {report(error)}"
+    rest: str = getattr(error, "rest", "")
+    if rest:  # Its cause has been logged above.
+        place = place_of(error)
+        lines = [f"{rest} ({VARIABLE}=1 shows all frames)", *(place.lines() if place else ())]
+    else:
+        lines = [report(error)]
+    return f"{type(error).__name__}: " + "\n".join(lines)
 
 
 def _print_of_thread(uncaught: ExceptHookArgs) -> None:

@@ -434,14 +434,28 @@ def _caused_by(root: BaseException, shown: SourceLine | None) -> Iterable[str]:
         yield from (f"  {line}" for line in source[:1])
 
 
+_OF_POPULATIONS: Final = {
+    "die": "one agent dies by return EMPTY",
+    "bear": "one agent gives birth by return self.string + self.child(...)",
+}
+_MASKS: Final = "write self.die(mask), np.where(mask, a, b)"
+
+
 def _suggestion(error: BaseException) -> str:
-    """`; did you mean 'energy'?` for a misspelt name: Python itself adds it only to tracebacks."""
+    """`; did you mean 'energy'?` for a misspelt name: Python itself adds it only to tracebacks.
+
+    For arrays in a condition, what a method for a population writes instead.
+    """
+    if isinstance(error, ValueError) and "truth value of an array" in text_of(error):
+        return f"; with population=True attributes are arrays: {_MASKS}, or drop population=True"
     # A SceneError has its own suggestion.
     if isinstance(error, SceneError) or not isinstance(error, AttributeError | NameError):
         return ""
     name: str | None = getattr(error, "name", None)
     if not name or "did you mean" in text_of(error).lower():
         return ""
+    if name in _OF_POPULATIONS and hasattr(getattr(error, "obj", None), "activities"):
+        return f"; {_OF_POPULATIONS[name]}, or mark the method @on(..., population=True)"
     try:
         return nearest(name, sorted(_known(error)))
     except Exception:

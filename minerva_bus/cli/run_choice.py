@@ -69,7 +69,8 @@ def _run_here(
     try:
         summary = run.run()
     except WorldStopped as stopped:
-        console.problem(stopped.rest or str(stopped))
+        hint = "" if console.traceback else " (--traceback shows all frames)"
+        console.problem(stopped.rest + hint if stopped.rest else str(stopped))
         if not as_json:  # The error has said in which frame and why.
             raise typer.Exit(FAILED) from None
         return run.summary(), str(stopped)

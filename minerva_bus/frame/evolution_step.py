@@ -318,11 +318,13 @@ class EvolutionStep:
         guests = sorted(filter(self._members.is_guest, allowed)) if again else []
         names = ", ".join(map(_who, guests))
         then = f"repeated without the events of {names}" if guests else "tried again as it is"
-        self._out.log(
-            host,
-            f"its process ended twice in frame {self._now.frame}, perhaps by too many events:"
-            f" {work.heaviest(allowed[worst])}, from {_who(worst)}; the frame is {then}",
-        )
+        # Without guests, an error of its code that has been logged is the reason.
+        if guests or not self._members.get(host).blamed:
+            self._out.log(
+                host,
+                f"its process ended twice in frame {self._now.frame}, perhaps by too many events:"
+                f" {work.heaviest(allowed[worst])}, from {_who(worst)}; the frame is {then}",
+            )
         if not guests:
             return False
         for name in guests:

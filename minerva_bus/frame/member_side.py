@@ -27,7 +27,13 @@ from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 
-from minerva_bus.errors import MinervaError, MisuseError, ProtocolError, UserCodeError
+from minerva_bus.errors import (
+    MinervaError,
+    MisuseError,
+    ProtocolError,
+    UserCodeError,
+    VocabularyError,
+)
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Fragment, applied, fragment_in
 from minerva_bus.frame.messages import (
@@ -43,7 +49,7 @@ from minerva_bus.frame.placement import placed
 from minerva_bus.grammar.columns import Delta, difference, has_columns, size
 from minerva_bus.grammar.events import AnyEvent, Event, Events, check_number, chosen, in_columns
 from minerva_bus.grammar.ids import RowDelta, no_id, row_delta_of_ids
-from minerva_bus.grammar.scene import AGENT_ID, Scene
+from minerva_bus.grammar.scene import AGENT_ID, Scene, kind_counts
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.user_code import blamed, handler_name
 from minerva_bus.world.agent import Agent, Kinds, kinds_of, with_own_fields
@@ -636,14 +642,29 @@ class Host:
         for fragment in concerned if evolving else ():
             was = Scene((self.fragments[fragment],))
             result = evolve(was, events, self.kinds, frame, policy)
-            if result.emitted or result.batches:
-                emitted.update(_checked(fragment, result, vocabulary))
-            # Evolution shares unchanged objects, so identity detects changes without a comparison.
-            if result.scene is not was:
-                now = vocabulary.check(result.scene, f"#{fragment}")
-                changed[fragment] = _delta(was, now) or now
-                self._keep(fragment, now)
+            try:
+                if result.emitted or result.batches:
+                    emitted.update(_checked(fragment, result, vocabulary))
+                # Evolution shares unchanged objects, so identity detects changes at once.
+                if result.scene is not was:
+                    now = vocabulary.check(result.scene, f"#{fragment}")
+                    changed[fragment] = _delta(was, now) or now
+                    self._keep(fragment, now)
+            except VocabularyError as error:
+                raise self._unknown(was, events) from error
         return EvolveReply(self.name, request.frame, request.part, changed, emitted, views)
+
+    def _unknown(self, scene: Scene, events: Addressed) -> UserCodeError:
+        """The error of the methods whose result, or events, the vocabulary lacks."""
+        classes = [
+            self.kinds[name] for name in sorted(kind_counts(*scene.pieces)) if name in self.kinds
+        ]
+        types = dict.fromkeys(event.type for event in events.events)
+        called = [
+            cls.activities[each] for cls in classes for each in types if each in cls.activities
+        ]
+        names = " or ".join(dict.fromkeys(map(handler_name, called)))
+        return UserCodeError(names or "its agents", called[-1] if called else None)
 
     def _keep(self, fragment: str, scene: Scene) -> None:
         """Store a fragment's result; one with newborns returns from the coordinator when placed."""

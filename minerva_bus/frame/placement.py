@@ -229,7 +229,7 @@ class UnassignedLog:
         }
         for kinds in sorted(map(sorted, missing - self._reported)):
             names = f"all of {', '.join(kinds)}" if len(kinds) > 1 else kinds[0]
-            still = "these agents do not evolve; attach a host that does"
+            still = "these agents do not evolve; add their class to agents, or attach a host"
             out.log("placement", f"no host offers {names}: {still}")
         self._reported |= missing
 

@@ -32,6 +32,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, Value
 from minerva_bus.grammar.types import Of
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.wording import counted
 
 ID: Final = "#"
 """Prefix of an entry of `speaks_for` that is the id of an agent, not a kind."""
@@ -300,7 +301,7 @@ class EventWork:
         event = max(events, key=self.steps)
         condition = f" with a condition of {len(event.condition)} characters"
         return (
-            f"the heaviest is {event.type}, delivered {self._deliveries(event)} times"
+            f"the heaviest is {event.type}, delivered {counted(self._deliveries(event), 'time')}"
             f"{condition if event.condition else ''}"
         )
 

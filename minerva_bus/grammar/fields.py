@@ -12,6 +12,8 @@ from math import isfinite
 from operator import is_
 from typing import Any, Final
 
+import numpy as np
+
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.columns import Column, Columns, fit_array, is_array, repeated
 from minerva_bus.grammar.scene import Value
@@ -218,6 +220,8 @@ class Fields:
         value = given.get(field.name, field.default)
         if value is None:
             raise Unfit(f"{owner} needs a value for {field.name} ({field.type})")
+        if len(getattr(value, "shape", ())) == 1 and not is_array(value):
+            value = np.array(value)  # A series of pandas or polars, which may change later.
         try:
             if not is_array(value):
                 return repeated(field.type, value, count)

@@ -394,7 +394,8 @@ class Vocabulary:
         )
         if entry is None:
             known = [*self.primitives, *self.transformations, *self.kinds]
-            raise Unfit(f"the vocabulary has no {symbol}{nearest(symbol, known)}")
+            add = "add its class or symbol to Vocabulary.of(...)"
+            raise Unfit(f"the vocabulary has no {symbol}{nearest(symbol, known, add)}")
         return entry.fields
 
     def read(self, text: str, source: str = "") -> Scene:

@@ -308,10 +308,9 @@ class InProcessRun(WorldRun):
         console.details(member, details)
         # The summary has the same words as on the bus.
         self._reason = f"{member} {shown}".partition("\n")[0]
-        hint = "" if console.traceback else " (--traceback shows all frames)"
         return WorldStopped(
             f"{self._reason}; the world stops ({VARIABLE}=1 shows all frames)",
-            f"{member} failed in frame {frame}; the world stops{hint}",
+            f"{member} failed in frame {frame}; the world stops",
         )
 
     def _warn_of_slow_code(self, waited: float, place: SourceLine) -> None:

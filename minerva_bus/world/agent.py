@@ -29,7 +29,14 @@ from typing import Any, ClassVar, Self, TypeVar, cast
 import numpy as np
 
 from minerva_bus.arguments import text, text_list, whole_number
-from minerva_bus.errors import MinervaError, MisuseError, StateError, UserCodeError, nearest
+from minerva_bus.errors import (
+    MinervaError,
+    MisuseError,
+    SignatureError,
+    StateError,
+    UserCodeError,
+    nearest,
+)
 from minerva_bus.grammar.columns import SCALARS, Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids, no_id
@@ -129,6 +136,11 @@ class Agent:
         **kwargs: Any,
     ) -> None:
         super().__init_subclass__(**kwargs)
+        if "__init__" in vars(cls):
+            never = f"{cls.__name__}.__init__ would not be called for agents of a string"
+            how = f'such as `energy: float = 3.0`, and write {cls.__name__}("a", energy=3.0)'
+            problem = f"{never}; declare attributes instead, {how}"
+            raise SignatureError(problem, vars(cls)["__init__"])
         activities, views = handlers(cls, ON), handlers(cls, VIEW)
         cls.population = _for_many(activities)
         cls.population_views = _for_many(views)
@@ -339,11 +351,7 @@ class Agent:
 
 
 def _for_many(methods: dict[str, _F]) -> dict[str, _F]:
-    return {
-        event: function
-        for event, function in methods.items()
-        if getattr(function, POPULATION, False)
-    }
+    return {event: each for event, each in methods.items() if getattr(each, POPULATION, False)}
 
 
 def _check_columns(kind: AgentKind, population: Collection[str]) -> None:

@@ -33,12 +33,15 @@ def test_an_error_of_a_world_is_reported_without_frames_of_the_framework(tmp_pat
     lines = done.stderr.replace(str(tmp_path), "").splitlines()
     assert not any("Traceback" in line or "minerva_bus/" in line for line in lines)
     (start,) = [i for i, line in enumerate(lines) if line.startswith("WorldStopped: ")]
-    head, *rest = lines[start:]
-    assert "Snail.dry of ASnail#a at eTick: ZeroDivisionError" in head
-    assert "MINERVA_TRACEBACK=1 shows all frames" in head
-    assert rest[:2] == ["  /snail.py:14", "    run(world, frames=3)"]
-    assert "    /snail.py:11, in Snail.dry" in rest
-    assert len(lines) - start <= 10
+    assert "Snail.dry of ASnail#a at eTick: ZeroDivisionError" in lines[0]
+    assert lines[1].endswith("│   /snail.py:11, in Snail.dry")
+    assert lines[start:] == [
+        "WorldStopped: agents failed in frame 0; the world stops"
+        " (MINERVA_TRACEBACK=1 shows all frames)",
+        "  /snail.py:14",
+        "    run(world, frames=3)",
+    ]
+    assert len(lines) <= 10
 
 
 def printed(error, capsys):

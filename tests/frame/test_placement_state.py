@@ -222,7 +222,7 @@ def test_changes_of_agents_without_a_host_are_logged_once(limit, reason):
         log.count(agents, rules=True, out=out)
     for missing in ({"C"}, {"A", "B"}, {"C"}, {"A"}):
         log.kinds([frozenset("A")], [frozenset(missing)], out)
-    still = "these agents do not evolve; attach a host that does"
+    still = "these agents do not evolve; add their class to agents, or attach a host"
     assert [(line.member, line.text) for line in out.pending] == [
         ("placement", f"2 agents have no host and do not evolve: {reason}; attach another host"),
         ("placement", "every agent has a host again"),

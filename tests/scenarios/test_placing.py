@@ -90,7 +90,7 @@ def test_kinds_that_no_host_offers_are_named_once():
     bus = pond({}, PlacementRules(), "ACounter#a · AMinnow#m")
     bus.run(5)
     assert bus.said == [
-        f"placement: no host offers {kind}: these agents do not evolve; attach a host that does"
+        f"placement: no host offers {kind}: these agents do not evolve; add their class to agents, or attach a host"
         for kind in ("ACounter", "AMinnow")
     ]
     bus.join("west", host("west", Counter))
