@@ -156,7 +156,7 @@ class _Policy:
 
     def __init__(self) -> None:
         self.read: set[_Identity] = set()
-        self.forced = False
+        self.forced: bool | None = None  # None: no command, which has the option
         self.pipes: dict[Path, int] = {}
 
 
@@ -175,7 +175,12 @@ def force_overwriting(forced: bool) -> None:
 
 def is_forced() -> bool:
     """Whether `--force` allows overwriting any file."""
-    return _policy.forced
+    return bool(_policy.forced)
+
+
+def _replacing() -> str:
+    """How to overwrite a file, in a command or in Python."""
+    return "delete it" if _policy.forced is None else "overwrite it with --force"
 
 
 def note_read(path: str | Path) -> None:
@@ -225,9 +230,7 @@ def check_new(path: Path, kind: str = "output") -> None:
             raise MisuseError(f"{kind}: {path} is an input of this run; choose another path")
     # A link counts as existing even if its target does not.
     if not _policy.forced and os.path.lexists(path):
-        raise MisuseError(
-            f"{kind}: {path} already exists; choose another path, or overwrite it with --force"
-        )
+        raise MisuseError(f"{kind}: {path} already exists; choose another path, or {_replacing()}")
 
 
 def check_replaceable(path: Path, kind: str = "output") -> None:
@@ -250,13 +253,12 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
         return
     if inputs and _identity(status) in _policy.read:
         raise MisuseError(
-            f"{kind}: {path} is an input of this run; choose another path, or overwrite it with"
-            " --force"
+            f"{kind}: {path} is an input of this run; choose another path, or {_replacing()}"
         )
     if status.st_size and not is_own(path):
         raise MisuseError(
             f"{kind}: {path} exists and was not written by Minerva Bus, or has been edited; choose"
-            " another path, move the file, or overwrite it with --force"
+            f" another path, move the file, or {_replacing()}"
         )
 
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from minerva_bus.api.python_tables import PythonTables
 from minerva_bus.arguments import named, path_of
 from minerva_bus.collect.data_tables import check_table
 from minerva_bus.collect.plans import plans_of, read_entries
-from minerva_bus.errors import MisuseError, WorldFileError, nearest
+from minerva_bus.errors import MisuseError, SceneError, WorldFileError, nearest
 from minerva_bus.files import check_ending, write_output
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -139,7 +141,8 @@ class World:
         overrides = overrides.over(self._given)
         if self._made is not None:
             path = Path.cwd() / f"{self._made.name}.toml"
-            return read_tables(self._made.tables, path, overrides)
+            with arguments_named(f"{path}: "):  # There is no such file.
+                return read_tables(self._made.tables, path, overrides)
         assert self._path is not None
         return read_world_file(self._path, overrides)
 
@@ -210,6 +213,20 @@ def world_of(world: World | str | Path, options: Mapping[str, Any]) -> World:
     if not isinstance(world, World):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError(f"{world!r:.60} is neither a World nor the name of a world file")
     return world
+
+
+@contextmanager
+def arguments_named(place: str = "") -> Generator[None]:
+    """Let errors name arguments, not options of the command line, and leave out a place."""
+    try:
+        yield
+    except (WorldFileError, SceneError, MisuseError) as error:
+        text = str(error).replace(place, "")
+        error.args = (_FLAG.sub(lambda match: match[1].replace("-", "_"), text),)
+        raise
+
+
+_FLAG: Final = re.compile(r"(?<![\w-])--([a-z][a-z-]*)")
 
 
 def own_options(world: World, options: Mapping[str, Any]) -> Mapping[str, str]:
@@ -286,7 +303,8 @@ def request_of(
         into=str(into) if into and collect is None else None,
         **values,
     )
-    file = world.read(overrides) if past is None else past.read(world.read, overrides)[0]
+    with arguments_named():
+        file = world.read(overrides) if past is None else past.read(world.read, overrides)[0]
     if collect is not None:
         file = _collecting(file, collect, into)
     return Request(world, overrides, file, past)

@@ -145,11 +145,12 @@ class _ProcessReader:
             options = {key: beside(value, folder) for key, value in table.rest().items()}
             with table.loading("service"):
                 cls = find_service(own.service, folder)
+            make = self.maker(name, cls, options, table)
             dividing = tuple(names) if getattr(cls, "by_agent", False) else ()
             if names[1:] and not dividing:
                 problem = f"is {len(names)}, but {cls.__name__} has one process for all agents"
                 table.wrong("processes", f"{problem}; several are possible for {divisible_names()}")
-            plain = replace(plain, make_service=self.maker(name, cls, options), dividing=dividing)
+            plain = replace(plain, make_service=make, dividing=dividing)
             return [replace(plain, name=each) for each in names]
         # Only services have further keys, the arguments of their constructors.
         table.done()
@@ -181,10 +182,12 @@ class _ProcessReader:
         return names_of(name, max(count, 1))
 
     def maker(
-        self, name: str, cls: type[Service], options: dict[str, Any]
+        self, name: str, cls: type[Service], options: dict[str, Any], table: Table | None = None
     ) -> Callable[[], Service]:
-        """The factory of a process's service."""
-        return bind(cls, options, f"{self.path.name}: [process.{name}]")
+        """The factory of a process's service; `table` is that of its options, if any."""
+        owner = f"{self.path.name}{{}}: [process.{name}]"
+        places = {} if table is None else {key: owner.format(table.line(key)) for key in options}
+        return bind(cls, options, owner.format(""), places)
 
     def _patience(self, table: Table) -> Patience | None:
         """Time-outs of frames for a process; None: those for all members."""

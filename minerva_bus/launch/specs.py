@@ -197,10 +197,13 @@ def described(spec: str) -> list[tuple[str, str]]:
     ]
 
 
-def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable[[], Service]:
+def bind(
+    cls: type[Service], options: Mapping[str, Any], owner: str, places: Mapping[str, str] = {}
+) -> Callable[[], Service]:
     """A factory of the service with these options, checked against its constructor.
 
-    Raises WorldFileError for an unknown option or one of a wrong type.
+    Raises WorldFileError for an unknown option or one of a wrong type. Errors begin with `owner`,
+    those of an option with its place, if `places` has any.
     """
     parameters = inspect.signature(cls.__init__).parameters
     hints = get_type_hints(cls.__init__)
@@ -208,8 +211,9 @@ def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable
     for name, value in options.items():
         if name not in names:
             hint = nearest(name, names, f"it has {', '.join(names) or 'none'}")
-            raise WorldFileError(f"{owner}: {cls.__name__} has no option {name!r}{hint}")
-        _check_option(owner, name, value, hints.get(name))
+            at = places.get(name, owner)
+            raise WorldFileError(f"{at}: {cls.__name__} has no option {name!r}{hint}")
+        _check_option(places.get(name, owner), name, value, hints.get(name))
     for name in names:
         if parameters[name].default is inspect.Parameter.empty and name not in options:
             raise WorldFileError(f"{owner}: {cls.__name__} needs the option {name!r}")

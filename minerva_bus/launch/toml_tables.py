@@ -160,9 +160,12 @@ class Table:
 
     def place(self, key: str) -> str:
         """Location of a key for messages: file, line and name."""
+        return f"{self._source}{self.line(key)}: {self.name}.{key}"
+
+    def line(self, key: str) -> str:
+        """The line of a key as `:12`; empty if the text has no such key."""
         at = self._place(key)
-        line = f":{self._text.count(chr(10), 0, at) + 1}" if at >= 0 else ""
-        return f"{self._source}{line}: {self.name}.{key}"
+        return f":{self._text.count(chr(10), 0, at) + 1}" if at >= 0 else ""
 
     def done(self) -> None:
         """Raise WorldFileError if the table has an unknown key."""
@@ -204,13 +207,16 @@ class Table:
 
     def _place(self, key: str) -> int:
         # The parser gives no positions, so the key is searched in the text.
-        start = 0
-        if self.name:
-            header = re.search(rf"^[ \t]*\[[ \t]*{re.escape(self.name)}[ \t]*\]", self._text, re.M)
-            start = header.end() if header else 0
+        start, end, own = 0, len(self._text), re.escape(self.name)
+        header = re.search(rf"^[ \t]*\[[ \t]*{own}[ \t]*\]", self._text, re.M)
+        if self.name and header:
+            start = header.end()
+            following = re.compile(rf"^[ \t]*\[(?![ \t]*{own}\.)[\w.\"' -]+\][ \t]*(#.*)?$", re.M)
+            after = following.search(self._text, start)
+            end = after.start() if after else end
         # The key may be assigned, begin a dotted key, or be a part of a table's name.
         pattern = rf"^[ \t]*(\[([\w.]*\.)?)?(?P<key>\"?{re.escape(key)}\"?)\s*[=\].]"
-        match = re.compile(pattern, re.M).search(self._text, start)
+        match = re.compile(pattern, re.M).search(self._text, start, end)
         return match.start("key") if match else -1
 
 

@@ -25,7 +25,7 @@ from minerva_bus import (
     service,
     view,
 )
-from minerva_bus.errors import BusError, MisuseError, WorldFileError, WorldStopped
+from minerva_bus.errors import BusError, MisuseError, SceneError, WorldFileError, WorldStopped
 from minerva_bus.world.services import Generator
 
 DIGEST = run(pond(), frames=20, seed=5).digest
@@ -113,8 +113,12 @@ def test_options_of_a_world_made_in_python():
     assert len(run(world, frames=1, n=40).scene) == 40
     with pytest.raises(WorldFileError, match="no option 'm'"):
         run(world, frames=1, m=40)
-    with pytest.raises(WorldFileError, match="must be a whole number"):
+    with pytest.raises(WorldFileError, match=r"^n must be a whole number"):
         run(world, frames=1, n="many")
+    with pytest.raises(WorldFileError, match=r"^frames must be a whole number, not '1'"):
+        run(world, frames="1")
+    with pytest.raises(SceneError, match=r"^world.string:1:1: AFrog#f has no weight"):
+        World("AFrog#f<weight=1>", agents=[Frog])
 
 
 def test_options_fill_strings_and_services():

@@ -329,6 +329,19 @@ def test_an_error_in_a_population_names_agent_event_and_frame(deed, said):
     assert "in frame 0" in str(caught.value)
 
 
+def test_a_series_of_a_table_is_an_array():
+    class Series:
+        """What pandas and polars have in common."""
+
+        shape = (2,)
+
+        def __array__(self, dtype=None, copy=None):
+            return np.array([1.0, 2.0])
+
+    herd = Herdsman.many("a", 2, x=Series())
+    assert [node.state["x"] for node in herd.nodes] == [1.0, 2.0]
+
+
 def test_the_dead_may_be_infinite():
     DEEDS["dies"] = lambda herd, moment: (
         (

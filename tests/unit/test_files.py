@@ -94,10 +94,14 @@ def image(suffix):
     return content.getvalue()
 
 
-def test_a_users_file_is_not_overwritten(tmp_path):
+@pytest.mark.parametrize(
+    ("forced", "remedy"), [(None, "delete it"), (False, "overwrite it with --force")]
+)
+def test_a_users_file_is_not_overwritten(forced, remedy, tmp_path, monkeypatch):
+    monkeypatch.setattr(files._policy, "forced", forced)
     path = tmp_path / "house.svg"
     path.write_bytes(SVG)
-    with pytest.raises(MisuseError, match=r"house\.svg exists and was not written by .*--force"):
+    with pytest.raises(MisuseError, match=rf"house\.svg exists and was not written by .*{remedy}"):
         write_output(path, b"<svg/>", "picture")
     assert path.read_bytes() == SVG
     assert [file.name for file in tmp_path.iterdir()] == ["house.svg"]

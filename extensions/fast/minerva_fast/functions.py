@@ -345,8 +345,10 @@ FUNCTIONS_OF_RULES: Final[dict[Any, OfRules]] = {
 def instead_of(name: str, rule: bool, function: Any = None) -> str:
     """What to write in place of a function that has no machine code."""
     last = name.rpartition(".")[2]
-    if rule and _is_random(function):
-        return "draw numbers from the parameter of type Draws: random(draws), integers(draws, 6)"
+    if _is_random(function):
+        if rule:
+            return "draw from the parameter of type Draws: random(draws), integers(draws, 6)"
+        return f"write moment.chance.{last if last in DISTRIBUTIONS else 'random'}(...)"
     if last in FUNCTIONS_INSTEAD:
         return FUNCTIONS_INSTEAD[last]
     if last in ("power", "float_power"):
