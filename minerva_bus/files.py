@@ -25,7 +25,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Final, TypeAlias
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 
 
 def text_of_path(path: str | Path) -> str:
@@ -187,6 +187,17 @@ def note_read(path: str | Path) -> None:
     """Register a file as an input, which no output may overwrite."""
     with contextlib.suppress(OSError):
         _policy.read.add(_identity(Path(path).stat()))
+
+
+def similar(path: Path) -> str:
+    """The hint `; did you mean 'run.mcap'?` for a missing file, by others in its folder, or ""."""
+    if os.path.lexists(path):
+        return ""
+    try:
+        names = sorted(each.name for each in path.parent.iterdir() if each.suffix == path.suffix)
+    except (OSError, ValueError):
+        return ""
+    return nearest(path.name, names)
 
 
 def is_stream(path: str | Path) -> bool:

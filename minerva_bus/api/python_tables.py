@@ -249,6 +249,11 @@ class PythonTables:
 
     def toml(self) -> str:
         """The text of a world file that other processes can read. Raises MisuseError."""
+        # First, because errors shall name classes of the user before the symbols that they make.
+        processes = {
+            name: {key: self._public(value) for key, value in table.items()}
+            for name, table in self.tables["process"].items()
+        }
         world = dict(self.tables["world"])
         vocabulary: Vocabulary = vars(self.module)["vocabulary"]
         entries: list[Any] = [
@@ -264,10 +269,6 @@ class PythonTables:
             world["string"] = str(self._string)
         elif "scene" in world:
             world["scene"] = spec_of(self._string, "the function that makes the string")
-        processes = {
-            name: {key: self._public(value) for key, value in table.items()}
-            for name, table in self.tables["process"].items()
-        }
         return toml_text({**self.tables, "world": world, "process": processes})
 
     def _public(self, value: Any) -> Any:

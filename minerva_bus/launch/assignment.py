@@ -96,7 +96,7 @@ def assigned(scene: Scene, vocabulary: Vocabulary, texts: Sequence[str]) -> Scen
 def _symbol_of(agent: str, key: str, scene: Scene) -> str:
     symbols = {node.id: node.symbol for node in agents(scene)}
     if agent not in symbols:
-        close = nearest(agent, list(symbols))
+        close = nearest(f"#{agent}", [f"#{known}" for known in symbols])
         raise MisuseError(f"{key}: the world's string has no agent #{agent}{close}")
     return symbols[agent]
 

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from minerva_bus.entry_points import OWN, entries
 from minerva_bus.errors import WorldFileError, nearest
-from minerva_bus.files import MAX_BYTES, note_read, read_text
+from minerva_bus.files import MAX_BYTES, note_read, read_text, similar
 from minerva_bus.settings.kinds import phrase_of
 
 SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
@@ -57,8 +57,9 @@ def find_world(spec: str) -> Path:
     if spec and os.path.isdir(path):  # noqa: PTH112 - as in `is_file`
         there = f"{spec.rstrip('/')}/NAME.toml"
         raise WorldFileError(f"{spec} is a folder; give the world file in it, {there}")
-    if path.suffix == ".toml" or "/" in spec:
-        raise WorldFileError(f"there is no world file {spec}")
+    if path.suffix in (".toml", ".mcap") or "/" in spec:
+        what = "record" if path.suffix == ".mcap" else "world file"
+        raise WorldFileError(f"there is no {what} {spec}{similar(path)}")
     there = ", ".join(sorted(known)) or "none"
     hint = nearest(spec, list(known), f"installed are {there}; or give a world file, NAME.toml")
     if spec in entries(SERVICES) or spec in entries(AGENTS):
@@ -76,7 +77,7 @@ def file_text(path: Path, most: int = MAX_BYTES) -> str:
     except UnicodeDecodeError:
         raise WorldFileError(f"{path}: not a text in UTF-8") from None
     except OSError as error:
-        raise WorldFileError(f"{path}: {error.strerror}") from None
+        raise WorldFileError(f"{path}: {error.strerror}{similar(path)}") from None
     except ValueError as error:  # The name contains a null character.
         raise WorldFileError(f"{path}: {error}") from None
     note_read(path)

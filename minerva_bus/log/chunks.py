@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from minerva_bus.errors import RecordError
-from minerva_bus.files import is_stream, note_read
+from minerva_bus.files import is_stream, note_read, similar
 from minerva_bus.log import channels as c
 from minerva_bus.log.channels import FRAME, KEYFRAME, OWN, PROFILE, check_installed
 from minerva_bus.log.entries import Keyframe
@@ -351,7 +351,7 @@ class Chunks:
             self._file = path.open("rb")
             note_read(path)
         except OSError as error:
-            raise RecordError(f"{path}: {error.strerror}") from None
+            raise RecordError(f"{path}: {error.strerror}{similar(path)}") from None
         except ValueError as error:  # The name contains a null character.
             raise RecordError(f"{path}: {error}") from None
         self._damage: dict[int, Damage] = {}

@@ -193,11 +193,17 @@ def test_a_saved_world_is_the_same(tmp_path):
 
 
 def test_a_local_class_cannot_be_saved(tmp_path):
+    PSpot = Primitive("PSpot")
+
     class Hidden(Agent, symbol="AHidden"):
         x: int = 0
 
+        @view("ePicture")
+        def picture(self, event):
+            return PSpot()
+
     world = World("AHidden#h", agents=[Hidden])
-    with pytest.raises(MisuseError, match=r"Hidden is defined in a function or cell.*move it"):
+    with pytest.raises(MisuseError, match=r"^Hidden is defined in a function or cell.*move it"):
         world.save(tmp_path / "hidden.toml")
     with pytest.raises(MisuseError, match="move it into a module"):
         run(world, frames=1, bus=True)

@@ -94,6 +94,15 @@ def image(suffix):
     return content.getvalue()
 
 
+def test_a_missing_file_is_compared_with_those_beside_it(tmp_path):
+    for name in ("rain.mcap", "rain.toml", "run.mcap"):
+        (tmp_path / name).touch()
+    assert files.similar(tmp_path / "rian.mcap") == "; did you mean 'rain.mcap'?"
+    assert files.similar(tmp_path / "rian.toml") == "; did you mean 'rain.toml'?"
+    assert files.similar(tmp_path / "rain.mcap") == ""
+    assert files.similar(tmp_path / "nowhere" / "rain.mcap") == ""
+
+
 @pytest.mark.parametrize(
     ("forced", "remedy"), [(None, "delete it"), (False, "overwrite it with --force")]
 )

@@ -235,7 +235,7 @@ def test_keys_of_nodes_are_told_from_those_of_processes():
     [
         ("AFix.speed=1", "no AFix; did you mean 'AFox'"),
         ("AFox.sped=1", "AFox has no 'sped'; did you mean 'speed'"),
-        ("#c-2.age=1", "no agent #c-2; did you mean 'c-1'"),
+        ("#c-2.age=1", "no agent #c-2; did you mean '#c-1'"),
         ("#c-1.aeg=1", "no 'aeg'; did you mean 'age'"),
         ("PStone/AFox.age=1", "the world's string has no PStone/AFox; it has AFox, PStone, TAim"),
         ("*.size=1", "expected a symbol or #ID before .size"),

@@ -348,7 +348,8 @@ def instead_of(name: str, rule: bool, function: Any = None) -> str:
     if _is_random(function):
         if rule:
             return "draw from the parameter of type Draws: random(draws), integers(draws, 6)"
-        return f"write moment.chance.{last if last in DISTRIBUTIONS else 'random'}(...)"
+        own = f"write moment.chance.{last if last in DISTRIBUTIONS else 'random'}(...)"
+        return CHOICES.get(last, own)
     if last in FUNCTIONS_INSTEAD:
         return FUNCTIONS_INSTEAD[last]
     if last in ("power", "float_power"):

@@ -108,6 +108,8 @@ REFUSED = {
                    "moment.chance"),
     "no such draw": ("self.x = moment.chance.gauss()", "moment.chance.gauss()", "no gauss", ""),
     "choice": ("self.x = moment.chance.choice(STARTS)", "moment.chance.choice", "no choice", "an index"),
+    "a draw of numpy": ("self.x = np.random.normal()", "np.random.normal", "normal", "write moment.chance.normal(...)"),
+    "an int of numpy": ("self.n = np.random.randint(3)", "np.random.randint", "randint", "moment.chance.integers"),
     "alias of chance": ("d = moment.chance", "moment.chance", "as a value", "in each draw"),
     "order of draws": (
         "self.x = moment.chance.normal(deviation=moment.chance.random(), mean=1.0)",
