@@ -105,9 +105,7 @@ def place_of(error: BaseException) -> SourceLine | None:
     return SourceLine(frame.f_code.co_filename, number, function_name(frame.f_code), lines)
 
 
-def _user_frame(
-    frames: list[tuple[FrameType, int]],
-) -> tuple[FrameType, int, int] | None:
+def _user_frame(frames: list[tuple[FrameType, int]]) -> tuple[FrameType, int, int] | None:
     """The last frame of user code, its line and its index.
 
     A package that the framework calls is user code even if it is installed.

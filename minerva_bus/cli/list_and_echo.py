@@ -123,12 +123,7 @@ def _entries(record: FrameRecord, type_: str) -> Iterator[dict[str, Any]]:
 
 
 def _echo_view(
-    event_type: str,
-    endpoint: str,
-    world: str,
-    own: Credentials | None,
-    count: int,
-    as_json: bool,
+    event_type: str, endpoint: str, world: str, own: Credentials | None, count: int, as_json: bool
 ) -> None:
     import os
 

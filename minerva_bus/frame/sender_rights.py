@@ -102,11 +102,7 @@ class OrderRules:
     """Which events people and guests may send, by the members and the string that a world has."""
 
     def __init__(
-        self,
-        world: WorldSpec,
-        now: Progress,
-        members: Members,
-        composition: Composition,
+        self, world: WorldSpec, now: Progress, members: Members, composition: Composition
     ) -> None:
         self._world = world
         self._now = now

@@ -315,12 +315,7 @@ def _looked_up(numbers: dict[str, int], texts: Sequence[str]) -> NDArray[np.int6
 
 SCALARS: Final = frozenset(("real", "int", "bool", "text"))
 _KINDS = {"real": "fiub", "int": "iu", "bool": "b", "text": "OUT"}
-NUMPY_TYPES: Final = {
-    "real": np.float64,
-    "int": np.int64,
-    "bool": np.bool_,
-    "text": object,
-}
+NUMPY_TYPES: Final = {"real": np.float64, "int": np.int64, "bool": np.bool_, "text": object}
 """The array types of columns, by the kind of a type."""
 
 

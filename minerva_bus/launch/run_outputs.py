@@ -214,11 +214,7 @@ def _continued(description: RecordHeader, file: WorldFile) -> RecordHeader:
     """Description of a continued record; name and end of the world may have changed."""
     now = file.world
     world = replace(
-        description.world,
-        name=now.name,
-        frames=now.frames,
-        until=now.until,
-        expected=now.expected,
+        description.world, name=now.name, frames=now.frames, until=now.until, expected=now.expected
     )
     options = {name: option_text(value) for name, value in file.options.items()}
     return replace(

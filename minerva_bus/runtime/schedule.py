@@ -16,10 +16,7 @@ from minerva_bus.runtime.runner import Sink
 
 _BEGIN: Final = s.Begin()
 
-_PARTS: Final = {
-    m.TickReply: ("events", Phase.TICK),
-    m.EvolveReply: ("evolution", Phase.EVOLVE),
-}
+_PARTS: Final = {m.TickReply: ("events", Phase.TICK), m.EvolveReply: ("evolution", Phase.EVOLVE)}
 """The part of a frame that a reply ends, and the phase that waits for it."""
 
 LAST_VIEW_SECONDS: Final = 5.0

@@ -66,11 +66,7 @@ class Limits:
     # A frame waits for these. A generator's saved state may be bytes, which are one value. A host
     # reports changes of all of its agents, newborn agents and views.
     tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 50_000
-    answer_values: Annotated[
-        int,
-        Note("values of an `evolved`"),
-        Configurable(1000),
-    ] = 400_000
+    answer_values: Annotated[int, Note("values of an `evolved`"), Configurable(1000)] = 400_000
     items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
     # Scopes are read without recursion, so this is far beyond Python's own limit.
@@ -79,9 +75,7 @@ class Limits:
     # kind without attributes takes no byte.
     rows: Annotated[int, Note("rows of all columns of a message")] = 20_000_000
     events: Annotated[
-        int,
-        Note("events of a `ticked` or `emitted`, including those in columns"),
-        Configurable(1),
+        int, Note("events of a `ticked` or `emitted`, including those in columns"), Configurable(1)
     ] = 300_000
     single_events: Annotated[
         int,
