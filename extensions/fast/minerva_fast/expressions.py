@@ -26,6 +26,7 @@ from minerva_fast.origin import EXPRESSIONS, MISSING, REAL_EVERYWHERE, TEXT_AS_N
 from minerva_fast.places import copy
 from minerva_fast.values import (
     DECLARED,
+    NUMBERS,
     BoundMethod,
     ColumnAccess,
     FunctionScope,
@@ -80,11 +81,6 @@ _OF_MOMENT: Final = {"dt": ValueKind.REAL, "time": ValueKind.REAL, "number": Val
 _TABLE: Final = 10_000
 _ITEMS: Final = (np.bool_, np.float64, np.int64)
 """Types of the items of constant arrays, which are those of Python's numbers."""
-_NUMBERS: Final[dict[Any, ValueKind]] = {
-    int: ValueKind.INT,
-    bool: ValueKind.BOOL,
-    float: ValueKind.REAL,
-}
 Column: TypeAlias = tuple[ast.expr, Items]
 """A name that takes the items of a sequence in turn."""
 MakeHelper: TypeAlias = Callable[[ast.Call, FunctionType, tuple[Reference, ...]], Called]
@@ -258,9 +254,6 @@ class Expressions:
         return self.text(value) if type(value) is str else None
 
     def _constant(self, node: ast.Constant) -> Value:
-        if node.value is None or isinstance(node.value, complex):
-            what = "None" if node.value is None else "a complex number"
-            raise self.problem(node, f"{what} as a value", "use a number, a bool or a text")
         return self._frozen(node, node.value)
 
     # --- attributes ---
@@ -278,7 +271,7 @@ class Expressions:
                 what = f"{ast.unparse(node.value)}, a random stream, has no methods"
                 raise self.problem(node, what, f"write {node.attr}({ast.unparse(node.value)}, ...)")
             case RuleGrid(text=text, type=shape):
-                kind = _NUMBERS.get(get_type_hints(shape).get(node.attr))
+                kind = NUMBERS.get(get_type_hints(shape).get(node.attr))
                 if kind is not None:
                     self.use(text)
                     return Value(kind, f"{text}.{node.attr}", simple=True)

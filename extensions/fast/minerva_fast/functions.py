@@ -107,14 +107,6 @@ def _reals(count: int, function: str, kind: ValueKind = ValueKind.REAL) -> Check
     return checked
 
 
-def _times(factor: float) -> Checked:
-    def checked(check: Expressions, node: ast.Call, arguments: Sequence[Value]) -> Value:
-        (value,) = _numbers(check, node, arguments, 1, 1)
-        return Value(ValueKind.REAL, f"({check.as_real(value).text} * {factor!r})")
-
-    return checked
-
-
 def _whole(function: str) -> Checked:
     """A conversion of a real to an int; an int stays as it is."""
 
@@ -199,14 +191,14 @@ FUNCTIONS: Final[dict[Any, Checked]] = {
     math.atan2: _reals(2, "math_atan2"),
     math.ceil: _whole("ceiling"),
     math.copysign: _reals(2, "math.copysign"),
-    math.degrees: _times(180.0 / math.pi),
+    math.degrees: _reals(1, "math.degrees"),
     math.fabs: _reals(1, "math.fabs"),
     math.floor: _whole("floor"),
     math.fmod: _reals(2, "math_fmod"),
     math.isfinite: _reals(1, "math.isfinite", ValueKind.BOOL),
     math.isinf: _reals(1, "math.isinf", ValueKind.BOOL),
     math.isnan: _reals(1, "math.isnan", ValueKind.BOOL),
-    math.radians: _times(math.pi / 180.0),
+    math.radians: _reals(1, "math.radians"),
     math.trunc: _whole("truncate"),
     portable.atan2: _reals(2, "portable_atan2"),
     portable.hypot: _reals(2, "portable_hypot"),

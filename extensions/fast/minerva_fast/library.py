@@ -360,12 +360,14 @@ def within(number: float, least: float, most: float) -> bool:
 # --- functions of `math` and `portable` ---
 
 
-def _of_math(function: Any) -> Any:
-    """A function of `math`; a result or argument that is not finite is a fault."""
+# Outside its domain Python raises an error, where the C library returns nan or infinity.
+
+
+def _of_one(function: Any) -> Any:
+    """A function of a real; a result or argument that is not finite is a fault."""
 
     @compiled
     def call(number: float) -> float:
-        # Outside its domain Python raises an error, where the C library returns nan or infinity.
         result = function(number) if math.isfinite(number) else math.nan
         if not math.isfinite(result):
             raise ValueError
@@ -374,31 +376,22 @@ def _of_math(function: Any) -> Any:
     return call
 
 
-globals().update({f"math_{name}": _of_math(getattr(math, name)) for name in OF_MATH})
+def _of_two(function: Any) -> Any:
+    """A function of two reals; a result or argument that is not finite is a fault."""
+
+    @compiled
+    def call(x: float, y: float) -> float:
+        result = function(x, y) if math.isfinite(x) and math.isfinite(y) else math.nan
+        if not math.isfinite(result):
+            raise ValueError
+        return result
+
+    return call
 
 
-@inlined
-def math_sqrt(number: float) -> float:
-    """`math.sqrt(number)`."""
-    if not 0.0 <= number < math.inf:
-        raise ValueError
-    return math.sqrt(number)
-
-
-@compiled
-def math_atan2(y: float, x: float) -> float:
-    """`math.atan2(y, x)`."""
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError
-    return math.atan2(y, x)
-
-
-@compiled
-def math_fmod(x: float, y: float) -> float:
-    """`math.fmod(x, y)`."""
-    if y == 0.0 or not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError
-    return np.fmod(x, y)
+globals().update({f"math_{name}": _of_one(getattr(math, name)) for name in OF_MATH})
+math_atan2: Final = _of_two(math.atan2)
+math_fmod: Final = _of_two(np.fmod)
 
 
 @compiled
@@ -466,25 +459,9 @@ globals().update(
         for name, ends in OF_PORTABLE.items()
     }
 )
-_atan2: Final = form(portable.atan2)
-_hypot: Final = form(portable.hypot)
+portable_atan2: Final = _of_two(form(portable.atan2))
+portable_hypot: Final = _of_two(form(portable.hypot))
 _power: Final = form(portable.power)
-
-
-@compiled
-def portable_atan2(y: float, x: float) -> float:
-    """`portable.atan2(y, x)`."""
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError
-    return _atan2(y, x)
-
-
-@compiled
-def portable_hypot(x: float, y: float) -> float:
-    """`portable.hypot(x, y)`."""
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError
-    return _hypot(x, y)
 
 
 @compiled

@@ -132,8 +132,6 @@ STATEMENTS: Final[Mapping[type[ast.AST], tuple[str, str]]] = {
     ast.Nonlocal: ("nonlocal", "keep the value in an attribute of the agent"),
     ast.Delete: ("del", "set the value to 0 or False"),
     ast.Match: ("match", "write if and elif"),
-    ast.AsyncFor: ("async for", "write a for loop"),
-    ast.AsyncWith: ("async with", "a method uses no resources; services do"),
 }
 
 EXPRESSIONS: Final[Mapping[type[ast.AST], tuple[str, str]]] = {
@@ -151,7 +149,6 @@ EXPRESSIONS: Final[Mapping[type[ast.AST], tuple[str, str]]] = {
     ast.Lambda: ("a lambda", "define a function at the top of the module and call it"),
     ast.JoinedStr: ("an f-string", "use constant texts only"),
     ast.NamedExpr: ("an assignment within an expression", "assign in a statement of its own"),
-    ast.Await: ("await", "evolution is not asynchronous; emit an event instead"),
     ast.Yield: ("yield", "emit events with moment.emit"),
     ast.YieldFrom: ("yield", "emit events with moment.emit"),
     ast.Starred: ("an argument with *", "write each argument"),

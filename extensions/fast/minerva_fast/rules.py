@@ -14,7 +14,7 @@ import ast
 import inspect
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -46,6 +46,7 @@ from minerva_fast.printing import FIRST_TURN, LAST_TURN, is_counted, printed_fun
 from minerva_fast.statements import Results, Statements, stored
 from minerva_fast.tables import BEFORE, InField, Inhabitants, columns_of, loops_of_table
 from minerva_fast.values import (
+    NUMBERS,
     STEP,
     ColumnAccess,
     FunctionScope,
@@ -243,11 +244,6 @@ def loops_of(rules: Iterable[SpaceRule]) -> list[SpaceRule | Loop]:
 
 # --- parameters ---
 
-_NUMBERS: Final[Mapping[Any, ValueKind]] = {
-    int: ValueKind.INT,
-    float: ValueKind.REAL,
-    bool: ValueKind.BOOL,
-}
 _MATRICES: Final = ((Cells, "int16"), (Reals, "float64"))
 
 
@@ -314,7 +310,7 @@ class RuleParameter:
         if self.item:
             return f"cells({self.item}, 1, {only_read})", f"m_{self.name}"
         if self.number:
-            return _NUMBERS[self.type].machine, f"v_{self.name}"
+            return NUMBERS[self.type].machine, f"v_{self.name}"
         return ("cells(uint64)" if self.draws else f"typed({self.type.__name__})"), f"g_{self.name}"
 
     def parts(self) -> Iterator[tuple[str, str]]:
@@ -348,7 +344,7 @@ def parameters_of(function: Callable[..., None], name: str) -> tuple[RuleParamet
         raise MisuseError(
             f"{name}: expected (i: int, subject, ...), where the subject is a table, Cells or Reals"
         )
-    known = (Draws, CellGrid, Edges, Cells, Reals, *_NUMBERS)
+    known = (Draws, CellGrid, Edges, Cells, Reals, *NUMBERS)
     for parameter in parameters:
         if parameter.type is None:
             raise MisuseError(
@@ -374,7 +370,7 @@ def checked_rule(made: SpaceRule) -> CheckedRule:
     method = Method(f"{origin.name}, a rule")
     known = {p.name: p.reference(made.subject.name) for p in made.parameters}
     references = {name: each for name, each in known.items() if each is not None}
-    kinds = {p.name: _NUMBERS[p.type] for p in made.parameters if p.number}
+    kinds = {p.name: NUMBERS[p.type] for p in made.parameters if p.number}
     again = row in stored(origin.tree)
     if again:  # another row from some place on
         kinds[row] = ValueKind.INT

@@ -16,7 +16,7 @@ The rules that a method names are found in its code, so that they can be compile
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, cast
@@ -103,33 +103,26 @@ def rules_of(cls: type) -> list[SpaceRule]:
     By name, as `module.name`, in a tuple or list, or in a function of the same module that a method
     calls. Others are compiled when they first run.
     """
-    rules: dict[SpaceRule, None] = {}
-    known: set[FunctionType] = set()
+    seen: dict[Any, None] = {}
+
+    def see(value: Any, module: str) -> None:
+        match value:
+            case SpaceRule():
+                seen[value] = None
+            case tuple() | list():
+                for item in cast("Sequence[Any]", value):
+                    see(item, module)
+            case FunctionType() if value.__module__ == module and value not in seen:
+                seen[value] = None
+                for each in _values(value):
+                    see(each, module)
+            case _:
+                pass
+
     for base in reversed(cls.__mro__):
         for value in vars(base).values():
-            if isinstance(value, FunctionType):
-                rules |= dict.fromkeys(_rules_in(value, known))
-    return list(rules)
-
-
-def _rules_in(function: FunctionType, known: set[FunctionType]) -> Iterator[SpaceRule]:
-    if function in known:
-        return
-    known.add(function)
-    for value in _values(function):
-        if isinstance(value, FunctionType):
-            if value.__module__ == function.__module__:
-                yield from _rules_in(value, known)
-        else:
-            yield from _among(value)
-
-
-def _among(value: Any) -> Iterator[SpaceRule]:
-    if isinstance(value, SpaceRule):
-        yield value
-    elif isinstance(value, tuple | list):
-        for item in cast("Iterable[Any]", value):
-            yield from _among(item)
+            see(value, getattr(value, "__module__", ""))
+    return [each for each in seen if isinstance(each, SpaceRule)]
 
 
 def _values(function: FunctionType) -> Iterator[Any]:

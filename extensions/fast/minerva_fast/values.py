@@ -39,6 +39,11 @@ class ValueKind(Enum):
         return {ValueKind.BOOL: "boolean", ValueKind.REAL: "float64"}.get(self, "int64")
 
 
+NUMBERS: Final[Mapping[Any, ValueKind]] = {
+    int: ValueKind.INT,
+    float: ValueKind.REAL,
+    bool: ValueKind.BOOL,
+}
 DTYPES: Final[Mapping[ValueKind, Any]] = {
     ValueKind.INT: np.int64,
     ValueKind.REAL: np.float64,
