@@ -1,15 +1,17 @@
 """HELICS: a world in place of a federate of an example, beside the results of the example.
 
-python -m tools.acceptance.federates world battery FOLDER    # a world as a federate
-python -m tools.acceptance.federates script FILE RESULTS     # a federate of the example
-python -m tools.acceptance.federates broker                  # until both have left
+python -m tools.acceptance.federates world ROLE FOLDER      # a world as a federate
+python -m tools.acceptance.federates script FILE RESULTS    # a federate of the example
+python -m tools.acceptance.federates broker NUMBER          # until all have left
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import runpy
+import shutil
 import subprocess
 import sys
 import time
@@ -22,18 +24,24 @@ from unittest.mock import MagicMock
 
 import numpy as np
 
-from minerva_bus import Agent, EventType, World, on
-from tools.acceptance.suite import MissingSuiteError, Outcome, Result, Suite, judged
+from minerva_bus import Agent, EventType, World, each, on
+from tools.acceptance.suite import MissingSuiteError, Result, Suite, judged
 
 CARS = range(1, 6)
-PERIOD, END = 60.0, 7 * 24 * 3600.0
-"""Step and end of the example, seconds."""
-SECONDS = 300.0
+PERIOD, DAY = 60.0, 24 * 3600.0
+"""Step of the examples, seconds."""
+SECONDS = 120.0
+"""Most that a federation takes; the longest that ends takes a quarter."""
 
-ENDPOINTS = "its federates send messages to endpoints; a world has values, which are its attributes"
+STUCK = "its own federates hang in HELICS, before any world takes part"
+WAITS = "wait_for_current_time_update"
+"""With this option and an offset, HELICS grants no federate its first time."""
 
 VOLTAGE = EventType("eVoltage", volts=float)
 CURRENT = EventType("eCurrent", amperes=float)
+TEXTS = [EventType(name, text=str) for name in ("eVolts", "eAmperes")]
+BEGIN, CHARGE = EventType("eBegin"), EventType("eCharge", text=str, source=str)
+COMMAND = EventType("eCommand", text=str, destination=str)
 
 
 class Battery(Agent, symbol="ABattery"):
@@ -62,6 +70,47 @@ class Charger(Agent, symbol="ACharger"):
         self.current = current.amperes
 
 
+class Cell(Agent, symbol="ACell"):
+    """A battery that gets voltages and sends currents as messages."""
+
+    soc: float = 0.0
+    rating: float = 0.0
+
+    @on("eVolts")
+    def charge(self, message: Any, moment: Any) -> None:
+        """Charge for a step, and answer."""
+        volts = float(message.text)
+        current = 0.0 if self.soc >= 1 else volts / (8.0 + 142.0 * self.soc)
+        self.soc += current * volts * PERIOD / 3600 / 1000 / self.rating
+        moment.emit(TEXTS[1](str(current)))
+
+
+class Plug(Agent, symbol="APlug"):
+    """A charging point that begins with a message of its voltage, and answers with it."""
+
+    voltage: float = 0.0
+
+    @on("eBegin")
+    def begin(self, event: Any, moment: Any) -> None:
+        """Send the first message."""
+        if moment.number == 0:
+            moment.emit(TEXTS[0](str(self.voltage)))
+
+    @on("eAmperes")
+    def answer(self, message: Any, moment: Any) -> None:
+        """Send the voltage again."""
+        moment.emit(TEXTS[0](f"{self.voltage:4f}"))
+
+
+class Controller(Agent, symbol="AController"):
+    """Tells each charging point whether its car still needs charge."""
+
+    @on("eCharge")
+    def command(self, charge: Any, moment: Any) -> None:
+        """Answer the sender."""
+        moment.emit(COMMAND("1" if float(charge.text) <= 0.95 else "0", charge.source))
+
+
 def _script(path: Path, name: str) -> dict[str, Any]:
     """The names in a script of the example after it has run, without its pictures."""
     pictures = MagicMock()
@@ -70,34 +119,29 @@ def _script(path: Path, name: str) -> dict[str, Any]:
     return runpy.run_path(str(path), run_name=name)
 
 
-def _batteries(folder: Path) -> World:
-    """Cars as in the example's Battery.py."""
-    np.random.seed(628)
+def _batteries(folder: Path, seed: int, kind: str) -> str:
+    """The string of cars as in the example's Battery.py."""
+    np.random.seed(seed)
     ratings = _script(folder / "Battery.py", "Battery")["get_new_battery"](len(CARS))
     charges = [np.random.randint(0, 60) / 100 for _ in CARS]
     cars = zip(CARS, charges, ratings, strict=True)
-    text = " · ".join(f"ABattery#ev{n}<soc={soc}, rating={size}>" for n, soc, size in cars)
-    return World(text, agents=[Battery], symbols=[VOLTAGE], name="batteries")
+    return " · ".join(f"{kind}#ev{n}<soc={soc}, rating={size}>" for n, soc, size in cars)
 
 
-def _chargers(folder: Path) -> World:
-    """Charging points as in the example's Charger.py."""
-    np.random.seed(1490)
+def _chargers(folder: Path, seed: int, kind: str) -> str:
+    """The string of charging points as in the example's Charger.py."""
+    np.random.seed(seed)
     names = _script(folder / "Charger.py", "Charger")
     voltages = names["calc_charging_voltage"](names["get_new_EV"](len(CARS))[-1])
     points = zip(CARS, voltages, strict=True)
-    text = " · ".join(f"ACharger#ev{number}<voltage={volts}>" for number, volts in points)
-    return World(text, agents=[Charger], symbols=[CURRENT], name="chargers")
+    return " · ".join(f"{kind}#ev{number}<voltage={volts}>" for number, volts in points)
 
 
 def _config(name: str, output: str, datum: str, source: str) -> Mapping[str, Any]:
     """The federate of the example, with the names of a world, and its own as aliases."""
     kind = output.partition("_")[2]
     return {
-        "name": name,
-        "core_type": "zmq",
-        "period": PERIOD,
-        "wait_for_current_time_update": name == "Battery",
+        WAITS: name == "Battery",
         "publications": [{"key": f"ev{car}.{kind}", "type": "double"} for car in CARS],
         "inputs": [
             {"key": f"ev{car}.{datum}", "type": "double", "targets": [source.format(car)]}
@@ -107,89 +151,174 @@ def _config(name: str, output: str, datum: str, source: str) -> Mapping[str, Any
     }
 
 
+def _endpoint(name: str, receives: str, sends: str, **more: str) -> Mapping[str, Any]:
+    return {"key": name, "global": True, "tags": {"receives": receives, "sends": sends}, **more}
+
+
+def _federate(role: str, folder: Path) -> tuple[World, Mapping[str, Any]]:
+    """A world in place of a federate of an example, and its configuration."""
+    current, voltage = "Battery/EV{}_current", "Charger/EV{}_voltage"
+    if role == "Controller":
+        world = World(
+            "AController#controller", agents=[Controller], symbols=[CHARGE, COMMAND], name="control"
+        )
+        own = _endpoint("Controller/ep", "controller.eCharge", "controller.eCommand")
+        theirs = folder / "ControllerConfig.json"
+        config = json.loads(theirs.read_text(encoding="utf-8")) if theirs.exists() else {}
+        # It answers before the next step of the others.
+        filters = {"filters": config["filters"]} if "filters" in config else {}
+        return world, {"endpoints": [own], "period": PERIOD / 2, **filters}
+    if folder.name != "endpoints":
+        if role == "Battery":
+            text, agents, types = _batteries(folder, 628, "ABattery"), [Battery], [VOLTAGE]
+            config = _config(role, current, "eVoltage.volts", voltage)
+        else:
+            text, agents, types = _chargers(folder, 1490, "ACharger"), [Charger], [CURRENT]
+            config = _config(role, voltage, "eCurrent.amperes", current)
+        return World(text, agents=agents, symbols=types, name=role), config
+    if role == "Battery":
+        text, agents, services = _batteries(folder, 2622, "ACell"), [Cell], []
+        names, tags, offset = (current, voltage), ("eVolts", "eAmperes"), 10.0
+    else:
+        text, agents, services = _chargers(folder, 267, "APlug"), [Plug], [each(BEGIN)]
+        names, tags, offset = (voltage, current), ("eAmperes", "eVolts"), 0.0
+    world = World(text, agents=agents, symbols=[*TEXTS, BEGIN], services=services, name=role)
+    endpoints = [
+        _endpoint(
+            names[0].format(car),
+            *(f"ev{car}.{tag}" for tag in tags),
+            destination=names[1].format(car),
+        )
+        for car in CARS
+    ]
+    return world, {"endpoints": endpoints, "offset": offset}
+
+
+def _days(folder: Path) -> float:
+    """The duration of an example, from its script, or from the options in its list."""
+    found = re.search(r"hours = 24 ?\* ?(\d+)", (folder / "Charger.py").read_text(encoding="utf-8"))
+    (runner, *_) = folder.glob("*runner*.json")
+    found = found or re.search(r"--days=([\d.]+)", runner.read_text(encoding="utf-8"))
+    return float(found[1]) if found else 1.0
+
+
 def _take_part(role: str, folder: Path) -> None:
     from minerva_cosimulation.helics import WorldFederate
 
-    current, voltage = "Battery/EV{}_current", "Charger/EV{}_voltage"
-    if role == "battery":
-        world = _batteries(folder)
-        config = _config("Battery", current, "eVoltage.volts", voltage)
-    else:
-        world = _chargers(folder)
-        config = _config("Charger", voltage, "eCurrent.amperes", current)
+    world, config = _federate(role, folder)
     with TemporaryDirectory(prefix="minerva-acceptance-") as place:
         file = Path(place, f"{role}.json")
-        file.write_text(json.dumps(config), encoding="utf-8")
-        print(WorldFederate(world, file).run(until=END))
+        common = {"name": role, "core_type": "zmq", "period": PERIOD}
+        file.write_text(json.dumps({**common, **config}), encoding="utf-8")
+        print(WorldFederate(world, file).run(until=DAY * _days(folder) + PERIOD))
 
 
 def _run_script(path: Path, results: Path) -> None:
-    os.chdir(path.parent)  # It reads its configuration there.
-    names = _script(path, "__main__")
-    series = [names["power"]] if "power" in names else [*names["soc"].values()]
-    results.write_text(json.dumps(series), encoding="utf-8")
-
-
-def _broker() -> None:
     import helics
 
-    broker = helics.helicsCreateBroker("zmq", "", "--federates 2")
+    request: Any = helics.helicsFederateRequestTime
+
+    def request_time(federate: Any, moment: float) -> float:
+        # It has its results, and waits for the others to leave; HELICS may hang then.
+        return moment if moment >= helics.HELICS_TIME_MAXTIME else request(federate, moment)
+
+    if path.stem in ("Battery", "Charger"):
+        helics.helicsFederateRequestTime = request_time
+    os.chdir(path.parent)  # It reads its configuration there.
+    names = _script(path, "__main__")
+    series = next(names[name] for name in ("power", "soc_list", "soc") if name in names)
+    rows = [*series.values()] if isinstance(series, dict) else [series]
+    results.write_text(json.dumps(rows), encoding="utf-8")
+
+
+def _broker(federates: str) -> None:
+    import helics
+
+    broker = helics.helicsCreateBroker("zmq", "", f"--federates {federates}")
     while helics.helicsBrokerIsConnected(broker):
         time.sleep(0.1)
 
 
-def _federation(folder: Path, results: Path, worlds: str = "") -> dict[str, Any]:
-    """The results of the scripts by name, with a world in place of that of this role."""
-    scripts = [role for role in ("battery", "charger") if role != worlds]
-    for role in scripts:
-        (results / role).unlink(missing_ok=True)
-    commands = [["broker"]]
-    commands += [
-        ["script", str(folder / f"{role.title()}.py"), str(results / role)] for role in scripts
-    ]
-    commands += [["world", worlds, str(folder)]] if worlds else []
+def _federates(folder: Path) -> dict[str, list[str]]:
+    """The scripts of an example by federate, each with its arguments."""
+    # Of two ways to run an example, the last one works by the page of the example.
+    runner = sorted(folder.glob("*runner*.json"))[-1]
+    listed = json.loads(runner.read_text(encoding="utf-8"))["federates"]
+    words = {federate["name"]: federate["exec"].split() for federate in listed}
+    return {name: word[2:] for name, word in words.items() if word[0] == "python"}
+
+
+def _federation(folder: Path, results: Path, world: str = "") -> dict[str, Any]:
+    """The results of the scripts by federate, with a world in place of that of this name."""
+    federates = _federates(folder)
+    commands = [["broker", str(len(federates))]]
+    for name, (script, *arguments) in federates.items():
+        (results / name).unlink(missing_ok=True)
+        own = ["script", str(folder / script), str(results / name), *arguments]
+        commands.append(["world", name, str(folder)] if name == world else own)
     processes = [
         subprocess.Popen(
             [sys.executable, "-m", __name__, *command],
             cwd=Path(__file__).resolve().parents[2],
             stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         for command in commands
     ]
+    end = time.monotonic() + SECONDS
     try:
         for process in processes:
-            process.wait(SECONDS)
+            process.wait(max(0.0, end - time.monotonic()))
+    except subprocess.TimeoutExpired:
+        pass
     finally:
         for process in processes:
             process.kill()
             process.wait()
-    written = [role for role in scripts if (results / role).exists()]
-    return {role: json.loads((results / role).read_text(encoding="utf-8")) for role in written}
+    written = [name for name in federates if (results / name).exists()]
+    return {name: json.loads((results / name).read_text(encoding="utf-8")) for name in written}
 
 
-def _problems(series: list[list[float]], theirs: list[list[float]]) -> Iterator[str]:
-    if not series or len(series) != len(theirs):
-        yield "the federation failed; its messages are above"
-    for ours, other in zip(series, theirs, strict=False):
-        if ours != other:
-            pairs = enumerate(zip(ours, other, strict=False))
-            step, values = next((n, pair) for n, pair in pairs if pair[0] != pair[1])
-            yield f"{values[0]} in step {step}; expected {values[1]}"
+def _problems(ours: Mapping[str, Any], theirs: Mapping[str, Any], world: str) -> Iterator[str]:
+    """How the results with a world differ from those of the example."""
+    for name in sorted(theirs.keys() - {world}):
+        if name not in ours:
+            yield f"{name} has no results"
+        for place, (series, wanted) in enumerate(
+            zip(ours.get(name, []), theirs[name], strict=False)
+        ):
+            pairs = enumerate(zip(series, wanted, strict=False))
+            step = next((n for n, (own, other) in pairs if own != other), len(series))
+            if series != wanted:
+                yield f"{name}, series {place}: another value in step {step}"
+
+
+def _example(folder: Path, place: Path) -> Path:
+    """A copy of an example whose federates get their first time."""
+    copy = Path(shutil.copytree(folder, place / folder.name))
+    for path in copy.glob("*Config.json"):
+        config = json.loads(path.read_text(encoding="utf-8"))
+        if config.get("offset"):
+            config.pop(WAITS, None)
+        path.write_text(json.dumps(config), encoding="utf-8")
+    return copy
 
 
 def _results(folder: Path) -> Iterator[Result]:
     if not find_spec("helics"):
         raise MissingSuiteError("it needs HELICS: pip install 'minerva-bus[helics]'")
-    example = folder / "fundamental_default"
-    with TemporaryDirectory(prefix="minerva-acceptance-") as place:
-        theirs = _federation(example, Path(place))
-        for role, other in (("battery", "charger"), ("charger", "battery")):
-            series = _federation(example, Path(place), role).get(other, [])
-            problems = _problems(series, theirs.get(other, []))
-            yield judged(f"{example.name}, {role} as a world", problems)
     for script in sorted(folder.rglob("Charger.py")):
-        if "Endpoint" in script.read_text(encoding="utf-8"):
-            yield Result(script.parent.name, Outcome.EXPECTED, ENDPOINTS)
+        with TemporaryDirectory(prefix="minerva-acceptance-") as place:
+            example, results = _example(script.parent, Path(place)), Path(place)
+            theirs, names = _federation(example, results), _federates(example)
+            roles = ["Controller"] if "Controller" in names else sorted(names)
+            missing = [f"{name} has no results" for name in names if name not in theirs]
+            for role in roles:
+                case = f"{example.name}, {role} as a world"
+                if missing:
+                    yield judged(case, missing, STUCK if "filter" in example.name else "")
+                else:
+                    yield judged(case, _problems(_federation(example, results, role), theirs, role))
 
 
 HELICS = Suite(
@@ -206,10 +335,11 @@ def main() -> None:
     match sys.argv[1:]:
         case ["world", role, folder]:
             _take_part(role, Path(folder))
-        case ["script", path, results]:
+        case ["script", path, results, *arguments]:
+            sys.argv = [path, *arguments]
             _run_script(Path(path), Path(results))
         case _:
-            _broker()
+            _broker(sys.argv[-1])
 
 
 if __name__ == "__main__":
