@@ -197,7 +197,9 @@ class _CauseFinder:
             f"{slowest.name} takes {slowest.wait * MICRO:.2f} s of a frame's {seconds:.2f} s; the"
             f" world runs at {status.hz:.1f} of {status.rate:g} frames per second"
         )
-        advice = f"minerva run --profile-member {slowest.name}; couple or draw it less often"
+        more, less = "give its table more processes", "couple, draw or ask it less often"
+        remedy = more if slowest.kinds else less
+        advice = f"minerva run --profile-member {slowest.name}; {remedy}"
         yield HaltCause("slow consumer", slowest.name, what, "frames stay late", advice)
 
     def in_events(self) -> Iterator[HaltCause]:
@@ -208,6 +210,8 @@ class _CauseFinder:
         if not self.status.paused and not any(rates):
             what = "frames advance without any event, so no agent evolves"
             advice = "add a clock or a sensor ([process.NAME] service), or send one: minerva pub"
+            if any(member.generates for member in self.status.members):
+                advice = "minerva logs shows what its generators lack; or send one: minerva pub"
             yield HaltCause("no events", "", what, "agents keep their state", advice)
 
     def in_norms(self) -> Iterator[HaltCause]:
