@@ -1,8 +1,8 @@
 """Frames of a recorded run: strings are read, views are computed.
 
 λ does not run, because the log has the string of each frame. θ runs in the coordinator, so devices
-can join that did not take part in the original run. Other members can join, but receive no
-requests.
+can join that did not take part in the original run. A frame waits for coupled devices. Other
+members can join, but receive no requests.
 """
 
 from __future__ import annotations
@@ -97,10 +97,22 @@ class RecordedSource:
         return self._cursor.ahead is not None
 
     def begin(self) -> None:
-        """Continue with the frame after the cursor's position."""
+        """Continue with the frame after the cursor's position, once its views are shown."""
         # Frames may be missing in the record, so the number is read and not counted.
         if self._cursor.ahead is not None:
             self._now.frame = self._cursor.ahead.number
+        # A coupled device, such as a film, receives every view, and answers when it has shown the
+        # last one. Without this, the views of a fast replay would wait in its process.
+        self._now.in_flight.pending = {
+            member.name
+            for member in self._members
+            if member.hello is not None
+            and member.hello.coupled
+            and not member.hello.generates
+            and (member.active or member.awaited)
+        }
+        for name in sorted(self._now.in_flight.pending):
+            self.ask(self._members.get(name))
 
     def collect(self) -> None:
         """Steps 2 to 4: the recorded events, and the visual events of the devices here."""
@@ -135,8 +147,13 @@ class RecordedSource:
         in_flight.result.merge(reply, {})
 
     def tick_reply(self, reply: m.TickReply) -> str:
-        """Ignore a reply, as all messages of members: the record has the events and results."""
-        return self._ignored(reply)
+        """Accept that a device has shown its view; the record has the events."""
+        in_flight = self._now.in_flight
+        if reply.frame != self._now.frame or reply.member not in in_flight.pending:
+            return self._ignored(reply)
+        self._members.answered(self._members.get(reply.member), reply.frame)
+        in_flight.pending.discard(reply.member)
+        return ""
 
     def emitted(self, emitted: m.Emitted) -> str:
         """Ignore the events of a generator."""
@@ -146,7 +163,9 @@ class RecordedSource:
         """Ignore an event of a person."""
 
     def ask(self, member: MemberEntry) -> None:
-        """No member is asked."""
+        """Ask a device whether it has shown its last view."""
+        if member.active:
+            self._out.send(member.name, m.TickRequest(self._now.frame))
 
     def reply(self, reply: m.EvolveReply) -> str:
         """Ignore a reply of a host."""

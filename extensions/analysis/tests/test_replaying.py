@@ -155,6 +155,28 @@ def test_it_does_not_rest_without_observers(tmp_path):
     assert projector.runner.ended.reason == OVER
 
 
+class Film(Seen, coupled=True):
+    """Receives each view, as a film does."""
+
+
+def test_it_waits_until_a_coupled_device_has_shown_its_view(tmp_path):
+    """Otherwise a fast replay is over long before the film of it, whose process is then killed."""
+    projector = Projector("meadow", tmp_path, seen=False)
+    algorithm, film = projector.algorithm, Member("film", Film("meadow"))
+    for stimulus in (s.Appeared("film"), film.hello()):
+        algorithm.receive(stimulus)
+    for frame in (0, 1):
+        algorithm.receive(s.Begin())
+        assert (algorithm.frame, algorithm.waiting_for()) == (frame, ["film"])
+        algorithm.receive(m.TickReply("film", frame - 1))
+        assert (algorithm.frame, algorithm.waiting_for()) == (frame, ["film"])
+        algorithm.receive(m.TickReply("film", frame))
+        assert (algorithm.frame, algorithm.waiting_for()) == (frame + 1, [])
+    algorithm.receive(s.Begin())
+    algorithm.receive(s.Vanished("film"))
+    assert (algorithm.frame, algorithm.waiting_for()) == (3, [])
+
+
 def test_it_takes_no_orders(tmp_path):
     projector = Projector("meadow", tmp_path)
     vocabulary = projector.algorithm.world.vocabulary
