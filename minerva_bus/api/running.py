@@ -332,6 +332,8 @@ def run_file(file: WorldFile, began: float, console: Console | None = None, film
     summary = here.run()
     if here.failed:
         raise WorldStopped(summary.ended)
+    if summary.incomplete:
+        raise MinervaError("; ".join(summary.incomplete))
     done = Run(
         here.algorithm.scene,
         summary.frames,
@@ -381,6 +383,8 @@ def _ended(
     interrupted = summary["ended"] in ("interrupted", "terminated")
     if result["failure"] and not interrupted:
         raise WorldStopped(result["failure"])
+    if summary["incomplete"]:
+        raise MinervaError("; ".join(summary["incomplete"]))
     done = Run(
         file.world.vocabulary.read(result["scene"], f"{request.world.name}: the last string"),
         summary["frames"],

@@ -54,7 +54,7 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     _print_summary(summary, console, options, file.record.path, as_json=as_json or options.json)
     if summary.ended in ("interrupted", "terminated"):
         raise typer.Exit(INTERRUPTED)
-    if failure:
+    if failure or summary.incomplete:
         raise typer.Exit(FAILED)
 
 
@@ -87,5 +87,5 @@ def _print_summary(
         print_json(summary.plain())
     elif summary.digest and not options.quiet:
         print_result("\n".join(summary.lines()))
-        if record:
+        if record and not any(each.startswith("record: ") for each in summary.incomplete):
             print_result(f"  record: {record}")

@@ -17,7 +17,7 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Callable, Container, Generator, Mapping
+from collections.abc import Callable, Container, Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -31,6 +31,7 @@ from minerva_bus.wording import counted, named_some
 
 if TYPE_CHECKING:
     from minerva_bus.runtime.questions import WorldRun
+    from minerva_bus.world.operator import FileStatus
 
 SHOWN_NAMES: Final = 8
 PERIOD_SECONDS: Final = 5.0
@@ -248,6 +249,7 @@ class EndReport:
     figures: Mapping[str, Any] = field(default_factory=dict[str, Any])
     profile: Profile = field(default_factory=dict[str, Mapping[str, float]])
     reporters: Mapping[str, str] = field(default_factory=dict[str, str])
+    incomplete: Sequence[str] = ()
 
     @staticmethod
     def of(run: WorldRun, members: int, reason: str = "") -> EndReport:
@@ -264,7 +266,14 @@ class EndReport:
             dict(ended.figures) if ended is not None else {},
             run.metrics.profile(),
             _reporters(algorithm.shutdown.figures),
+            [_loss(file, algorithm.frame) for file in run.files() if file.problem or file.lost],
         )
+
+
+def _loss(file: FileStatus, frames: int) -> str:
+    """What a file of the run lacks, and why."""
+    kept = f", {frames - file.lost:,} of {counted(frames, 'frame')}" if file.lost else ""
+    return f"{file.name}: {file.path}{kept} ({file.problem or 'the disk was too slow'})"
 
 
 def _reporters(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
@@ -281,6 +290,7 @@ class RunSummary:
 
     `reporters` are the members that have reported a figure, by its name.
 
+    `incomplete` describes each output that is damaged or missing: the run has not succeeded.
     `before` is the number of frames that ran before this run, if it resumed a record or a journal.
     `wall_seconds` is from the end of its first frame to the end of its last one, successions
     included. `first_frame_seconds` is None if no frame was completed. `digest` is empty if the
@@ -301,6 +311,7 @@ class RunSummary:
     before: int = 0
     profile: Profile = field(default_factory=dict[str, Mapping[str, float]])
     reporters: Mapping[str, str] = field(default_factory=dict[str, str])
+    incomplete: Sequence[str] = ()
 
     @staticmethod
     def of(world: WorldSpec, report: EndReport, startup: Startup, failure: str) -> RunSummary:
@@ -322,6 +333,7 @@ class RunSummary:
             before=world.past.frame if startup.first_frame is None else startup.first_frame,
             profile=report.profile,
             reporters=report.reporters,
+            incomplete=report.incomplete,
         )
 
     @property
@@ -346,6 +358,7 @@ class RunSummary:
             "members": self.members,
             "seed": self.seed,
             "ended": self.ended,
+            "incomplete": list(self.incomplete),
         }
         if self.profile:
             own["profile"] = {name: dict(row) for name, row in self.profile.items()}
@@ -376,6 +389,7 @@ class RunSummary:
             # A member in any language may report any characters.
             line = " ".join(f"{name.replace('_', ' ')}: {text}{by}".split("\n"))
             shown.append(f"  {on_screen(line)}")
+        shown += [f"  {on_screen(each)}" for each in self.incomplete]
         digest = f"  digest {self.digest}  (seed {self.seed})"
         return [*shown, digest, *_profile_lines(self.profile)]
 

@@ -166,7 +166,11 @@ class CoordinatorRun:
             stack=self._stack,
             opened=self._opened,
             noted=self._record.noted,
-            files=lambda: (*self._record.files, *self._journal.files),
+            files=lambda: (
+                *self._record.files,
+                *self._journal.files,
+                *(() if self._collected is None else self._collected.files),
+            ),
             collected=None if self._collected is None else self._collected.history,
         )
 

@@ -330,8 +330,9 @@ class InProcessRun(WorldRun):
         self._console.note(f"{self._file.world.name}: {text}")
 
     def files(self) -> tuple[FileStatus, ...]:
-        """The record."""
-        return self._record.files
+        """The record and the tables."""
+        tables = () if self._collecting is None else self._collecting.files
+        return (*self._record.files, *tables)
 
     def noted(self, operation: PersonOperation) -> None:
         """Keep an operation of a person."""

@@ -74,6 +74,15 @@ class ProcessSpec:
     shared: bool = False
     dividing: tuple[str, ...] = ()
 
+    @property
+    def is_output(self) -> bool:
+        """Whether a run is incomplete without it: a view of the command line, or what writes files.
+
+        A world file may permit the failure of a process.
+        """
+        writes = self.make_service is not None and self.make_service().writes
+        return not self.table or (self.on_failure != "ignore" and bool(writes))
+
     def make_member(self) -> Member:
         """The member that this process runs."""
         service = self.make_service() if self.make_service is not None else None

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -290,27 +290,51 @@ class CollectSink(Sink):
             return self.history.watched(plan, gathered)
 
         self._algorithm = algorithm
+        self._say = say
+        self.files: tuple[FileStatus, ...] = ()
         self._saved_at = time.monotonic()
         self.collector = Collector(plans, world.vocabulary, world.dt, open_table)
         self.collector.begin(algorithm.frame, algorithm.scene)
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Collect the data of a frame that has ended."""
-        self.collector.done(notice.frame, notice.events, self._algorithm.scene)
+        if self.files:
+            return
+        with self._careful(notice.frame):
+            self.collector.done(notice.frame, notice.events, self._algorithm.scene)
         if time.monotonic() >= self._saved_at + SAVE_SECONDS:
             self.save()
 
     def save(self) -> None:
         """Write the rows so far, so that they survive this process."""
-        if self._parts is not None:
-            self._parts.save()
+        if self._parts is not None and not self.files:
+            with self._careful(self._algorithm.frame):
+                self._parts.save()
         self._saved_at = time.monotonic()
 
     def close(self) -> None:
         """Finish all tables."""
-        self.collector.close(self._algorithm.closing_events)
-        if self._parts is not None:
-            self._parts.join()
+        if self.files:
+            return
+        with self._careful(self._algorithm.frame):
+            self.collector.close(self._algorithm.closing_events)
+            if self._parts is not None:
+                self._parts.join()
+
+    @contextmanager
+    def _careful(self, frame: int) -> Generator[None]:
+        """Give the tables up if they cannot be written: they must not end their world."""
+        try:
+            yield
+        except (OSError, MisuseError) as error:
+            if self._parts is None:
+                raise
+            path = text_of_path(self._parts.path)
+            problem = str(error).removeprefix(f"{path}: ")
+            if isinstance(error, OSError):
+                problem = f"{error.strerror}; most rows before frame {frame} are in {path}.parts"
+            self.files = (FileStatus("tables", path, problem),)
+            self._say(f"{path}: {problem}; no more data are collected")
 
     @property
     def tables(self) -> dict[str, DataTable]:
@@ -345,15 +369,22 @@ def check_tables(into: str) -> None:
 
 
 def complete_tables(into: str, say: Callable[[str], None]) -> None:
-    """Join the parts that a run has left because its last coordinator was killed or failed."""
+    """Join the parts that a run has left because its last coordinator failed, or the disk is full.
+
+    Such a run has failed already, so an error is only logged.
+    """
     if not into:
         return
     from minerva_bus.collect.table_parts import has_parts, parts_of, read_parts
 
     path = Path(into)
     if has_parts(path):
-        files = read_parts(parts_of(path)).join()
-        say(f"the data collected up to the end are in {', '.join(map(str, files.values()))}")
+        try:
+            files = read_parts(parts_of(path)).join()
+        except MisuseError as error:
+            say(str(error))
+        else:
+            say(f"the data collected up to the end are in {', '.join(map(str, files.values()))}")
 
 
 def collect_sink(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from select import PIPE_BUF
 from typing import Any, Final
 
@@ -394,6 +394,8 @@ class Supervisor:
         if self._ending.begun:
             if code == UNREADY:  # Its report says why.
                 self._ending.fail(f"{_member(process)} {process.cause.text or CANNOT_TAKE_PART}")
+            elif code and self._ending.regular:
+                self._note_lost(process, code)
             # A successor must not wait for it; the first coordinator was notified that it left.
             if self._coordinator.count:
                 self._abandon(process)
@@ -448,6 +450,7 @@ class Supervisor:
         # A view that never starts is a wrong request, unlike one that fails later.
         elif spec.on_failure == "ignore" and not unready:
             self._log.add(name, f"{how}; continuing without it")
+            self._note_lost(process, code)
             process.abandoned = True
             self._abandon(process)
         else:
@@ -456,6 +459,12 @@ class Supervisor:
             if code > 0:
                 self._await_cause(process)
             self._stop_for(process, f"{how}{times}")
+
+    def _note_lost(self, process: SupervisedProcess, code: int) -> None:
+        """Note the end of a process without which the output of the run is incomplete."""
+        if process.spec.is_output:
+            how = process.cause.text.partition("\n")[0] or _how(process, code)
+            self._ending.incomplete.append(f"{_member(process)}: output incomplete ({how})")
 
     def _stop_for(self, process: SupervisedProcess, why: str) -> None:
         """Stop the world because of a process."""
@@ -625,8 +634,8 @@ class Ending:
 
     `problem`: the reason for a premature end, followed by the lines of user code that caused it if
     they are known. `reason`: that of the coordinator, None before it stops, which is at
-    `stopping_at`. `report`: its last report. `followed`: another
-    launcher's coordinator runs the world. Times are of the monotonic clock.
+    `stopping_at`. `report`: its last report. `incomplete`: damaged or missing output of processes.
+    `followed`: another launcher's coordinator runs the world. Times are of the monotonic clock.
     """
 
     problem: str = ""
@@ -636,6 +645,7 @@ class Ending:
     stopping_at: float | None = None
     interrupts: int = 0
     followed: bool = False
+    incomplete: list[str] = field(default_factory=list[str])
 
     @property
     def failure(self) -> str:
@@ -675,6 +685,7 @@ class Ending:
             report = EndReport(self.failure, frame, now, sum(joined))
         elif report.failed:
             self.fail(report.reason)
+        report = replace(report, incomplete=[*report.incomplete, *self.incomplete])
         return RunSummary.of(world, report, startup, self.failure)
 
 

@@ -19,13 +19,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from math import inf
 from pathlib import Path
 from typing import IO, Final, TypeAlias
 
-from minerva_bus.errors import ProtocolError, RecordError
+from minerva_bus.errors import MinervaError, ProtocolError, RecordError
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import Checkpoint, FrameDone
 from minerva_bus.grammar.scene import Scene
@@ -422,6 +423,7 @@ class Recorder:
         self._is_saying = False
         self._reports = BackOff()
         stream, self._writer = _opened(path, description, past, keep_old=keep_old)
+        self._given = self._writer.frames
         self._work = RecordingThread(stream, self._writer, flush_seconds, durable=durable)
         # The shorter of both, because the embedding program may have chosen its own.
         sys.setswitchinterval(min(TURN, sys.getswitchinterval()))
@@ -433,8 +435,9 @@ class Recorder:
 
     @property
     def lost(self) -> int:
-        """Number of frames that were dropped because the disk was too slow."""
-        return self._work.queue.lost
+        """Number of frames that the record lacks; after a failure, that it lacks at most."""
+        failed = self._work.failure
+        return self._given - self._writer.kept if failed else self._work.queue.lost
 
     def frame(
         self,
@@ -451,6 +454,7 @@ class Recorder:
         there is one.
         """
         self._work.frame = record.frame + 1
+        self._given += 1
         try:
             # Copied now, because members may change their saved objects later.
             kept = Kept.of(checkpoint) if checkpoint is not None else None
@@ -509,11 +513,11 @@ class Recorder:
             return
         self._work.close(self._waiting)
         self._report_failure()
-        # Reported at the end, because a message for each dropped frame would fill the log.
-        if self.lost:
-            self._say(
-                f"{self.path}: {self.lost} frames are not in the record: the disk was too slow"
-            )
+        if self._work.failure:
+            # More than the last flush has written may be readable.
+            with suppress(MinervaError), Record(self.path) as record:
+                self._writer.kept = max(self._writer.kept, sum(1 for _ in record.frames()))
+            return
         dropped = self._work.backlog.dropped
         if dropped:
             self._say(
@@ -563,7 +567,7 @@ class Recorder:
         self._is_reported = True
         self._say(
             f"{self.path}: {self._work.failure}; the world continues without a record, of which"
-            f" {self._writer.kept} frames can be read"
+            f" {self._writer.kept} frames or more can be read"
         )
 
 

@@ -17,7 +17,7 @@ from minerva_bus.collect.table_parts import (
     part_ending,
     read_parts,
 )
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MinervaError, MisuseError
 
 TYPES = {"frame": "int64", "on": "bool", "name": "text"} | {f"x{n}": "float64" for n in range(20)}
 PLAN = TablePlan("AFrog", 1, TYPES, "AFrog")
@@ -274,6 +274,19 @@ def test_a_run_leaves_no_parts_and_tables_without_rows_have_a_file(tmp_path):
     run(pond(), frames=3, collect=collect, into=tmp_path / "out.csv")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out-AFrog.csv", "out-frames.csv"]
     assert (tmp_path / "out-AFrog.csv").read_text() == "frame,id,old\n"
+
+
+def test_tables_that_a_disk_does_not_take_do_not_end_the_world(tmp_path, monkeypatch):
+    def full(writer):
+        if (tmp_path / "out.csv.parts").is_dir():
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("minerva_bus.collect.table_parts._PartWriter.save", full)
+    monkeypatch.setattr("minerva_bus.launch.run_outputs.SAVE_SECONDS", 0.0)
+    with pytest.raises(
+        MinervaError, match=r"tables: .*out\.csv \(No space left on device; most rows"
+    ):
+        run(pond(), frames=3, collect={"n": count(Frog)}, into=tmp_path / "out.csv")
 
 
 def test_tables_of_parts_are_described(tmp_path):

@@ -157,7 +157,7 @@ def test_cut_off_at_every_thousandth_byte(tmp_path, whole):
 
 
 def recorded_run(path, **process):
-    """Run and record the meadow for 150 frames; returns standard error."""
+    """Run and record the meadow for 150 frames, in part; returns what it prints."""
     words = ["run", MEADOW, "--in-process", "--rate", "0", "--frames", "150", "--flush", "0"]
     # Python would store cut bytecode of what this process imports.
     env = {**environment(path.parent), "PYTHONDONTWRITEBYTECODE": "1"}
@@ -165,8 +165,14 @@ def recorded_run(path, **process):
         [sys.executable, "-m", "minerva_bus.cli.main", *words, "--record", path],
         capture_output=True, text=True, env=env, cwd=ROOT, **process,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return done.stderr
+    assert done.returncode == 1, done.stderr
+    return done.stderr + done.stdout
+
+
+def has_as_many_frames(path, said):
+    """Whether a damaged record has as many frames as the summary of its run says."""
+    with Record(path) as record:
+        return f", {len(list(record.frames()))} of 150 frames (" in said
 
 
 def test_a_file_that_may_not_grow_ends_the_record_and_not_the_world(tmp_path, whole):
@@ -179,6 +185,7 @@ def test_a_file_that_may_not_grow_ends_the_record_and_not_the_world(tmp_path, wh
     confirmed = int(line.split("of which ")[1].split(" frames")[0])
     assert path.stat().st_size <= limit
     assert works(path, confirmed) >= 1
+    assert has_as_many_frames(path, said)
 
 
 @pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("mount"), reason="mounting needs root")
@@ -196,5 +203,6 @@ def test_a_full_disk_ends_the_record_and_not_the_world(tmp_path):
         confirmed = int(said.split("of which ")[1].split(" frames")[0])
         copy = Path(shutil.copy(disk / "run.mcap", tmp_path))
         assert works(copy, confirmed) >= 1
+        assert has_as_many_frames(copy, said)
     finally:
         subprocess.run(["umount", disk], check=True)

@@ -27,6 +27,7 @@ from minerva_bus.launch.process_table import (
 )
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import read_world_file
+from minerva_bus.settings.world_settings import Overrides
 from tests.patience import patience
 
 FAILING = """
@@ -77,10 +78,20 @@ def test_each_failure_in_a_row_doubles_the_delay():
     assert process.failures == 10
 
 
+NOBODY = 1 << 30
+"""A process id that no system gives. To signal 1 by mistake would be to signal all processes."""
+
+
 class Clock(Machine):
-    """A machine with a clock only."""
+    """A machine with a clock only, which signals nobody."""
 
     now = 100.0
+
+    def kill(self, pid):
+        """Do nothing."""
+
+    def kill_group(self, pid):
+        """Do nothing."""
 
     def monotonic(self):
         return self.now
@@ -88,7 +99,7 @@ class Clock(Machine):
 
 def lives(process, clock, seconds, frames, waited=0.0):
     """Let a member start, join, work and fail; returns the seconds until its restart."""
-    process.started(ChildProcess(1, -1))
+    process.started(ChildProcess(NOBODY, -1))
     process.joined("a", 7)
     clock.now += seconds
     process.waited = waited
@@ -112,7 +123,7 @@ def test_a_process_that_is_killed_while_it_works_is_restarted_at_once(
     frames, waited, killed, delay
 ):
     process = SupervisedProcess((ProcessSpec("a"),), Clock(), failures=1)
-    process.started(ChildProcess(1, -1))
+    process.started(ChildProcess(NOBODY, -1))
     process.joined("a", 7)
     process.waited = waited
     assert process.fail(7 + frames, killed=killed) == delay
@@ -143,7 +154,7 @@ def test_a_process_that_never_joins_is_given_up_whatever_its_deadline():
     clock = Clock()
     process = SupervisedProcess((ProcessSpec("a", restarts=2),), clock)
     for left in (True, True, False):
-        process.started(ChildProcess(1, -1))
+        process.started(ChildProcess(NOBODY, -1))
         clock.now += 10 * HEALTHY_SECONDS
         assert (process.fail(1000) is not None) == left
 
@@ -215,4 +226,22 @@ def test_the_reason_of_a_coordinator_is_the_first_line_of_its_last_error(tmp_pat
         supervisor._receive_line(line)
     assert [line.partition("│ ")[2] for line in stream.getvalue().splitlines()] == lines
     assert supervisor._last_line == "Goat.picture: ZeroDivisionError"
+    supervisor._context.close()
+
+
+@pytest.mark.parametrize("stopping", [False, True])
+@pytest.mark.parametrize(("code", "incomplete"), [
+    (0, []), (7, ["painter: output incomplete (ended with exit code 7)"]),
+])  # fmt: skip
+def test_a_run_without_the_output_of_a_view_is_incomplete(tmp_path, stopping, code, incomplete):
+    given = Overrides(views=("yard:Painter",))
+    file = read_world_file(write_world(tmp_path), given)
+    supervisor = Supervisor(file, Console(StringIO()), 0.0, machine=Clock())
+    process = list(supervisor._processes)[-1]
+    process.started(ChildProcess(NOBODY, -1))
+    process.joined(process.name, 0)
+    if stopping:
+        supervisor._on_stopping("the frames are over")
+    supervisor._ended(NOBODY, code)
+    assert supervisor.summary().incomplete == incomplete
     supervisor._context.close()

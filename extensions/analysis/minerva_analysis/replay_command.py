@@ -52,7 +52,7 @@ def replay_record(
         print_answer(summary, as_json)
     if summary.ended in ("interrupted", "terminated"):
         return INTERRUPTED
-    return FAILED if supervisor.failure else 0
+    return FAILED if supervisor.failure or summary.incomplete else 0
 
 
 def recompute_record(path: Path, world: str, as_json: bool) -> int:
