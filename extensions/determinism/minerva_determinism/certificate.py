@@ -112,12 +112,14 @@ TITLES: Final = ("layout", "result", "frames", "digest", "seconds")
 class Certificate:
     """All checks, and by world: processes that were `omitted`, with the reasons, and `suspects`.
 
-    A world has suspects, lines of its code, only if something differs.
+    Suspects are lines of its code that can make runs differ. `lengths`: the frames of a world that
+    has more than were run.
     """
 
     checks: list[Check] = field(default_factory=list[Check])
     omitted: dict[str, dict[str, str]] = field(default_factory=dict[str, dict[str, str]])
     suspects: dict[str, list[Suspect]] = field(default_factory=dict[str, list[Suspect]])
+    lengths: dict[str, int] = field(default_factory=dict[str, int])
     made: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
 
     @property
@@ -142,7 +144,16 @@ class Certificate:
         compared = sum(check.frames * check.runs for check in self.checks)
         counts = ", ".join(f"{count} {result}" for result, count in sorted(results.items()))
         word = "certified" if self.is_complete else "not certified"
-        return f"{word}: {counts}; {compared:,} frames compared"
+        longest = {check.world: check.frames for check in reversed(self.checks) if check.digest}
+        parts = [
+            f"; {longest.get(world, 0):,} of the {frames:,} frames of {world}"
+            for world, frames in self.lengths.items()
+        ]
+        return f"{word}: {counts}; {compared:,} frames compared{''.join(parts)}"
+
+    def differs(self, world: str) -> bool:
+        """Whether a check of a world has found a difference."""
+        return any(check.world == world and check.result == DIFFERS for check in self.checks)
 
     def plain(self) -> dict[str, Any]:
         """As a JSON object."""
@@ -198,8 +209,10 @@ def certify(specs: Sequence[str], plan: CertificatePlan) -> Certificate:
                 made.checks.append(check)
                 plan.shown(check)
             made.omitted[spec] = world.omitted
-        if any(check.world == spec and check.result == DIFFERS for check in made.checks):
-            made.suspects[spec] = suspects(read_world_file(path))
+        file = read_world_file(path)
+        made.suspects[spec] = suspects(file)
+        if file.world.frames > plan.frames:
+            made.lengths[spec] = file.world.frames
     return made
 
 

@@ -71,7 +71,8 @@ def make_certificate(
             for name, why in omitted.items():
                 print_result(f"not compared: {name} of {world} ({why})")
         for world, suspects in made.suspects.items():
-            print_result("\n".join([f"{world}:", *causes(suspects)]))
+            if lines := causes(suspects, same=not made.differs(world)):
+                print_result("\n".join([f"{world}:", *lines]))
         print_result(made.verdict())
     return 0 if made.is_complete else FAILED
 

@@ -20,7 +20,7 @@ MINUTES: Final = 10.0
 )
 def determinism(
     world: WorldArgument,
-    frames: Annotated[int, typer.Option(min=1, help="Number of frames to compare.")] = 100,
+    frames: Annotated[int, typer.Option(min=1, help="Most frames to compare.")] = 100,
     json: Json = False,
 ) -> None:
     """Run a world in two process layouts and compare all frames.
@@ -47,7 +47,7 @@ def certify(
             autocompletion=completing.installed,
         ),
     ] = None,
-    frames: Annotated[int, typer.Option(min=1, help="Number of frames of each run.")] = 40,
+    frames: Annotated[int, typer.Option(min=1, help="Most frames of each run.")] = 100,
     minutes: Annotated[
         float, typer.Option(min=0.1, help="Time after which no further check begins.")
     ] = MINUTES,

@@ -25,7 +25,7 @@ class Verdict:
     """The result: the exit code, the difference if both runs ended, or how one of them failed.
 
     `omitted`: the processes that were left out, with the reasons.
-    `suspects`: lines of code that can be the cause.
+    `suspects`: lines of code that can be the cause, or make other runs differ.
     """
 
     code: int
@@ -49,7 +49,8 @@ class Verdict:
         if self.difference is None:
             return [*self.error.split("\n"), *omitted]
         if self.difference.same:
-            return [f"the same in both runs: {counted(self.difference.frames, 'frame')}", *omitted]
+            same = f"the same in both runs: {counted(self.difference.frames, 'frame')}"
+            return [same, *omitted, *causes(self.suspects, same=True)]
         if self.difference.frame is None and not self.difference.frames:
             return [*self.difference.lines(), *omitted]
         sides = [f"  A: {ALONE.name}", f"  B: {APART.name}"]
@@ -96,6 +97,5 @@ def _verdict(
             return Verdict(done.returncode if wrong else FAILED, error=text if wrong else how)
     omitted = json.loads((folder / OMITTED).read_text(encoding="utf-8"))
     difference = first_difference(records[0], records[1], ("A", "B"))
-    if difference.same:
-        return Verdict(0, difference, omitted=omitted)
-    return Verdict(FAILED, difference, "", omitted, tuple(suspects(read_world_file(path))))
+    listed = tuple(suspects(read_world_file(path)))
+    return Verdict(0 if difference.same else FAILED, difference, "", omitted, listed)

@@ -45,8 +45,9 @@ def page(certificate: Certificate) -> str:
         _fill(SubElement(body, "table"), checks)
         for name, why in certificate.omitted.get(world, {}).items():
             _add(body, "p", f"Not compared: {name} ({why}).", "out")
-        if world in certificate.suspects:
-            _add(body, "pre", "\n".join(causes(certificate.suspects[world])))
+        suspects, same = certificate.suspects.get(world, []), not certificate.differs(world)
+        if lines := causes(suspects, same=same):
+            _add(body, "pre", "\n".join(lines))
     indent(html)
     return "<!DOCTYPE html>\n" + tostring(html, encoding="unicode", method="html") + "\n"
 

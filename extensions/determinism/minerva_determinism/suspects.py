@@ -166,16 +166,22 @@ def suspects(file: WorldFile) -> list[Suspect]:
     return sorted(set(listed))
 
 
-def causes(listed: Iterable[Suspect]) -> list[str]:
-    """Suspects by cause, as text, with what to use instead; without any, the usual causes."""
+def causes(listed: Iterable[Suspect], *, same: bool = False) -> list[str]:
+    """Suspects by cause, as text, with what to use instead; without any, the usual causes.
+
+    `same`: no difference was found, so there is none to explain.
+    """
     listed = list(listed)
+    if not listed and same:
+        return []
     if not listed:
         return ["usual causes, and what to use instead:"] + [
             f"  {cause}: {instead}" for cause, instead in INSTEAD.items()
         ]
     order = list(INSTEAD)
     listed.sort(key=lambda each: (order.index(each.cause), each))
-    shown = ["lines that can be the cause, and what to use instead:"]
+    what = "lines that can make other runs differ" if same else "lines that can be the cause"
+    shown = [f"{what}, and what to use instead:"]
     for cause, group in groupby(listed[:MOST_LINES], lambda each: each.cause):
         shown.append(f"  {cause}: {INSTEAD[cause]}")
         shown += [f"    {each.file}:{each.line}: {each.code}" for each in group]

@@ -34,6 +34,8 @@ ROOT = Path(__file__).parents[3]
 ARM = os.environ.get("MINERVA_ARM", "")
 """A folder of `minerva certify --emulate aarch64 --setup`, if there is one."""
 CODE = """\
+import time
+
 from minerva_bus import Agent, EventType, Generator, Vocabulary, on
 
 eSun = EventType("eSun", light=float)
@@ -65,6 +67,10 @@ SAVED = """
 REST = """
 
 vocabulary = Vocabulary.of(eSun, Plant)
+
+
+def late():
+    return time.time() > 0
 """
 FILE = """\
 [world]
@@ -109,6 +115,7 @@ def plan(**changes):
 def test_a_world_is_certified_in_all_layouts(world, tmp_path):
     path, page = world("kept_garden"), tmp_path / "page.html"
     words = ["certify", str(path), "--json", "--processes", "5", "--report", str(page)]
+    words += ["--frames", "10"]
     words += ["--python", sys.executable, "--python", "no-such-interpreter"]
     done = subprocess.run(
         [sys.executable, "-m", "minerva_bus", *words],
@@ -127,6 +134,10 @@ def test_a_world_is_certified_in_all_layouts(world, tmp_path):
     text = page.read_text(encoding="utf-8")
     assert text.count("<tr>") == 1 + len(results)
     assert made["verdict"] in text
+    assert made["verdict"].endswith(f"; 10 of the 12 frames of {path}")
+    # What no run has called may still differ in a later one.
+    assert [each["code"] for each in made["suspects"][str(path)]] == ["time.time()"]
+    assert "lines that can make other runs differ" in text
 
 
 def test_a_processor_that_cannot_be_emulated_is_refused(tmp_path):
