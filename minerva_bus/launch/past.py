@@ -98,8 +98,11 @@ def continued(world: WorldSpec, state: Keyframe, recorded: WorldSpec) -> WorldSp
 def damage_of(record: Record) -> Iterator[str]:
     """Messages about the damage of a record and the frames lost, which the caller reports."""
     record.reported = True
-    if message := record.losses().message(record.path):
+    losses = record.losses()
+    if message := losses.message(record.path):
         yield message
+    if losses.cut:
+        yield f"{record.path} was cut off: what its last {losses.cut:,} bytes had is lost"
 
 
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:

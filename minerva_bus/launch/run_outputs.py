@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -298,41 +298,36 @@ class CollectSink(Sink):
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Collect the data of a frame that has ended."""
-        if self.files:
-            return
-        with self._careful(notice.frame):
-            self.collector.done(notice.frame, notice.events, self._algorithm.scene)
+        events, scene = notice.events, self._algorithm.scene
+        self._carefully(lambda: self.collector.done(notice.frame, events, scene))
         if time.monotonic() >= self._saved_at + SAVE_SECONDS:
             self.save()
 
     def save(self) -> None:
         """Write the rows so far, so that they survive this process."""
-        if self._parts is not None and not self.files:
-            with self._careful(self._algorithm.frame):
-                self._parts.save()
+        if self._parts is not None:
+            self._carefully(self._parts.save)
         self._saved_at = time.monotonic()
 
     def close(self) -> None:
         """Finish all tables."""
-        if self.files:
-            return
-        with self._careful(self._algorithm.frame):
-            self.collector.close(self._algorithm.closing_events)
-            if self._parts is not None:
-                self._parts.join()
+        self._carefully(lambda: self.collector.close(self._algorithm.closing_events))
+        if self._parts is not None:
+            self._carefully(self._parts.join)
 
-    @contextmanager
-    def _careful(self, frame: int) -> Generator[None]:
+    def _carefully(self, work: Callable[[], object]) -> None:
         """Give the tables up if they cannot be written: they must not end their world."""
         try:
-            yield
+            if not self.files:
+                work()
         except (OSError, MisuseError) as error:
             if self._parts is None:
                 raise
             path = text_of_path(self._parts.path)
             problem = str(error).removeprefix(f"{path}: ")
             if isinstance(error, OSError):
-                problem = f"{error.strerror}; most rows before frame {frame} are in {path}.parts"
+                rows = f"most rows before frame {self._algorithm.frame} are in {path}.parts"
+                problem = f"{error.strerror}; {rows}"
             self.files = (FileStatus("tables", path, problem),)
             self._say(f"{path}: {problem}; no more data are collected")
 

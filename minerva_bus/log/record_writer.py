@@ -231,6 +231,9 @@ class FurtherChannels:
 SMALL: Final = CHUNK // 8
 """Maximum bytes of a frame that `idle` encodes."""
 
+ALONE: Final = CHUNK // 32
+"""Bytes of a chunk after which a keyframe begins another one, so that damage costs less."""
+
 KEY_AFTER: Final = 8
 """A keyframe is written when the frames since the last one are this many times as long."""
 
@@ -257,6 +260,7 @@ class RecordWriter:
         self._checkpoint: Kept | None = None
         self._since_key = 0
         self._key_bytes = 0
+        self._frame_bytes = 0
         self._put_description()
         if past is None:
             first, state = description.frame, description.world.past
@@ -318,7 +322,8 @@ class RecordWriter:
         self._file.put(c.TIMING, _timing(number, seconds, timings), after, seconds, number)
         self._scene, self._checkpoint = scene, checkpoint
         self.frames += 1
-        self._since_key += len(data) + len(change)
+        self._frame_bytes = len(data) + len(change)
+        self._since_key += self._frame_bytes
         # Keyframes then take an eighth of the record at most, and a seek reads a bounded amount.
         if self._since_key > KEY_AFTER * self._key_bytes:
             self._put_keyframe(after, seconds, checkpoint)
@@ -366,10 +371,15 @@ class RecordWriter:
         due = self._since_key + SMALL > KEY_AFTER * self._key_bytes
         # The next keyframe is assumed to be as long as the last one.
         keyframe = self._key_bytes if due else 0
-        return keyframe <= SMALL and self._file.in_chunk + keyframe < CHUNK - SMALL
+        # A chunk that ends is written to the disk.
+        near = self._since_key + 2 * self._frame_bytes > KEY_AFTER * self._key_bytes
+        most = ALONE if near else CHUNK - SMALL
+        return keyframe <= SMALL and self._file.in_chunk + keyframe < most
 
     def _put_keyframe(self, frame: int, seconds: float, checkpoint: Kept | None) -> None:
         data = encode_keyframe(frame, self._scene, checkpoint)
+        if self._file.in_chunk > ALONE:
+            self._file.end_chunk()
         self._file.put(c.KEYFRAME, data, frame, seconds)
         self._since_key, self._key_bytes = 0, len(data)
         self._checkpoint = checkpoint  # The next checkpoint contains changes from this one.

@@ -104,6 +104,22 @@ def test_a_damaged_chunk_costs_its_own_frames_and_those_up_to_the_next_string(
         assert f"{own[chunk][0]}" in losses.frames
 
 
+def test_damage_costs_a_part_of_a_run_that_was_faster_than_its_flushes(tmp_path):
+    data = bytes_of("meadow", flush_every=1000)
+    first, *rest = [frames for frames in frames_of_chunks(data, tmp_path) if frames]
+    [chunk] = [n for n, frames in enumerate(frames_of_chunks(data, tmp_path)) if frames == first]
+    numbers, _ = kept(flipped(data, parts(data, CHUNK)[chunk][0] + 60), tmp_path)
+    assert numbers == [frame for frames in rest for frame in frames] != []
+
+
+def test_a_run_that_goes_on_says_what_its_record_has_lost(tmp_path):
+    path = tmp_path / "run.mcap"
+    data = stopped(path)
+    path.write_bytes(data[: parts(data, CHUNK)[10][0] + 80])
+    notes = read_resumed(path, "", Overrides()).notes
+    assert f"{path} was cut off: what its last 80 bytes had is lost" in notes
+
+
 def test_strings_are_known_again_behind_the_damage(tmp_path):
     """The seventh of nine chunks has a key frame, so the frames after it are usable."""
     data = bytes_of("meadow")

@@ -377,6 +377,7 @@ def writers_of(monkeypatch):
 def test_small_frames_are_written_by_an_idle_thread(monkeypatch):
     writers = writers_of(monkeypatch)
     monkeypatch.setattr(module, "LIGHT", 60.0)
+    monkeypatch.setattr(record_writer, "ALONE", record_writer.CHUNK)  # One chunk is enough.
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
     recorder.idle()
     for record, string in happened("meadow")[1]:
