@@ -52,8 +52,7 @@ Keys = Annotated[
     ),
 ]
 World = Annotated[
-    str,
-    typer.Option(help="Name of the world, if several run.", autocompletion=completing.running),
+    str, typer.Option(help="Name of the world, if several run.", autocompletion=completing.running)
 ]
 Views = Annotated[
     list[str] | None,
@@ -74,7 +73,7 @@ Settings = Annotated[
 Collect = Annotated[
     list[str] | None,
     typer.Option(
-        help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated.",
+        help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated."
     ),
 ]
 WorldArgument = Annotated[

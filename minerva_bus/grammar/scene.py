@@ -335,9 +335,7 @@ def walk(scene: Scene) -> Iterator[tuple[bool, Node]]:
 
 
 def rebuild(
-    scene: Scene,
-    leave: Callable[[Node, Scene], Scene | Node],
-    whole: Container[int] = (),
+    scene: Scene, leave: Callable[[Node, Scene], Scene | Node], whole: Container[int] = ()
 ) -> Scene:
     """Rewrite a string from the leaves up: `leave(node, its rewritten scope)` replaces each node.
 

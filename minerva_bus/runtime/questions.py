@@ -674,11 +674,7 @@ class Answers:
     """
 
     def __init__(
-        self,
-        world: WorldRun,
-        admission: Admission,
-        limits: Limits,
-        operated: Callable[[], None],
+        self, world: WorldRun, admission: Admission, limits: Limits, operated: Callable[[], None]
     ) -> None:
         self._readers, self._operators = Turns(limits.questions), Turns(limits.questions)
         self.waiting = self._readers.queues, self._operators.queues

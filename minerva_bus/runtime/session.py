@@ -142,7 +142,7 @@ _CLIENT: dict[str, Any] = {
     # on use. With its two, a host stops in the middle of a large answer until the thread has
     # written: 190 kB took 230 us in place of 150, and 900 kB 1.3 ms in place of 0.6. The hub keeps
     # two for each of its links, because views for slow observers must not queue.
-    "transport/link/tx/queue/size/data": 16,
+    "transport/link/tx/queue/size/data": 16
 }
 POOL_BYTES = 64 * 1024 * 1024
 _SHARED: dict[str, Any] = {

@@ -130,10 +130,7 @@ class Agent:
     _node: AgentNode | None
 
     def __init_subclass__(
-        cls,
-        symbol: str = "",
-        rest: tuple[str, ...] | None = None,
-        **kwargs: Any,
+        cls, symbol: str = "", rest: tuple[str, ...] | None = None, **kwargs: Any
     ) -> None:
         super().__init_subclass__(**kwargs)
         if "__init__" in vars(cls):

@@ -12,10 +12,7 @@ from minerva_bus.cli.options import Json, NamedTarget, examples, grouped
 TOPIC: Final = "Observe"
 
 
-@examples(
-    "minerva list",
-    "minerva list robot --json",
-)
+@examples("minerva list", "minerva list robot --json")
 @grouped
 def list_(json: Json = False, *, target: NamedTarget) -> None:
     """List the members of a running world, or all worlds.
@@ -27,10 +24,7 @@ def list_(json: Json = False, *, target: NamedTarget) -> None:
     list_members(target, json)
 
 
-@examples(
-    "minerva echo eLaser --count 10",
-    "minerva echo robot ARobot --json",
-)
+@examples("minerva echo eLaser --count 10", "minerva echo robot ARobot --json")
 @grouped
 def echo(
     type: Annotated[
@@ -51,15 +45,11 @@ def echo(
     echo_type(type, target, count, json)
 
 
-@examples(
-    "minerva logs --follow",
-    "minerva logs robot physics --json",
-)
+@examples("minerva logs --follow", "minerva logs robot physics --json")
 @grouped
 def logs(
     member: Annotated[
-        str,
-        typer.Argument(help="Show only this member.", autocompletion=completing.members),
+        str, typer.Argument(help="Show only this member.", autocompletion=completing.members)
     ] = "",
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Wait for new lines.")] = False,
     json: Json = False,

@@ -23,8 +23,7 @@ def pub(
     type: Annotated[
         str,
         typer.Argument(
-            help="The event's type, such as eObjective.",
-            autocompletion=completing.event_types,
+            help="The event's type, such as eObjective.", autocompletion=completing.event_types
         ),
     ],
     data: Annotated[
@@ -56,10 +55,7 @@ def pub(
     raise typer.Exit(publish(order, timeout if wait else None, target, json))
 
 
-@examples(
-    "minerva stop",
-    "minerva stop robot",
-)
+@examples("minerva stop", "minerva stop robot")
 @grouped
 def stop(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Stop a running world."""
@@ -68,10 +64,7 @@ def stop(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     operate(lambda world: world.ask("stop", by=by), "asked to stop", target, json)
 
 
-@examples(
-    "minerva pause",
-    "minerva pause robot",
-)
+@examples("minerva pause", "minerva pause robot")
 @grouped
 def pause(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Pause a running world."""
@@ -80,10 +73,7 @@ def pause(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     pause_after(lambda world: world.operator.named(by).pause(), target, json)
 
 
-@examples(
-    "minerva resume",
-    "minerva resume robot",
-)
+@examples("minerva resume", "minerva resume robot")
 @grouped
 def resume(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Resume a paused world."""
@@ -92,10 +82,7 @@ def resume(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     operate(lambda world: world.operator.named(by).resume(), "resumed", target, json)
 
 
-@examples(
-    "minerva step",
-    "minerva step robot 10",
-)
+@examples("minerva step", "minerva step robot 10")
 @grouped
 def step(
     frames: Annotated[int, typer.Argument(help="Number of frames.", min=1)] = 1,
@@ -110,10 +97,7 @@ def step(
     pause_after(lambda world: world.operator.named(by).step(frames), target, json)
 
 
-@examples(
-    "minerva rate 20",
-    "minerva rate robot 0",
-)
+@examples("minerva rate 20", "minerva rate robot 0")
 @grouped
 def rate(
     hz: Annotated[float, typer.Argument(help="Frames per second; 0: as fast as possible.")],
@@ -129,15 +113,11 @@ def rate(
     operate(lambda world: world.operator.named(by).set_rate(hz), text, target, json, hz=hz)
 
 
-@examples(
-    "minerva restart physics",
-    "minerva restart robot hosts-2",
-)
+@examples("minerva restart physics", "minerva restart robot hosts-2")
 @grouped
 def restart(
     member: Annotated[
-        str,
-        typer.Argument(help="A process of the world file.", autocompletion=completing.members),
+        str, typer.Argument(help="A process of the world file.", autocompletion=completing.members)
     ],
     by: By = "",
     json: Json = False,
@@ -153,10 +133,7 @@ def restart(
     )  # fmt: skip
 
 
-@examples(
-    "minerva drain hosts-1",
-    "minerva drain robot hosts-1",
-)
+@examples("minerva drain hosts-1", "minerva drain robot hosts-1")
 @grouped
 def drain(
     member: Annotated[

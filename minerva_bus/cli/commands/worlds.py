@@ -96,8 +96,7 @@ def _with_video(views: list[str], video: str) -> tuple[str, ...]:
 
 
 @examples(
-    "minerva check garden.toml --no-code",
-    "minerva check scene.mnv --vocabulary garden:vocabulary",
+    "minerva check garden.toml --no-code", "minerva check scene.mnv --vocabulary garden:vocabulary"
 )
 def check(
     file: Annotated[
@@ -177,10 +176,7 @@ def attach(
     raise typer.Exit(attach_member(spec, join, options, process, standby=standby))
 
 
-@examples(
-    "minerva worlds",
-    "minerva worlds --json",
-)
+@examples("minerva worlds", "minerva worlds --json")
 def worlds(json: Json = False) -> None:
     """List the installed worlds.
 
