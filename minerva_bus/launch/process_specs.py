@@ -194,9 +194,10 @@ class _ProcessReader:
         self, name: str, cls: type[Service], options: dict[str, Any], table: Table | None = None
     ) -> Callable[[], Service]:
         """The factory of a process's service; `table` is that of its options, if any."""
-        owner = f"{self.path.name}{{}}: [process.{name}]"
-        places = {} if table is None else {key: owner.format(table.line(key)) for key in options}
-        return bind(cls, options, owner.format(""), places)
+        file, process = self.path.name, f"[process.{name}]"
+        lines = {} if table is None else {key: table.line(key) for key in options}
+        places = {key: f"{file}{line}: {process}" for key, line in lines.items()}
+        return bind(cls, options, f"{file}: {process}", places)
 
     def _patience(self, table: Table) -> Patience | None:
         """Time-outs of frames for a process; None: those for all members."""
