@@ -488,33 +488,26 @@ def _kind_mismatch(kind: AgentKind, vocabulary: Vocabulary) -> str:
     expected = vocabulary.kinds.get(kind.name)
     if expected is None:
         return f"the world's vocabulary has no agents {kind.name}"
-    mismatch = _state_mismatch(kind, expected)
-    if mismatch:
-        return f"{mismatch}: both must come from the same code"
-    # Both affect the string. With other probabilities it would
-    # depend on which host evolves an agent.
-    if expected.chances != kind.chances:
-        return f"its {kind.name} responds to events with other probabilities than in the world"
-    if expected.rest != kind.rest:
-        return f"its {kind.name} has other `rest` attributes than in the world"
-    return ""
+    reason = ""
+    # All of these affect the string, which would depend on the host that evolves an agent.
+    for what, own, other in (
+        ("has the state", kind.fields.names, expected.fields.names),
+        ("responds to", sorted(kind.subscribes), sorted(expected.subscribes)),
+        ("has views for", sorted(kind.views), sorted(expected.views)),
+        ("has the probabilities", kind.chances, expected.chances),
+        ("has the `rest` attributes", kind.rest, expected.rest),
+    ):
+        if own != other and not reason:
+            reason = f"its {kind.name} {what} {_listed(own)}, the world's {_listed(other)}"
+    for own, other in zip(kind.fields.all, expected.fields.all, strict=False):
+        if own.type != other.type and not reason:
+            types = _described(own.type, other.type), _described(other.type, own.type)
+            reason = f"{own.name} of its {kind.name} is {types[0]}, of the world's {types[1]}"
+    return reason and f"{reason}: both must come from the same code"
 
 
-def _state_mismatch(kind: AgentKind, expected: AgentKind) -> str:
-    """Difference between the attributes of a kind and the world's, or an empty string."""
-    names, expected_names = kind.fields.names, expected.fields.names
-    if names != expected_names:
-        return (
-            f"its {kind.name} has the state ({', '.join(names)[:_MAX_SHOWN]}),"
-            f" the world's ({', '.join(expected_names)[:_MAX_SHOWN]})"
-        )
-    for own, other in zip(kind.fields.all, expected.fields.all, strict=True):
-        if own.type != other.type:
-            return (
-                f"{own.name} of its {kind.name} is {_described(own.type, other.type)}, of the"
-                f" world's {_described(other.type, own.type)}"
-            )
-    return ""
+def _listed(names: Iterable[object]) -> str:
+    return ", ".join(map(str, names))[:_MAX_SHOWN] or "nothing"
 
 
 def _described(of: Type, other: Type) -> str:

@@ -1,5 +1,7 @@
 """a^{d,h} of section 5: an agent that processes events of a type with a probability."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -232,12 +234,8 @@ def test_an_invalid_probability_is_rejected(wrong):
 
 
 def test_a_host_with_other_probabilities_may_not_join():
-    class Other(State, symbol="AFox"):
-        @on("eNear", probability=0.4)
-        def near(self, near, moment):
-            pass
-
-    assert "other probabilities" in incompatibility(
-        Hello("x", PROTOCOL_VERSION, kinds=(Other.kind,)), VOCABULARY
-    )
+    (_, shy), (name, _) = sorted(One.kind.chances)
+    other = replace(One.kind, chances=(("eCall", shy), (name, 0.4)))
+    said = incompatibility(Hello("x", PROTOCOL_VERSION, kinds=(other,)), VOCABULARY)
+    assert "its AFox has the probabilities ('eCall', 'shy'), ('eNear', 0.4), the world's " in said
     assert not incompatibility(Hello("x", PROTOCOL_VERSION, kinds=(One.kind,)), VOCABULARY)

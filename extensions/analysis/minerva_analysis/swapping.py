@@ -38,6 +38,7 @@ from minerva_bus.frame.member_table import incompatibility
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.stimuli import FrameInputs, RecordedFrame
 from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.past import WorldSource
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.run_outputs import recording
@@ -267,6 +268,17 @@ def _members_again(record: Record, file: WorldFile) -> tuple[list[Member], Witho
     return _beside(file, [process for process, _ in generators], reader, [m for _, m in generators])
 
 
+def _responding(vocabulary: Vocabulary, members: Iterable[Member]) -> Vocabulary:
+    """The vocabulary with the events that the agents of these members respond to."""
+    kinds = dict(vocabulary.kinds)
+    for kind in (kind for member in members for kind in member.hello().kinds):
+        if kind.name in kinds:
+            kinds[kind.name] = replace(
+                kinds[kind.name], subscribes=kind.subscribes, views=kind.views, chances=kind.chances
+            )
+    return replace(vocabulary, kinds=kinds)
+
+
 def _reader(record: Record, file: WorldFile) -> Member:
     """The member that publishes recorded readings; it needs a name that no process has."""
     names = {process.name for process in file.processes}
@@ -322,7 +334,7 @@ def _new_member(old: ProcessSpec, swap: Swap, file: WorldFile) -> Member:
 def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:
     """Raises MisuseError if a member cannot take part."""
     where, service = f"swap {swap.member}", new.service
-    reason = incompatibility(new.hello(), file.world.vocabulary)
+    reason = incompatibility(new.hello(), _responding(file.world.vocabulary, [new]))
     if reason:
         raise MisuseError(f"{where}: {swap}: {reason}")
     if isinstance(service, Generator) and not new.when.is_awaited:
@@ -345,7 +357,9 @@ def _run(
     progress: Callable[[int, int], None],
     to_difference: bool,
 ) -> Swapped:
-    algorithm = FrameAlgorithm(file.world)
+    # A record of this run keeps the vocabulary of the world file, with which it is replayed.
+    vocabulary = _responding(file.world.vocabulary, members)
+    algorithm = FrameAlgorithm(replace(file.world, vocabulary=vocabulary))
     rerun = Rerun(record, algorithm, without.inputs)
     problems: list[str] = []
     again = recording(file, algorithm, problems.append)

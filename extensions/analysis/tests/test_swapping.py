@@ -335,6 +335,21 @@ def test_the_function_gives_the_run_of_the_command(frogs, tmp_path, member, repl
     assert replay_swapped(path, member, spec.partition("=")[2], options=options) == done
 
 
+class Eared(Frog, symbol="AFrog"):
+    """Responds to an event that no agent of the record responds to."""
+
+    @on("eCroak")
+    def hear(self, croak, moment):
+        self.hungry = False
+
+
+def test_agents_may_respond_to_other_events_than_those_recorded(frogs, tmp_path):
+    path = tmp_path / "eared.mcap"
+    done = replay_swapped(frogs / "run.mcap", "agents", Eared, into=path)
+    assert {change.attribute for change in done.difference.changes} == {"hungry"}
+    assert replay_swapped(path, "agents", Eared, frogs / "pond.toml").difference.same
+
+
 def test_a_replacement_that_cannot_be_used_is_named(frogs):
     path = frogs / "run.mcap"
     with pytest.raises(MisuseError, match="no process 'agent'; did you mean 'agents'"):
