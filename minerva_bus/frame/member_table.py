@@ -498,7 +498,7 @@ def _kind_mismatch(kind: AgentKind, vocabulary: Vocabulary) -> str:
         ("has the `rest` attributes", kind.rest, expected.rest),
     ):
         if own != other and not reason:
-            reason = f"its {kind.name} {what} {_listed(own)}, the world's {_listed(other)}"
+            reason = f"its {kind.name} {what} ({_listed(own)}), the world's ({_listed(other)})"
     for own, other in zip(kind.fields.all, expected.fields.all, strict=False):
         if own.type != other.type and not reason:
             types = _described(own.type, other.type), _described(other.type, own.type)

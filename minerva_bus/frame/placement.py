@@ -237,7 +237,7 @@ class UnassignedLog:
 MIN_BATCH: Final = 16
 """Receivers of an event above which they are looked up together."""
 
-MIN_AGENTS: Final = 64
+MIN_AGENTS: Final = 8
 """Agents that justify a further host for a population."""
 
 

@@ -124,9 +124,9 @@ KINDS = tuple(cls.kind for cls in FAMILY)
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",), when=When(every=2)), "cannot be the source of eMark"),
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",)), ""),
     (Hello("m", PROTOCOL_VERSION, kinds=(replace(KINDS[0], subscribes=frozenset({"eOld"})),)),
-     f"its {KINDS[0].name} responds to eOld, the world's "),
+     f"its {KINDS[0].name} responds to (eOld), the world's "),
     (Hello("m", PROTOCOL_VERSION, kinds=(replace(KINDS[0], views=frozenset()),)),
-     f"its {KINDS[0].name} has views for nothing, the world's "),
+     f"its {KINDS[0].name} has views for (nothing), the world's "),
 ])  # fmt: skip
 def test_permission_to_join(hello, reason):
     reason_given = incompatibility(hello, FAMILY_VOCABULARY)
@@ -144,7 +144,7 @@ def test_an_objection_names_the_type_and_the_difference():
     assert str(kind.fields.all[0].type) in said
     fewer = replace(kind, fields=Fields(kind.fields.all[1:]))
     said = incompatibility(Hello("m", PROTOCOL_VERSION, kinds=(fewer,)), FAMILY_VOCABULARY)
-    assert f"its {kind.name} has the state " in said
+    assert f"its {kind.name} has the state (" in said
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import pytest
 from minerva_bus.frame import placement as module
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.placement import (
-    MIN_AGENTS,
     MIN_BATCH,
     WINDOW,
     Placement,
@@ -15,12 +14,13 @@ from minerva_bus.frame.placement import (
     place,
 )
 from minerva_bus.frame.stimuli import Instructions
+from minerva_bus.grammar.columns import MANY
 from tests.family import FAMILY_VOCABULARY, eHit, eMark, eShow, eStep
 
 read = FAMILY_VOCABULARY.read
 BOTH = frozenset({"AWalker", "AMortal"})
 OFFERS = {"east": BOTH, "west": frozenset({"AWalker"})}
-THREE = dict.fromkeys(("a", "b", "c"), BOTH)
+FIVE = dict.fromkeys(("a", "b", "c", "d", "e"), BOTH)
 
 
 def arranged(text, offers=OFFERS, limit=0):
@@ -71,7 +71,7 @@ def test_within_a_frame_the_limit_of_a_host_does_not_count():
 
 def test_within_a_frame_the_parts_of_a_population_stay():
     """Undivided, on hosts that may be evolving them; only those of a lost host move."""
-    placement, composition = arranged(population(3 * MIN_AGENTS), {"east": BOTH, "west": BOTH})
+    placement, composition = arranged(population(MANY), {"east": BOTH, "west": BOTH})
     (parts,) = composition.populations
     hosts = [placement.host_of(part) for part in parts]
     assert hosts == ["east", "west"]
@@ -90,19 +90,19 @@ def test_within_a_frame_the_parts_of_a_population_stay():
 @pytest.mark.parametrize(
     ("rows", "limit", "expected"),
     [
-        (70, 0, [("a", 70)]),
-        (100, 60, [("a", 50), ("b", 50)]),
-        (100, 50, [("a", 50), ("b", 50)]),
-        (70, 1, [("a", 1), ("b", 1), ("c", 1), (None, 67)]),
+        (39, 0, [("a", 10), ("b", 10), ("c", 9), ("d", 10)]),
+        (39, 10, [("a", 10), ("b", 10), ("c", 9), ("d", 10)]),
+        (39, 8, [("a", 8), ("b", 8), ("c", 7), ("d", 8), ("e", 8)]),
+        (39, 1, [("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), (None, 34)]),
     ],
 )
 def test_a_population_has_as_many_hosts_as_its_size_and_their_room_require(rows, limit, expected):
-    assert divided(*arranged(population(rows), THREE, limit)) == expected
+    assert divided(*arranged(population(rows), FIVE, limit)) == expected
 
 
 def test_a_population_is_divided_by_the_measured_speed_of_its_hosts(monkeypatch):
     monkeypatch.setattr(module, "_MIN_ROWS", 1)
-    placement, composition = arranged(population(2 * MIN_AGENTS), {"a": BOTH, "b": BOTH})
+    placement, composition = arranged(population(128), {"a": BOTH, "b": BOTH})
     for _ in range(WINDOW):
         placement.note_elapsed("a", 1.0)
         placement.note_elapsed("b", 3.0)

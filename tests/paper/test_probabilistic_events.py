@@ -237,5 +237,5 @@ def test_a_host_with_other_probabilities_may_not_join():
     (_, shy), (name, _) = sorted(One.kind.chances)
     other = replace(One.kind, chances=(("eCall", shy), (name, 0.4)))
     said = incompatibility(Hello("x", PROTOCOL_VERSION, kinds=(other,)), VOCABULARY)
-    assert "its AFox has the probabilities ('eCall', 'shy'), ('eNear', 0.4), the world's " in said
+    assert "its AFox has the probabilities (('eCall', 'shy'), ('eNear', 0.4)), the world's " in said
     assert not incompatibility(Hello("x", PROTOCOL_VERSION, kinds=(One.kind,)), VOCABULARY)

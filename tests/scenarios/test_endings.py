@@ -15,7 +15,7 @@ from pond import (
     started,
 )
 
-from minerva_bus import EMPTY, Agent, on
+from minerva_bus import EMPTY, on
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
@@ -82,10 +82,8 @@ def test_giving_up_ends_nothing_without_until():
     assert bus.ended is None
 
 
-class Mayfly(Agent, symbol="ACounter"):
+class Mayfly(Counter, symbol="ACounter"):
     """Reports eDone and dies in the same step."""
-
-    n: int = 0
 
     @on("eAdd")
     def add(self, add, moment):

@@ -124,11 +124,9 @@ def test_a_fragment_with_agents_of_many_kinds_goes_where_all_are_offered():
 
 
 def test_an_agent_that_leaves_another_s_scope_becomes_a_fragment_of_its_own():
-    class Pond(Agent, symbol="ALily"):
-        steps: int = 0
-
+    class Pond(Lily, symbol="ALily"):
         @on("eStep")
-        def spill(self, step, moment):
+        def count(self, step, moment):
             self.steps += 1
             out, self.scope = self.scope, VOCABULARY.read("")
             return self.string + out
