@@ -169,8 +169,12 @@ def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, visitors):
     beside = tmp_path / "beside.mcap"
     order_late(beside)
     with running(tmp_path, "robot", *words, "--view", f"page:beside={beside}") as run:
+        # However slow the browser is, its page has the frames from here on.
+        run.client.operator.pause()
         page = visitors(viewport={"width": 1000, "height": 700}).new_page()
         page.goto(run.url)
+        run.present("page-1")
+        run.client.operator.resume()
         shown(page)
         page.get_by_text("speed +").wait_for()
         page.mouse.click(*pin_of(page, "lab"))
@@ -229,17 +233,25 @@ def order_late(path):
 def compare_runs(page):
     """Find the order that only one of the runs has, and show its frame."""
     eventually(lambda: int(page.get_attribute("body", "data-frame")) > PARTED_BY, "it is not there")
-    page.locator("#part").click()
     panel = page.locator("#parting")
-    panel.get_by_role("button", name="frame").wait_for(timeout=1000 * patience(100))
-    assert page.locator("#inspector").is_hidden()
+
+    def parted():
+        """Ask again if the file of the record lacks the frame: equal runs may continue."""
+        page.locator("#part").click()
+        waiting = panel.get_by_text("comparing", exact=False)
+        waiting.wait_for(state="hidden", timeout=1000 * patience(100))
+        return panel.get_by_role("button", name="frame").count() > 0
+
+    eventually(parted, lambda: panel.inner_text())
     panel.get_by_text("of the person ", exact=False).wait_for()
     button = panel.get_by_role("button", name="frame")
     frame = int(button.inner_text().removeprefix("frame "))
     assert frame <= PARTED_BY
     page.locator("#mark").wait_for()
     button.click()
-    page.locator("#shown").get_by_text(f"frame {frame},", exact=False).wait_for()
+    # A world that catches up has no view of some frames: the page shows the one before.
+    page.locator("#shown").get_by_text("ago", exact=False).wait_for()
+    assert int(page.locator("#shown").inner_text().split(",")[0].removeprefix("frame ")) <= frame
     panel.get_by_role("button", name="ARobot#r1").first.click()
     page.locator("#inspector").get_by_role("button", name="objective").wait_for()
     assert panel.is_hidden()
