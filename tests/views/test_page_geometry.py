@@ -15,7 +15,7 @@ from minerva_bus.grammar.appearance import Disc
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.strings_codec import plain_scene
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
-from minerva_services.geometry.colors import LegendEntry
+from minerva_services.geometry.colors import SCALES, LegendEntry
 from minerva_services.geometry.picture import Discs, Lists, Marks, Polyline, Texts, Tiles
 
 ROOT = Path(__file__).parents[2]
@@ -30,14 +30,14 @@ import {{ colourOf, displayList, frameOf }} from "{STATIC / "geometry.js"}";
 import {{ include, isPale, legend }} from "{STATIC / "legend.js"}";
 
 const bytes = (digits) => Uint8Array.from(Buffer.from(digits, "hex"));
-const {{ words, string, agent }} = JSON.parse(readFileSync(0, "utf8"));
+const {{ words, string, agent, scales }} = JSON.parse(readFileSync(0, "utf8"));
 const vocabulary = new Vocabulary(decode(bytes(words)));
 const nodes = readString(decode(bytes(string)), vocabulary).map((node) => ({{ ...node, agent }}));
-const items = displayList(nodes, vocabulary);
+const items = displayList(nodes, vocabulary, scales);
 const drawn = new Map();
 for (const item of items) include(drawn, item);
 const frame = frameOf(items);
-const entries = legend(drawn, vocabulary)
+const entries = legend(drawn, vocabulary, scales)
   .map((entry) => ({{ ...entry, dark: entry.form === "line" && isPale(entry.colours[0]) }}));
 console.log(JSON.stringify({{ items, frame, entries, again: frameOf([], frame) }}, (name, value) =>
   name === "matrix" ? {{ ...value, values: [...value.values] }} : value));
@@ -67,6 +67,7 @@ def of_the_page(scene, vocabulary=WORDS, agent="a"):
         "words": pack(plain_vocabulary(vocabulary)).hex(),
         "string": pack(plain_scene(scene)).hex(),
         "agent": agent,
+        "scales": SCALES,
     }
     done = subprocess.run(
         ["node", "--input-type=module", "-e", SCRIPT], input=json.dumps(given),
@@ -145,7 +146,15 @@ def test_the_legend_has_the_same_texts():
         for name, color in (("PLink", "#111111"), ("PCup", "#222222"))
     }
     robot = Scene(()) + parts["PLink"]() + parts["PCup"](), Vocabulary.of(*parts.values())
-    for scene, vocabulary in ((SCENE, WORDS), (house.scene({}), house.vocabulary), robot):
+    PTree, PBush = (
+        Primitive(name, Disc("size", color, meaning="tree, bush"), size=float, age=int)
+        for name, color in (("PTree", "greens(age, 0, 7)"), ("PBush", "groups(age, 3, 5)"))
+    )
+    sizes = np.ones(5), np.array([-1, 0, 3, 7, 9])
+    plants = sum((PTree(*each) + PBush(*each) for each in zip(*sizes, strict=True)), Scene(()))
+    wood = plants, Vocabulary.of(PTree, PBush)
+    check(*wood)
+    for scene, vocabulary in ((SCENE, WORDS), (house.scene({}), house.vocabulary), wood, robot):
         page = of_the_page(scene, vocabulary)
         shown = Lists(vocabulary).picture(scene, {}).legend
         entries = [(entry.text, entry.on_dark) for entry in shown]

@@ -16,6 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from minerva_bus.wire.plain import pack
+from minerva_services.geometry.colors import SCALES
 from minerva_services.views.palette import person_colour
 from tests.patience import patience
 
@@ -133,6 +134,7 @@ def test_a_page_learns_where_it_is_and_sends_orders(garden):
         welcome = messages(socket, "welcome")
         assert welcome == {
             "world": "phone", "page": "page-1", "draws": ["ePicture"], "rate": 15.0,
+            "scales": {name: list(colors) for name, colors in SCALES.items()},
             "beside": "", "module": "/modules/garden.js", "joins": {"snails": "snails", "tilt-*": "tilt-1"},
             "you": {"name": "page-1", "colour": person_colour("page-1")},
         }  # fmt: skip

@@ -23,6 +23,7 @@ from minerva_bus.grammar.text_and_digest import shown_value
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.services import WorldInfo
+from minerva_services.geometry.colors import SCALES
 from minerva_services.views.fates import LatestOrders, shown_person
 from minerva_services.views.page.names import PageNames
 from minerva_services.views.page.site import PageSite
@@ -148,6 +149,7 @@ class People:
             "page": self._names.of_page(number),
             "draws": self._options.draws,
             "rate": self._options.rate,
+            "scales": SCALES,
             "beside": Path(self._options.beside).name,
             "module": self._site.module,
             "joins": self._names.joins_of(number),

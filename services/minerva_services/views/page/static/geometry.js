@@ -23,13 +23,34 @@ export function pointAt(pose, x, y) {
 
 const number = (measure, values) => Number(typeof measure === "string" ? values[measure] : measure);
 
+const SCALED = /^(\w+|#[#\w ]+)\( *(\w+) *, *([-+.\w]+) *, *([-+.\w]+) *\)$/;
+
+/** The scale that a disc's colour names, such as `viridis(age, 0, 10)`; null for a plain colour. */
+export function scaleOf(colour, scales) {
+  const read = SCALED.exec(colour);
+  if (read === null) return null;
+  const [, name, parameter, ...ends] = read;
+  const [low, high] = ends.map(Number);
+  const own = name.startsWith("#") ? name.trim().split(/ +/) : null;
+  const colours = own ?? scales[name].slice(0, name === "groups" ? high - low : undefined);
+  return { parameter, low, high, colours, isGrouped: own !== null || name === "groups" };
+}
+
+function shade(colour, values, scales) {
+  const scale = scaleOf(colour, scales);
+  if (scale === null) return colour;
+  const { parameter, low, high, colours } = scale;
+  const place = Math.floor(((Number(values[parameter]) - low) / (high - low)) * colours.length);
+  return colours[Math.max(0, Math.min(place, colours.length - 1))];
+}
+
 /**
  * What a string draws, in its order: discs, lines, rasters, labels and marks.
  *
  * Each item has its `form`, `symbol`, `colour`, and `agent`, the id of its agent or "". Positions are
- * in metres.
+ * in metres. `scales` are the colours of the named scales.
  */
-export function displayList(nodes, vocabulary) {
+export function displayList(nodes, vocabulary, scales) {
   const items = [];
   // A stack in place of recursion, because strings may be deep.
   const waiting = nodes.map((node) => ({ node, pose: ORIGIN, agent: node.agent ?? "" })).reverse();
@@ -37,7 +58,7 @@ export function displayList(nodes, vocabulary) {
     const { node, pose, agent } = waiting.pop();
     const form = vocabulary.forms.get(node.symbol) ?? null;
     if (node.scope === undefined) {
-      if (form !== null) items.push(item(form, node, pose, agent, vocabulary));
+      if (form !== null) items.push(item(form, node, pose, agent, vocabulary, scales));
       continue;
     }
     const motion = form === null ? [0, 0, 0, 0] : form.slice(1).map((measure) => number(measure, node.values));
@@ -50,7 +71,9 @@ export function displayList(nodes, vocabulary) {
 }
 
 const DRAWN = {
-  disc: ([radius, colour, heading], { values }, pose) => ({ ...pose, radius: number(radius, values), colour, heading }),
+  disc: ([radius, colour, heading], { values }, pose, scales) => ({
+    ...pose, radius: number(radius, values), colour: shade(colour, values, scales), heading,
+  }),
   line: ([xs, ys, colour, width, dashed], { values }, pose) => {
     const count = Math.min(values[xs].length, values[ys].length);
     const points = Array.from({ length: count }, (_, n) => pointAt(pose, Number(values[xs][n]), Number(values[ys][n])));
@@ -63,12 +86,12 @@ const DRAWN = {
   label: ([text, colour], { values }, { x, y }) => ({ x, y, text: String(values[text]), colour }),
 };
 
-function item([form, ...measures], node, pose, agent, vocabulary) {
+function item([form, ...measures], node, pose, agent, vocabulary, scales) {
   const isMark = form === "label" && vocabulary.marks.has(node.symbol);
   const name = nameOf(node, vocabulary);
   // Figures of a population have the id of their agent as name, if they have one.
   const owner = { symbol: node.symbol, agent: agent === "~" ? name : agent, name };
-  return { ...owner, form: isMark ? "mark" : form, ...DRAWN[form]?.(measures, node, pose) };
+  return { ...owner, form: isMark ? "mark" : form, ...DRAWN[form]?.(measures, node, pose, scales) };
 }
 
 /** The first text among the parameters of a figure, by which it is named. */

@@ -1,6 +1,6 @@
 /** The legend: what the colours of a picture mean. */
 
-import { colourOf } from "./geometry.js";
+import { colourOf, scaleOf } from "./geometry.js";
 
 const WORDS = /[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+/g;
 
@@ -15,14 +15,14 @@ export function isPale(colour) {
 }
 
 /** Add what an item draws to `drawn`, the sets of colours by symbol; returns whether it was not drawn before. */
-export function include(drawn, { symbol, form, matrix, colours }) {
+export function include(drawn, { symbol, form, matrix, colour, colours }) {
   const isNew = !drawn.has(symbol);
   if (isNew) drawn.set(symbol, new Set());
   const known = drawn.get(symbol);
   const before = known.size;
   if (form === "raster" && before < colours.length) {
     for (const value of new Set(matrix.values)) known.add(colourOf(value, colours));
-  }
+  } else if (form === "disc") known.add(colour);
   return isNew || known.size > before;
 }
 
@@ -31,8 +31,8 @@ export function include(drawn, { symbol, form, matrix, colours }) {
  *
  * Each text of a form is listed once, with all of its colours; several look like those of a matrix.
  */
-export function legend(drawn, vocabulary) {
-  const entries = [...drawn.keys()].sort().flatMap((symbol) => entriesOf(symbol, vocabulary, drawn.get(symbol)));
+export function legend(drawn, vocabulary, scales) {
+  const entries = [...drawn.keys()].sort().flatMap((symbol) => entriesOf(symbol, vocabulary, drawn.get(symbol), scales));
   const isGround = ({ form }) => form === "raster";
   const sorted = [...entries.filter((entry) => !isGround(entry)), ...entries.filter(isGround)];
   const merged = new Map();
@@ -44,10 +44,12 @@ export function legend(drawn, vocabulary) {
   return [...merged.values()].map(({ text, form, colours }) => ({ text, form: colours.size > 1 ? "raster" : form, colours: [...colours] }));
 }
 
-function entriesOf(symbol, vocabulary, shown) {
+function entriesOf(symbol, vocabulary, shown, scales) {
   const [form, ...measures] = vocabulary.forms.get(symbol) ?? [];
   const meanings = vocabulary.meanings.get(symbol) ?? [];
   if (form === undefined) return [];
+  const scale = form === "disc" ? scaleOf(measures[1], scales) : null;
+  if (scale !== null) return entriesOfScale(meanings[0] || words(symbol), scale, shown);
   if (form !== "raster") return [{ text: meanings[0] || words(symbol), form, colour: measures[form === "line" ? 2 : 1] }];
   const colours = measures[5].map(([, colour]) => colour);
   if (meanings.length > 0) {
@@ -55,4 +57,11 @@ function entriesOf(symbol, vocabulary, shown) {
     return entries.filter(({ text, colour }) => text && colour && shown.has(colour));
   }
   return colours.filter(Boolean).map((colour) => ({ text: words(symbol), form, colour }));
+}
+
+function entriesOfScale(text, { parameter, low, high, colours, isGrouped }, shown) {
+  if (!isGrouped) return colours.map((colour) => ({ text: `${text}: ${parameter} ${low} to ${high}`, form: "raster", colour }));
+  const names = text.split(",").map((part) => part.trim());
+  const nameOf = (n) => (names.length === colours.length ? names[n] : `${text}: ${parameter} ${low + n}`);
+  return colours.map((colour, n) => ({ text: nameOf(n), form: "disc", colour })).filter(({ colour }) => shown.has(colour));
 }

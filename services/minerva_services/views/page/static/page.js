@@ -169,7 +169,7 @@ function showMembers() {
 
 function draw({ type, frame, nodes, vocabulary }) {
   const isFirst = drawn.size === 0;
-  drawn.set(type, displayList(nodes, vocabulary));
+  drawn.set(type, displayList(nodes, vocabulary, world.scales));
   if (isFirst) note("");
   const items = world.draws.flatMap((each) => drawn.get(each) ?? []);
   timeline.add(items, Number(frame));
@@ -177,7 +177,7 @@ function draw({ type, frame, nodes, vocabulary }) {
 }
 
 function showLegend(vocabulary) {
-  const entries = legend(explained, vocabulary).map(({ text, form, colours }) => {
+  const entries = legend(explained, vocabulary, world.scales).map(({ text, form, colours }) => {
     const entry = document.createElement("li");
     const swatch = document.createElement("i");
     swatch.className = form === "line" && isPale(colours[0]) ? "line dark" : form;
