@@ -99,7 +99,8 @@ def test_a_wrong_digest_or_a_frame_that_is_missing_fails_a_check(records):
     assert code == 1
     assert "frame 8 is not in the record" in err
     code, _, err = minerva("info", "none.mcap", "--check")
-    assert (code, err) == (2, "minerva: none.mcap: No such file or directory\n")
+    assert code == 2
+    assert err.startswith("minerva: none.mcap: No such file or directory")
 
 
 def test_recovery_without_a_frame_fails_and_leaves_no_file(records):
