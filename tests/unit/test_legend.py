@@ -69,7 +69,7 @@ def test_meanings_replace_names_empty_ranges_are_left_out_and_matrices_come_last
     own = {name: {shape.color} for name, shape in plain if isinstance(shape, Disc | Line | Label)}
     own |= {"PSoil": {"#000000"}, "PGrass": {"#aaffaa"}}
     assert [entry.text for entry in legend(WOOD, own)] == [
-        *("fir tree", "name of a place", "wanted", "way", "grass: 0 to 1", "stones")
+        *("fir tree", "name of a place", "wanted", "way", "grass", "stones")
     ]
     stones = legend(WOOD, {"PSoil": {"#000000"}})[0]
     assert (stones.colors, stones.opacity) == (("#000000",), 0.5)
@@ -77,8 +77,11 @@ def test_meanings_replace_names_empty_ranges_are_left_out_and_matrices_come_last
 
 def test_a_raster_without_meanings_has_the_shades_of_one_entry():
     (entry,) = legend(WOOD, {"PGrass": {"#00aa00"}})
-    assert entry.text == "grass: 0 to 1"
-    assert entry.colors == ("#aaffaa", "#00aa00")
+    assert (entry.text, entry.colors) == ("grass", ("#aaffaa", "#00aa00"))
+    shades = ((-1, ""), (0, "#000000"), (2, "#444444"), (4, "#888888"), (6, "#cccccc"))
+    heat = Primitive("PHeat", Raster("cells", 1.0, colors=shades), cells=Cells)
+    (scale,) = legend(Vocabulary.of(heat), {"PHeat": {"#444444"}})
+    assert scale.text == "heat: 0 to 6"
 
 
 def test_a_picture_explains_only_what_has_been_drawn_so_far():

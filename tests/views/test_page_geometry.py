@@ -10,7 +10,7 @@ import pytest
 from svg_world import VOCABULARY, PBall, PHeat, PInner, PMap, PPath, PRobot, PSign, TMove, TStill
 
 from minerva_agents.robot import world as house
-from minerva_bus import Label, Metres, Primitive, Scene, Vocabulary
+from minerva_bus import Cells, Label, Metres, Primitive, Raster, Scene, Vocabulary
 from minerva_bus.grammar.appearance import Disc
 from minerva_bus.wire.plain import pack
 from minerva_bus.wire.strings_codec import plain_scene
@@ -154,7 +154,11 @@ def test_the_legend_has_the_same_texts():
     plants = sum((PTree(*each) + PBush(*each) for each in zip(*sizes, strict=True)), Scene(()))
     wood = plants, Vocabulary.of(PTree, PBush)
     check(*wood)
-    for scene, vocabulary in ((SCENE, WORDS), (house.scene({}), house.vocabulary), wood, robot):
+    shades = ((-1, ""), *((2 * n, f"#{n}{n}{n}") for n in range(4)))
+    heat = Primitive("PHeat", Raster("cells", 1.0, colors=shades), cells=Cells)
+    room = Scene(()) + heat(np.arange(-1, 7).reshape(2, 4).astype(np.int16)), Vocabulary.of(heat)
+    own = (SCENE, WORDS), (house.scene({}), house.vocabulary)
+    for scene, vocabulary in (*own, wood, room, robot):
         page = of_the_page(scene, vocabulary)
         shown = Lists(vocabulary).picture(scene, {}).legend
         entries = [(entry.text, entry.on_dark) for entry in shown]

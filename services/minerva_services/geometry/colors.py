@@ -279,6 +279,7 @@ def _entries(name: str, shape: Shape) -> Iterator[LegendEntry]:
         shades = [(bound, color) for bound, color in shape.colors if color]
         if shades:
             (low, _), (high, _) = shades[0], shades[-1]
-            ends = f": {low:g} to {high:g}" if len(shades) > 1 else ""
+            # Few shades are kinds, such as free and occupied, not a scale.
+            ends = f": {low:g} to {high:g}" if len(shades) > 3 else ""
             colors = tuple([color for _, color in shades])
             yield LegendEntry(words(name) + ends, Raster, colors, shape.opacity)

@@ -56,7 +56,9 @@ function entriesOf(symbol, vocabulary, shown, scales) {
     const entries = colours.map((colour, n) => ({ text: meanings[n] ?? "", form, colour }));
     return entries.filter(({ text, colour }) => text && colour && shown.has(colour));
   }
-  return colours.filter(Boolean).map((colour) => ({ text: words(symbol), form, colour }));
+  const shades = measures[5].filter(([, colour]) => colour);
+  const ends = shades.length > 3 ? `: ${shades[0][0]} to ${shades.at(-1)[0]}` : "";
+  return shades.map(([, colour]) => ({ text: words(symbol) + ends, form, colour }));
 }
 
 function entriesOfScale(text, { parameter, low, high, colours, isGrouped }, shown) {
