@@ -92,7 +92,7 @@ def robot(stack: ExitStack) -> None:
 FAST = ["--in-process", "--rate", "0"]
 FILMS = {
     "arm": Film([*FAST, "--frames", "450", "--boxes", "2"], 15, view="solids"),
-    "crowd": Film([*FAST, "--frames", "700"]),
+    "crowd": Film([*FAST, "--frames", "400"]),
     "flock": Film([*FAST, "--frames", "240"], every=3),
     "forager": Film([*FAST], every=1),
     "house": Film(["--broker", f"mqtt://localhost:{PORT}", "--frames", "300"], 5, rooms),
