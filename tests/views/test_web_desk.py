@@ -216,7 +216,7 @@ def test_events_of_every_frame_do_not_drown_the_rest():
 def test_the_legend_shows_what_has_been_drawn_as_text():
     shown = picture(PFloor(FLOOR) + PWanted("inn") + PCart()).legend
     content = html.legend(shown)
-    assert [entry.text for entry in shown] == ["cart", "wanted <b>", "floor: 0 to 1"]
+    assert [entry.text for entry in shown] == ["cart", "wanted <b>", "floor"]
     assert "wanted &lt;b&gt;" in content
     assert "<b>" not in content
     assert "rgb(255 0 255 / 1)" in content
