@@ -15,7 +15,6 @@ from functools import cache
 from operator import getitem, setitem
 from typing import Any, Final
 
-from llvmlite.binding import create_new_function_pass_manager
 from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase
@@ -93,12 +92,9 @@ _TYPES: Final = _Types(cpu_target.typing_context)
 
 class _KernelCode(JITCodeLibrary):
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Make each function small, before it is linked; all are optimized as a whole then."""
+        """Optimize each function, with the same passes: they take longer to make than to run."""
         ll_module.data_layout = self._codegen._data_layout
-        manager, builder = create_new_function_pass_manager(), self._codegen._pass_builder()
-        manager.add_sroa_pass()
-        manager.add_simplify_cfg_pass()
-        manager.add_instruction_combine_pass()
+        manager, builder = self._codegen._function_pass_manager()
         for function in ll_module.functions:
             if not function.is_declaration:
                 manager.run(function, builder)
