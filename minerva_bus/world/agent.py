@@ -133,11 +133,13 @@ class Agent:
         cls, symbol: str = "", rest: tuple[str, ...] | None = None, **kwargs: Any
     ) -> None:
         super().__init_subclass__(**kwargs)
-        if "__init__" in vars(cls):
+        own: Any = vars(cls).get("__init__")
+        # One that calls this of Agent is a shorter way to write an agent of a string.
+        if own is not None and "super" not in own.__code__.co_names:
             never = f"{cls.__name__}.__init__ would not be called for agents of a string"
             how = f'such as `energy: float = 3.0`, and write {cls.__name__}("a", energy=3.0)'
             problem = f"{never}; declare attributes instead, {how}"
-            raise SignatureError(problem, vars(cls)["__init__"])
+            raise SignatureError(problem, own)
         activities, views = handlers(cls, ON), handlers(cls, VIEW)
         cls.population = _for_many(activities)
         cls.population_views = _for_many(views)
