@@ -59,9 +59,9 @@ def test_an_agent_is_a_string():
 def test_a_class_may_have_a_shorter_constructor_that_calls_that_of_agent():
     class Short(Fox, symbol="AFox"):
         def __init__(self, number):
-            super().__init__(f"fox-{number}")
+            super().__init__(f"fox-{number}", x=number)
 
-    assert str(Short(3).string) == str(Fox("fox-3").string)
+    assert str(Short(3).string) == str(Fox("fox-3", x=3).string)
 
 
 def test_thaw_and_freeze_give_the_very_node():
