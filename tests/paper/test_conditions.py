@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus import Agent, EventType, Vocabulary, evolve, on
-from minerva_bus.errors import VocabularyError
+from minerva_bus.errors import UserCodeError, VocabularyError
 from minerva_bus.frame.member_side import Host
 from minerva_bus.frame.messages import EvolveRequest, Fragments
 from minerva_bus.grammar.condition import holds, holds_of_many, parse_condition
@@ -221,7 +221,7 @@ def test_a_rejected_event_names_its_sender():
     vocabulary = Vocabulary.of(eHit, Caller)
     host = Host("host", {"AFox": Caller})
     host.take(Fragments({"a": vocabulary.read("AFox#a")}))
-    with pytest.raises(VocabularyError, match="#a: condition:1:1: AFox has no enrgy"):
+    with pytest.raises(UserCodeError, match=r"Caller\.call: #a: condition:1:1: AFox has no"):
         host.answer(EvolveRequest(0, ("host",), (eHit(1),)), Frame(), Policy.SEQUENTIAL, vocabulary)
 
 
