@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from tokenize import TokenError
 from types import CodeType, FrameType, TracebackType
 from typing import Any, Final, cast
 
@@ -221,6 +222,15 @@ def handler_name(handler: Callable[..., Any]) -> str:
     return name.rpartition("<locals>.")[2]
 
 
+def source_of(code: CodeType | None) -> tuple[list[str], int]:
+    """The lines of a code object, and the number of the first. Raises OSError without them."""
+    try:
+        return inspect.getsourcelines(cast("CodeType", code))
+    # Code may name a file that is not of Python, such as the page of which it is a block.
+    except (TypeError, SyntaxError, TokenError) as error:
+        raise OSError(str(error)) from None
+
+
 def defined(handler: Callable[..., Any]) -> SourceLine | None:
     """The first line of a function, without its decorators."""
     code: CodeType | None = getattr(inspect.unwrap(handler), "__code__", None)
@@ -228,8 +238,8 @@ def defined(handler: Callable[..., Any]) -> SourceLine | None:
         return None
     first = code.co_firstlineno
     try:
-        lines, first = inspect.getsourcelines(code)
-    except (OSError, TypeError):
+        lines, first = source_of(code)
+    except OSError:
         shown = _of_program(code, first)
         return SourceLine(code.co_filename, first, function_name(code), shown)
     # The first line of the code object is that of the first decorator.
@@ -277,10 +287,10 @@ def _parsed(function: Callable[..., Any]) -> Iterator[tuple[SourceLine, ast.stmt
     """The statements and expressions of a function, with the lines in which they begin."""
     code: CodeType | None = getattr(function, "__code__", None)
     try:
-        lines, first = inspect.getsourcelines(cast("CodeType", code))
+        lines, first = source_of(code)
         # A method is indented, which the parser rejects.
         tree = ast.parse(textwrap.dedent("".join(lines)))
-    except (OSError, TypeError, SyntaxError):
+    except (OSError, SyntaxError):
         return
     for node in ast.walk(tree):
         if code is not None and isinstance(node, ast.stmt | ast.expr):

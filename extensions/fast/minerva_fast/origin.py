@@ -7,13 +7,12 @@ words.
 from __future__ import annotations
 
 import ast
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.user_code import SourceLine, handler_name
+from minerva_bus.user_code import SourceLine, handler_name, source_of
 from minerva_bus.world.class_declaration import REMEDY, NotCompilable
 
 MISSING: Final = object()
@@ -53,8 +52,8 @@ class Origin:
             )
         code = function.__code__
         try:
-            lines, first = inspect.getsourcelines(code)
-        except (OSError, TypeError):
+            lines, first = source_of(code)
+        except OSError:
             raise Unreadable(
                 f"{name} cannot be compiled: its source is not available ({code.co_filename});"
                 " define the class in a file"
