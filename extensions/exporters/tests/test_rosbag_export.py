@@ -121,7 +121,7 @@ def test_what_cannot_be_exported_is_refused_with_a_line(recorded, tmp_path, caps
         ("full", "rosbag", [recorded[1]], "exists already"),
         ("new", "rosbag", [recorded[1]] * 2, "export each record"),
         ("new", "rosbags", [recorded[1]], "did you mean 'rosbag'"),
-        ("new.txt", "rerun", [recorded[1]], "ends with .rrd"),
+        ("new.txt", "rerun", [recorded[1]], "ends in .rrd"),
     ):
         with pytest.raises(MinervaError, match=message):
             export_dataset(records, tmp_path / into, form)
