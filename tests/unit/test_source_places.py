@@ -10,7 +10,8 @@ import pytest
 
 from minerva_bus.errors import StateError, UserCodeError
 from minerva_bus.launch.child_processes import blocked_at
-from minerva_bus.user_code import SourceLine, innermost, place_of, report
+from minerva_bus.launch.world_files import idle
+from minerva_bus.user_code import SourceLine, defined, innermost, place_of, report
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,15 @@ def test_the_place_in_a_cell_of_a_notebook_is_its_number(monkeypatch):
     assert SourceLine("snail.py", 3).where == "snail.py:3"
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
     assert place.where == f"{place.file}:9"
+
+
+def test_code_in_a_file_that_is_no_python_has_no_source(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text('Write `[` and """:\n' * 20)
+    names = {"__name__": "__main__"}
+    exec(compile(SNAIL.rpartition("evolve")[0], page, "exec"), names)
+    assert not idle(names["Snail"])
+    assert defined(names["Snail"].dry).where == f"{page}:7"
 
 
 def test_a_program_on_the_command_line_has_a_source_line(monkeypatch):
