@@ -4,9 +4,6 @@ set -euo pipefail
 export MINERVA_FORCE=1
 minerva run robot --view svg:path=docs/robot.svg --record docs/robot.mcap
 minerva plot docs/robot.mcap -o docs/record.png
-minerva run robot --robots 2 --seed 3 --frames 301 \
-    --view sprites:path=docs/sprites.png,every=150 --view opengl:path=docs/opengl.png,every=150
-(cd worlds/minerva_worlds/meadow && minerva run meadow.toml --rate 0 --frames 640 --view svg:path=../../../docs/meadow.svg)
 (cd worlds/minerva_worlds/flock && minerva run flock.toml --rate 0 --frames 300 --view svg:path=../../../docs/flock.svg)
 minerva run slime --frames 101 --view svg:path=docs/slime.svg,every=100
 (cd worlds/minerva_worlds/crowd && minerva run crowd.toml --frames 200 --view sprites:path=../../../docs/crowd.png,every=100)
@@ -17,7 +14,7 @@ minerva run slime --frames 101 --view svg:path=docs/slime.svg,every=100
     --mutable PEye --mutable PEye.left=-2:2 --mutable PEye.right=-2:2 \
     --population 20 --generations 14 --in-process --compare-random \
     --plot ../../../docs/evolution.png --tree ../../../docs/descent.png --quiet)
-rm docs/robots.svg docs/robot.svg docs/meadow.svg docs/flock.svg docs/slime.svg docs/plants.svg docs/robot.mcap
+rm docs/robots.svg docs/robot.svg docs/flock.svg docs/slime.svg docs/plants.svg docs/robot.mcap
 
 minerva run robot --robots 2 --rate 30 --until '' --quiet &
 trap 'kill %1' EXIT
