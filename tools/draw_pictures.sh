@@ -13,10 +13,12 @@ minerva run slime --frames 101 --view svg:path=docs/slime.svg,every=100
     --mutable AEgg.speed=0:0.4 --mutable TAim --mutable TAim.angle=-180:180 \
     --mutable PEye --mutable PEye.left=-2:2 --mutable PEye.right=-2:2 \
     --population 20 --generations 14 --in-process --compare-random \
-    --plot ../../../docs/evolution.png --tree ../../../docs/descent.png --quiet)
+    -o foragers.toml --plot ../../../docs/evolution.png --tree ../../../docs/descent.png --quiet
+    minerva run foragers.toml --view svg:path=../../../docs/foragers.svg
+    rm foragers.toml)
 (cd worlds/minerva_worlds/traffic && minerva run traffic.toml --rate 0 --frames 480 --view svg:path=../../../docs/traffic.svg,width=640
     minerva run traffic.toml --rate 0 --frames 480 --norms false --view svg:path=../../../docs/traffic-without.svg,width=640)
-rm docs/robots.svg docs/robot.svg docs/flock.svg docs/traffic.svg docs/traffic-without.svg docs/slime.svg docs/plants.svg docs/robot.mcap
+rm docs/robots.svg docs/robot.svg docs/flock.svg docs/foragers.svg docs/traffic.svg docs/traffic-without.svg docs/slime.svg docs/plants.svg docs/robot.mcap
 
 minerva run robot --robots 2 --rate 30 --until '' --quiet &
 trap 'kill %1' EXIT

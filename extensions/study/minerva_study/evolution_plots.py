@@ -12,10 +12,13 @@ from minerva_analysis.plotting import BEST, COLORS, FAINT, INK, PALE, draw, labe
 from minerva_study.evolution import Evolution, Individual
 
 TEXT_WIDTH: Final = 34
-"""Letters of a line beside the tree."""
+"""Letters of a line below the tree."""
 
-PANEL_WIDTH: Final = 3.6
-"""Inches of the text beside the tree."""
+COLUMN_WIDTH: Final = 2.7
+"""Inches of a column of the text below the tree."""
+
+ROW_HEIGHT: Final = 0.17
+"""Inches of a line of this text."""
 
 Point = tuple[float, float]
 
@@ -82,22 +85,29 @@ def draw_tree(evolution: Evolution, name: str, path: Path) -> None:
     """Draw all individuals, a column per generation, the best on top. Raises MisuseError."""
     champion = evolution.champion
     line = evolution.ancestors(champion)[::-1] if champion is not None else []
-    width = max(7.0, 1.5 + 0.75 * len(evolution.log))
+    rows = [row for individual in _main_line(line) for row in _rows(individual)]
+    # As narrow as a page, so that the texts stay legible on it.
+    width = max(7.0, 1.5 + 0.45 * len(evolution.log))
     height = max(4.5, 1.2 + 0.22 * evolution.plan.population)
+    columns = int(width / COLUMN_WIDTH)
+    length = max(1, math.ceil(len(rows) / columns))
+    below = 0.5 + ROW_HEIGHT * length
 
     def paint(figure: Any) -> None:
-        tree, text = figure.subplots(1, 2, width_ratios=(width, PANEL_WIDTH))
+        tree, text = figure.subplots(2, 1, height_ratios=(height, below))
         _tree(tree, evolution, line)
         tree.set_title(f"{name}: ancestors of the champion")
         text.set_title("what changed on its line")
-        _steps(text, _main_line(line))
+        text.axis("off")
+        text.set(xlim=(0, columns), ylim=(length - 0.5, -0.5))
+        _steps(text, rows, length)
 
-    draw(path, (width + PANEL_WIDTH, height), paint)
+    draw(path, (width, height + below), paint)
 
 
 def _tree(axis: Any, evolution: Evolution, line: Sequence[Individual]) -> None:
     points = _points(evolution)
-    _curves(axis, evolution.all, points, PALE, 0.6)
+    _curves(axis, evolution.all, points, PALE, 0.4)
     _curves(axis, line, points, BEST, 1.8)
     fine = [individual for individual in evolution.all if not individual.score.failed]
     shown = axis.scatter(
@@ -168,14 +178,12 @@ def _main_line(line: Sequence[Individual]) -> list[Individual]:
     return main[::-1]
 
 
-def _steps(axis: Any, line: Sequence[Individual]) -> None:
-    """List the mutations along a line of descent."""
-    axis.axis("off")
-    rows = [row for individual in line for row in _rows(individual)]
-    axis.set(xlim=(0, 1), ylim=(max(len(rows), 24) + 0.5, -0.5))
+def _steps(axis: Any, rows: Sequence[tuple[bool, str]], length: int) -> None:
+    """List the mutations along a line of descent, in columns of this length."""
     for n, (first, text) in enumerate(rows):
-        x, color = (0.0, INK) if first else (0.16, FAINT)
-        axis.text(x, n, text, fontsize=8, va="center", color=color)
+        column, row = divmod(n, length)
+        indent, color = (0.0, INK) if first else (0.06, FAINT)
+        axis.text(column + indent, row, text, fontsize=8, va="center", color=color)
 
 
 def _rows(individual: Individual) -> list[tuple[bool, str]]:
