@@ -240,8 +240,7 @@ def defined(handler: Callable[..., Any]) -> SourceLine | None:
     try:
         lines, first = source_of(code)
     except OSError:
-        shown = _of_program(code, first)
-        return SourceLine(code.co_filename, first, function_name(code), shown)
+        return SourceLine(code.co_filename, first, function_name(code), _of_program(code, first))
     # The first line of the code object is that of the first decorator.
     at = next((n for n, line in enumerate(lines) if line.lstrip().startswith(("def ", "async"))), 0)
     return SourceLine(code.co_filename, first + at, function_name(code), (lines[at].strip(),))
@@ -331,8 +330,7 @@ def report(error: BaseException) -> str:
     lines = (head + described(main)).split("\n")
     if place is not None:
         lines += place.lines()
-    root = _root(main)
-    if root is not None:
+    if (root := _root(main)) is not None:
         lines += _caused_by(root, place)
     return "\n".join(lines)
 
@@ -403,12 +401,10 @@ def _handler_place(handler: Callable[..., Any], error: BaseException) -> SourceL
 def _causes(error: BaseException) -> Iterator[BaseException]:
     """The exceptions that led to an exception, as a traceback shows them."""
     # Code can set `__cause__` itself, so the chain may have a cycle.
-    seen = {id(error)}
-    cause = _cause(error)
-    while cause is not None and id(cause) not in seen:
+    seen, cause = {id(error)}, error
+    while (cause := _cause(cause)) is not None and id(cause) not in seen:
         seen.add(id(cause))
         yield cause
-        cause = _cause(cause)
 
 
 def _cause(error: BaseException) -> BaseException | None:

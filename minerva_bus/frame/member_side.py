@@ -811,20 +811,18 @@ class Member:
     def hello(self) -> m.Hello:
         """Name, roles and capabilities of this member."""
         service = self.service
-        generator = service if isinstance(service, Generator) else None
-        device = service if isinstance(service, Device) else None
         return m.Hello(
             self.name,
             PROTOCOL_VERSION,
             kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
-            generates=generated_types(generator),
+            generates=generated_types(service),
             when=self.when,
-            orders=ordered_types(generator),
-            draws=tuple(device.draws) if device is not None else (),
-            coupled=device is not None and device.coupled,
+            orders=ordered_types(service),
+            draws=tuple(service.draws) if isinstance(service, Device) else (),
+            coupled=isinstance(service, Device) and service.coupled,
             topics=self.topics,
             publishes=service.publishes if service is not None else (),
-            people=generator is not None and generator.people,
+            people=isinstance(service, Generator) and service.people,
             about={
                 "service": type(service).__name__ if service is not None else "",
                 "pid": os.getpid(),
