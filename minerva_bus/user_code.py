@@ -262,15 +262,31 @@ def _is_set(cell: Any) -> bool:
 
 
 def assignments(handler: Callable[..., Any], attribute: str) -> list[SourceLine]:
-    """The lines of a method that set or delete an attribute of its first argument."""
+    """The lines of a method that set or delete an attribute of its first argument, or an item."""
+    own = [each for each in _attributes(handler) if each[1:] == (attribute, True)]
+    return sorted({place for place, *_ in own}, key=lambda place: place.line)
+
+
+def changes(cls: type, method: str) -> list[str]:
+    """The attributes that a method sets, or another that it calls, in the user's code."""
+    methods, names = [method], set[str]()
+    for each in methods:
+        for place, name, is_set in _attributes(getattr(cls, each, None)):
+            if is_set and not is_foreign(place.file):
+                names.add(name)
+            elif name not in methods and callable(getattr(cls, name, None)):
+                methods.append(name)
+    return sorted(names)
+
+
+def _attributes(handler: Any) -> Iterator[tuple[SourceLine, str, bool]]:
+    """The attributes of its first argument in a method, and whether it sets each or its item."""
     function = inspect.unwrap(handler)
     own = getattr(getattr(function, "__code__", None), "co_varnames", ())[:1]
-    places = {
-        place
-        for place, node in _parsed(function)
-        if isinstance(node, ast.Attribute) and own and _sets(node, own[0], attribute)
-    }
-    return sorted(places, key=lambda place: place.line)
+    for place, node in _parsed(function):
+        item = node.value if isinstance(node, ast.Subscript) else node
+        if isinstance(item, ast.Attribute) and getattr(item.value, "id", None) in own:
+            yield place, item.attr, isinstance(getattr(node, "ctx", None), ast.Store | ast.Del)
 
 
 def expressions(function: Callable[..., Any]) -> list[tuple[SourceLine, ast.expr]]:
@@ -295,15 +311,6 @@ def _parsed(function: Callable[..., Any]) -> Iterator[tuple[SourceLine, ast.stmt
         if code is not None and isinstance(node, ast.stmt | ast.expr):
             place = SourceLine(code.co_filename, first + node.lineno - 1, function_name(code))
             yield replace(place, shown=(lines[node.lineno - 1].strip(),)), node
-
-
-def _sets(node: ast.Attribute, own: str, attribute: str) -> bool:
-    return (
-        node.attr == attribute
-        and isinstance(node.ctx, ast.Store | ast.Del)
-        and isinstance(node.value, ast.Name)
-        and node.value.id == own
-    )
 
 
 MESSAGE_LINES: Final = 3

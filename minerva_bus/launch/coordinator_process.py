@@ -23,7 +23,7 @@ from minerva_bus.frame.placement import kinds_of
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.child_processes import LineBuffer, ReportPipe
 from minerva_bus.launch.console import EndReport
-from minerva_bus.launch.process_specs import ProcessSpec
+from minerva_bus.launch.process_specs import ProcessSpec, forgotten
 from minerva_bus.launch.registry import runtime_folder
 from minerva_bus.launch.run_outputs import (
     RunJournal,
@@ -107,6 +107,9 @@ class CoordinatorRun:
             self._save()
             lost = f"; {past.lost:,} bytes at its end are unreadable" if past.lost else ""
             self._note(f"continuing from frame {algorithm.frame} of its journal{lost}")
+            # The members of a successor have kept their state.
+            for line in () if start.again else forgotten(file.processes):
+                self._note(line)
         self.coordinator = start.make(
             file.world,
             self._watchers(),
@@ -162,8 +165,8 @@ class CoordinatorRun:
             # The journal is opened later, because it needs the coordinator.
             operated=lambda: self._journal.operated(),
             stopping=lambda notice: send("stopping", reason=notice.reason),
-            restart=self._restart,
-            stack=self._stack,
+            restart=lambda member: self._request("restart", member, "restart it there"),
+            stack=lambda member: self._request("stack", member, "its stack is not known here"),
             opened=self._opened,
             noted=self._record.noted,
             files=lambda: (
@@ -174,16 +177,11 @@ class CoordinatorRun:
             collected=None if self._collected is None else self._collected.history,
         )
 
-    def _restart(self, member: str) -> str:
+    def _request(self, kind: str, member: str, otherwise: str) -> str:
+        """Request something about a member of the launcher, or return why not."""
         if member not in self._local:
-            return f"{member} runs on another machine: restart it there"
-        self._reports.send("restart", member=member)
-        return ""
-
-    def _stack(self, member: str) -> str:
-        if member not in self._local:
-            return f"{member} runs on another machine: its stack is not known here"
-        self._reports.send("stack", member=member)
+            return f"{member} runs on another machine: {otherwise}"
+        self._reports.send(kind, member=member)
         return ""
 
     def _opened(self, session: Any) -> list[Any]:

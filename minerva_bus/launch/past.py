@@ -23,6 +23,7 @@ from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.process_specs import forgotten
 from minerva_bus.launch.toml_tables import Table, TomlError, of_nodes, option_text, read_toml
 from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.settings.world_settings import Overrides
@@ -75,8 +76,7 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
     # Without --record the run is recorded in the same file.
     kept = replace(file.record, path=file.record.path or str(path))
     notes = (f"continuing from frame {resumed.past.frame} of {path}", *damage)
-    notes += tuple(_unused(resumed.past, file))
-    notes += file.notes
+    notes += (*_unused(resumed.past, file), *forgotten(file.processes), *file.notes)
     # `replace` cannot make an object of another class.
     settings: dict[str, Any] = {f.name: getattr(file, f.name) for f in fields(WorldFile)}
     settings.update(world=resumed, notes=notes, record=kept, origin=path)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from pathlib import Path
@@ -27,8 +27,9 @@ from minerva_bus.launch.toml_tables import Table, beside, extended, read_view, s
 from minerva_bus.runtime.timeouts import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
 from minerva_bus.settings.world_settings import PatienceSettings, ProcessSettings
+from minerva_bus.user_code import changes
 from minerva_bus.wire.keys import COORDINATOR, checked_name
-from minerva_bus.wording import counted
+from minerva_bus.wording import counted, named_some
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.class_declaration import IF_POSSIBLE, Mode, NotCompilable, compile_all
 from minerva_bus.world.evolution import Policy
@@ -285,6 +286,15 @@ def _invalid_topic(hello: Hello) -> str:
     except MisuseError as error:
         return str(error)
     return ""
+
+
+def forgotten(processes: Iterable[ProcessSpec]) -> Iterator[str]:
+    """A warning for each generator in step that changes its attributes and does not save them."""
+    for process in processes:
+        cls = type(process.make_service and process.make_service())
+        if getattr(cls, "save", None) is Service.save and (names := changes(cls, "generate")):
+            lost = f"changes {named_some(names, 5)} and has no `save`; it begins again"
+            yield f"{cls.__name__} of [process.{process.name}] {lost} (docs/howto/resume.md)"
 
 
 def names_of(name: str, count: int) -> list[str]:

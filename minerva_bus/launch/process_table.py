@@ -35,7 +35,7 @@ from minerva_bus.launch.child_processes import (
 )
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.coordinator_process import CoordinatorStart, run_coordinator
-from minerva_bus.launch.process_specs import SERVICES, ProcessSpec, by_process
+from minerva_bus.launch.process_specs import SERVICES, ProcessSpec, by_process, forgotten
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.joining import STARTED_HERE
 from minerva_bus.runtime.participants import RAISED_BY_CHANCE, MemberProcess
@@ -484,6 +484,9 @@ class ProcessTable:
         start = MemberStart(
             name, process.members, world, endpoint, context.shared, context.profiling
         )
+        # After a restart; a process that has not joined had nothing to forget.
+        for line in forgotten(process.members) if process.joined_at is not None else ():
+            self._log.add(name, line)
         child = self._machine.start_member(start, context.lifeline[0])
         process.started(child)
         process.output = LineReader(

@@ -27,6 +27,17 @@ deed = "{deed}"
 """
 
 
+COUNTING = """
+import yard
+
+
+class Rascal(yard.Rascal):
+    def generate(self, tick):
+        self.asked = tick.number
+        return super().generate(tick)
+"""
+
+
 def rascal(deed, more=""):
     return MEMBERS + RASCAL.format(deed=deed, more=more)
 
@@ -58,7 +69,9 @@ def test_a_killed_member_is_named_and_restarted_with_the_same_string(tmp_path):
 
 def test_a_member_that_raises_reports_its_line_and_restarts(tmp_path):
     memory = tmp_path / "memory"
-    path = write_world(tmp_path, rascal("raises", f'memory = "{memory}"'))
+    members = rascal("raises", f'memory = "{memory}"').replace("yard:Rascal", "counting:Rascal")
+    path = write_world(tmp_path, members)
+    (tmp_path / "counting.py").write_text(COUNTING)
     with World(path, "--json") as world:
         world.summary()
         text = world.text
@@ -70,6 +83,7 @@ def test_a_member_that_raises_reports_its_line_and_restarts(tmp_path):
         text,
     )
     assert "rascal │ failed; restart 1 of 5 in 0.05 s" in text
+    assert text.count("rascal │ Rascal of [process.rascal] changes asked and has no `save`") == 1
     assert "Traceback" not in text
 
 

@@ -200,7 +200,8 @@ def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
 
 
 def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
-    path = write_world(tmp_path, LOCKSTEP, frames=600, rate=60)
+    counts = '\n[process.counts]\nservice = "yard:Counts"\n'
+    path = write_world(tmp_path, LOCKSTEP + counts, frames=600, rate=60)
     undisturbed = alone(path)
     words = ("--journal", tmp_path / "kept")
     with World(path, *words) as world:
@@ -210,6 +211,7 @@ def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
         world.gone()
     with World(path, *words, "--rate", 40) as world:
         world.says("continuing from frame", "of its journal")
+        world.says("Counts of [process.counts] changes count and has no `save`")
         world.runs(*NAMES)
         assert json.loads(here(tmp_path, "list", "--json").stdout)["rate"] == 40
         world.kill(signal.SIGTERM)

@@ -170,6 +170,16 @@ class Flood(Generator, events=("eSeen",)):
         return [eSeen(n) for n in range(self.count)]
 
 
+class Counts(Generator, events=("eNoise",)):
+    """Counts frames, and saves nothing."""
+
+    def __init__(self):
+        self.count = 0
+
+    def generate(self, tick):
+        self.count += 1
+
+
 class Wishes(Generator, events=("eWish",)):
     """Forwards orders."""
 

@@ -1,6 +1,7 @@
 """Services: declarations of their classes, options, and when they take part."""
 
 from dataclasses import dataclass
+from functools import partial
 from inspect import Parameter, signature
 from typing import Any
 
@@ -9,8 +10,10 @@ import pytest
 from hypothesis import given
 
 from minerva_bus import Context, Device, Event, Frame, Generator
+from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.frame.member_side import Member
+from minerva_bus.launch.process_specs import ProcessSpec, forgotten
 from minerva_bus.launch.specs import bind, find_service
 from minerva_bus.world.services import Participation, Tick, When, when_of
 from minerva_services.options import grouped, takes_options
@@ -46,6 +49,42 @@ def test_one_event_type_is_not_its_letters():
 
         class Worse(Device, draws="eDraw"):
             pass
+
+
+class Reader(Rain):
+    def __init__(self):
+        self.number, self.path, self.rows, self.pictures = 0, "rain.txt", {}, 0
+
+    def generate(self, tick):
+        self.number += 1
+        self._keep(self.number, self.path)
+        return super().generate(tick)
+
+    def _keep(self, number, path):
+        self.rows[number] = path
+
+    def show(self, view):
+        self.pictures += 1
+
+
+class Saving(Reader):
+    def save(self):
+        return self.number
+
+
+def test_a_generator_that_changes_and_saves_nothing_is_named():
+    made = {"reader": Reader, "saving": Saving, "rain": Rain, "free": Free, "screen": Screen}
+    processes = [ProcessSpec(name, make) for name, make in made.items()]
+    lost = "changes number, rows and has no `save`; it begins again"
+    line = f"Reader of [process.reader] {lost} (docs/howto/resume.md)"
+    assert list(forgotten(processes)) == [line]
+
+
+def test_the_installed_services_save_what_they_change():
+    # Without their constructors, which need options.
+    classes = {name: entry.load() for name, entry in entries("minerva.services").items()}
+    processes = [ProcessSpec(name, partial(cls.__new__, cls)) for name, cls in classes.items()]
+    assert not list(forgotten(processes))
 
 
 @pytest.mark.parametrize("events", [3, "eRain", {"a": 1}, (3,), None])

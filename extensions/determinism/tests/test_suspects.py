@@ -2,6 +2,7 @@
 
 import minerva_determinism.suspects as module
 from minerva_bus.launch.installed import find_world, installed_worlds
+from minerva_bus.launch.process_specs import forgotten
 from minerva_bus.launch.world_files import read_world_file
 from minerva_determinism.suspects import MOST_LINES, causes, suspects
 
@@ -132,10 +133,10 @@ def test_each_cause_is_named_with_its_line(tmp_path):
 
 
 def test_installed_worlds_have_no_suspects_but_the_files_of_their_options():
-    listed = [
-        each.cause
+    files = [
+        read_world_file(find_world(name))
         for name in installed_worlds()
         if name not in ("ros2", "rubble")  # They need what is not installed everywhere.
-        for each in suspects(read_world_file(find_world(name)))
     ]
-    assert set(listed) <= {module.OUTSIDE}
+    assert {each.cause for file in files for each in suspects(file)} <= {module.OUTSIDE}
+    assert not [line for file in files for line in forgotten(file.processes)]

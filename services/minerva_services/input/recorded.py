@@ -65,6 +65,9 @@ class RecordedEvents(Generator):
             return ()
         return [event for event in self._ahead.events if _is_played(event, self._types)]
 
+    def save(self) -> None:
+        """Nothing: the frame of the world says where it continues."""
+
     def close(self) -> None:
         if self._record is not None:
             self._record.close()

@@ -63,6 +63,9 @@ class Markers(Generator):
             tick.publish(self.publishes[0], Sightings(image.robot, seen, image.time))
         return ()
 
+    def save(self) -> None:
+        """Nothing: the counts are metrics."""
+
     def report(self) -> Mapping[str, bool | int | float | str]:
         return dict(self._counts)
 
