@@ -104,9 +104,9 @@ FILMS = {
     "rover": Film([*FAST], 25, view="opengl"),
     "rubble": Film([*FAST, "--frames", "200", "--pieces", "250"], 5, view="solids"),
     "slime": Film([*FAST, "--frames", "200"]),
-    "swarm": Film([*FAST, "--frames", "1400"], 40, view="opengl", options="zoom=1.3,elevation=38"),
+    "swarm": Film([*FAST, "--frames", "1400"], 40, view="opengl", options="zoom=1.1,elevation=38"),
     "traffic": Film([*FAST, "--frames", "400"], every=5),
-    "village": Film([*FAST, "--frames", "480"]),
+    "village": Film([*FAST, "--frames", "260"]),
     "warehouse": Film([*FAST, "--frames", "600"]),
 }
 

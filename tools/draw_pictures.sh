@@ -9,6 +9,8 @@ minerva run slime --frames 101 --view svg:path=docs/slime.svg,every=100
 (cd worlds/minerva_worlds/crowd && minerva run crowd.toml --frames 200 --view sprites:path=../../../docs/crowd.png,every=100)
 (cd worlds/minerva_worlds/plants && minerva run plants.toml --view svg:path=../../../docs/plants.svg,every=4)
 (cd worlds/minerva_worlds/robots && minerva run robots.toml --frames 600 --view svg:path=../../../docs/robots.svg,every=50)
+(cd worlds/minerva_worlds/village && minerva run village.toml --rate 0 --frames 260 --view svg:path=village.svg,width=900
+    rm village.svg)
 (cd worlds/minerva_worlds/evolution && minerva evolve forager.toml --fitness forager:berries --seed 1 \
     --mutable AEgg.speed=0:0.4 --mutable TAim --mutable TAim.angle=-180:180 \
     --mutable PEye --mutable PEye.left=-2:2 --mutable PEye.right=-2:2 \
