@@ -60,7 +60,7 @@ def photograph(url: str, target: str, path: Path) -> None:
     """Open the page, send orders to the robots, and take a screenshot."""
     with sync_playwright() as player:
         browser = player.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        page = browser.new_page(viewport={"width": 1400, "height": 1000})
+        page = browser.new_page(viewport={"width": 1100, "height": 1062})
         page.set_default_timeout(PATIENCE)
         page.goto(f"{url}&fixedDpr=0.2")  # the address ends with the token
         page.get_by_role("button", name="Send eErrand").wait_for()
