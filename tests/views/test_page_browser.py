@@ -151,14 +151,21 @@ def test_the_tilt_of_a_phone_is_an_event(garden, visitors):
 
 def pin_of(page, name):
     """Where the pin of a marker of the robots' world is on the page."""
-    picture = Lists(vocabulary).picture(scene({}), {})
-    x, y = next((float(t.x[0]), float(t.y[0])) for t in picture.of(Texts) if t.texts[0] == name)
-    across, along = map(np.concatenate, zip(*map(extremes, picture.of(Tiles)), strict=True))
+    texts = Lists(vocabulary).picture(scene({}), {}).of(Texts)
+    x, y = next((float(t.x[0]), float(t.y[0])) for t in texts if t.texts[0] == name)
+    left, top = pixel_of(page, x, y)
+    return left, top - 15
+
+
+def pixel_of(page, x, y):
+    """Where a point of the robots' world is on the page."""
+    tiles = Lists(vocabulary).picture(scene({}), {}).of(Tiles)
+    across, along = map(np.concatenate, zip(*map(extremes, tiles), strict=True))
     box = page.locator("canvas").bounding_box()
     scale = 0.94 * min(box["width"] / np.ptp(across), box["height"] / np.ptp(along))
     return (
         box["x"] + box["width"] / 2 + (x - (across.min() + across.max()) / 2) * scale,
-        box["y"] + box["height"] / 2 - (y - (along.min() + along.max()) / 2) * scale - 15,
+        box["y"] + 0.03 * box["height"] + (along.max() - y) * scale,
     )
 
 
@@ -171,12 +178,15 @@ def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, visitors):
     with running(tmp_path, "robot", *words, "--view", f"page:beside={beside}") as run:
         # However slow the browser is, its page has the frames from here on.
         run.client.operator.pause()
-        page = visitors(viewport={"width": 1000, "height": 700}).new_page()
+        page = visitors(viewport={"width": 390, "height": 844}).new_page()
         page.goto(run.url)
         run.present("page-1")
-        run.client.operator.resume()
+        run.client.operator.step(3)
         shown(page)
-        page.get_by_text("speed +").wait_for()
+        select_by_touch(page, run)
+        run.client.operator.resume()
+        page.set_viewport_size({"width": 1000, "height": 700})
+        shown(page, run.client.operator.status().frame + 2)
         page.mouse.click(*pin_of(page, "lab"))
         assert run.event("eObjective").startswith('eObjective<marker="lab">')
         page.keyboard.press("ArrowUp")
@@ -192,6 +202,23 @@ def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, visitors):
         page.get_by_text("paused", exact=True).wait_for()
         page.keyboard.press("Space")
         eventually(lambda: not run.client.operator.status().paused, "it is paused")
+
+
+def select_by_touch(page, run):
+    """Select the robot on a phone by a touch below it, which does not move the picture."""
+    robot = vocabulary.read(run.client.operator.fragment("r1")).nodes[0].state
+    x, y = (
+        robot[zero] + robot["cell"] * robot[at] for zero, at in (("x0", "row"), ("y0", "column"))
+    )
+    left, top = pixel_of(page, x, y)
+    page.get_by_text("speed +").wait_for()
+    before = page.locator("canvas").bounding_box()
+    page.mouse.click(left, top + 21.5)
+    page.get_by_text("tap a name to send it as objective to r1", exact=True).wait_for()
+    page.locator("#inspector").get_by_role("button", name="objective").wait_for()
+    assert page.locator("canvas").bounding_box() == before
+    page.mouse.click(left, top + 21.5)
+    page.get_by_text("tap a name to send it as objective", exact=True).wait_for()
 
 
 def follow_an_order(page):

@@ -6,10 +6,11 @@ const PAPER = "#fbfaf6";
 const INK = "#2f3640";
 const FAINT = "#6d6657";
 const CHOSEN = "#1f7a8c";
+const FILLED = 0.94; // of the canvas, by the whole world
 const MOST_NAMES = 24;
 const MOST_AGENTS = 500; // offered by id
 const LEAST_RADIUS = 3; // pixels
-const TOUCH = 14; // pixels around a finger in which something counts as touched
+const TOUCH = 24; // pixels: the least radius of what a finger touches
 /** The mark on discs with a heading: distances in radii, directions in radians. */
 const HEADING = [[0.78, 0], [0.7, 140], [0.28, 180], [0.7, -140]].map(([far, turn]) => [far, (turn * Math.PI) / 180]);
 const PIN = "M0 0L-6.6-12.4a8 8 0 1 1 13.2 0z";
@@ -80,8 +81,9 @@ export class Scene {
     for (const item of this.#items) {
       if (item.form !== "disc" || item.agent === "") continue;
       const [left, top] = this.#pixel(item.x, item.y);
-      const distance = Math.hypot(left - x, top - y) - this.#radius(item);
-      if (distance < Math.min(TOUCH, nearest.distance)) nearest = { distance, agent: item.agent };
+      const [far, radius] = [Math.hypot(left - x, top - y), this.#radius(item)];
+      const distance = far - radius;
+      if (far < Math.max(TOUCH, radius) && distance < nearest.distance) nearest = { distance, agent: item.agent };
     }
     return nearest.agent === "" ? null : { agent: nearest.agent };
   }
@@ -103,8 +105,9 @@ export class Scene {
     if (this.#own !== null) return this.#own;
     const { left, bottom, right, top } = this.#frame ?? { left: -1, bottom: -1, right: 1, top: 1 };
     const { width, height } = this.#size();
-    const scale = Math.min(width / (right - left), height / (top - bottom)) * 0.94;
-    return { scale, centre: [(left + right) / 2, (bottom + top) / 2] };
+    const scale = Math.min(width / (right - left), height / (top - bottom)) * FILLED;
+    // At the top of a high canvas: panels on a phone cover the bottom.
+    return { scale, centre: [(left + right) / 2, top - (height * FILLED) / 2 / scale] };
   }
 
   #pixel(x, y) {

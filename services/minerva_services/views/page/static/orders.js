@@ -38,11 +38,12 @@ export class Orders {
     this.#show();
   }
 
-  /** What a tap does in this world, for people. */
+  /** What a tap does in this world, and to whom, for people. */
   get hint() {
     const { click, place } = this.#types;
     const texts = [click && `tap a name to send it as ${words(click.type)}`, place && `tap the ground: ${words(place)}`];
-    return texts.filter(Boolean).join("; ");
+    const to = this.#to.map((agent) => ` to ${agent}`).join("");
+    return texts.filter(Boolean).map((text) => `${text}${to}`).join("; ");
   }
 
   /** A button in the panel; errors of `act(button)` go to `onError`. */

@@ -44,12 +44,14 @@ const parting = new Parting({ button: element("part"), panel: element("parting")
   select,
 });
 let own = "";
+let hasEnded = false;
 
 /** Selects an agent on the picture and in the inspector, which has the place of other panels; "" selects none. */
 function select(agent) {
   if (agent !== "") parting.close();
   scene.select(agent);
   inspector.open(agent);
+  if (!hasEnded) note(""); // it says to whom orders go
 }
 
 element("choose").addEventListener("change", ({ target }) => {
@@ -103,6 +105,7 @@ function begin(welcome) {
 }
 
 function end(why) {
+  hasEnded = true;
   note(why);
   inspector.fail(why);
   parting.fail(why);
