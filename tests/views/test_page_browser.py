@@ -200,8 +200,12 @@ def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, visitors):
         )
         eventually(lambda: run.client.operator.status().paused, "it is not paused")
         page.get_by_text("paused", exact=True).wait_for()
-        page.keyboard.press("Space")
+        page.locator("#orders").get_by_role("button", name="resume").click()
         eventually(lambda: not run.client.operator.status().paused, "it is paused")
+        page.locator("#orders").get_by_role("button", name="step").click()
+        eventually(lambda: run.client.operator.status().paused, "it is not paused")
+        page.locator("#orders").get_by_role("button", name="rate +").click()
+        page.get_by_text("target rate 20 frames", exact=False).wait_for()
 
 
 def select_by_touch(page, run):

@@ -158,9 +158,15 @@ def test_a_page_learns_where_it_is_and_sends_orders(garden):
             ('{"name": "snails"}', "another page or person"),
             ('{"state": "nobody"}', "no agent #nobody"),
             ('{"seek": 3}', "not a replay"),
+            ('{"rate": 1000}', "does not know"),
         ):
             socket.send(order)
             assert reason in messages(socket, "error"), order
+        rate = garden.client.operator.status().rate
+        for steps, wanted in (1, 2 * rate), (-1, rate):
+            socket.send(json.dumps({"rate": steps}))
+            assert messages(socket, "note") == f"target rate {wanted:g} frames per second"
+            assert garden.client.operator.status().rate == wanted
         socket.send('{"bisect": true}')
         assert messages(socket, "bisected")["problem"].endswith("--view page:beside=FILE")
         with linked(garden, "/people") as other:

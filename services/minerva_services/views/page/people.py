@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 POLL_SECONDS: Final = 0.25
 _MAX_RECEIVERS: Final = 100
 _MAX_STEPS: Final = 10
+_LEAST_RATE: Final = 0.5
 _MAX_ORDERS: Final = 8
 """Orders that pages list."""
 
@@ -84,8 +85,8 @@ def _is_place(declared: EventType) -> bool:
 class People:
     """The links to pages over which their users take part: text messages in JSON.
 
-    A page sends `{order, data, to}`, `{slide, steps, to}`, `{toggle}`, `{step}`, `{seek}`,
-    `{pause}`, `{name}`, `{state}`, `{explain}` and `{bisect}`, and receives `{welcome}`,
+    A page sends `{order, data, to}`, `{slide, steps, to}`, `{toggle}`, `{step}`, `{rate}`,
+    `{seek}`, `{pause}`, `{name}`, `{state}`, `{explain}` and `{bisect}`, and receives `{welcome}`,
     `{status}`, `{orders}`, `{you}`, `{state}`, `{explained}`, `{bisected}`, `{note}`, `{error}` and
     `{ended}`.
     """
@@ -103,7 +104,7 @@ class People:
         self._numbers = SentNumbers()
         self._pages: set[ServerConnection] = set()
         self._status: dict[str, Any] = {
-            "types": {}, "report": "", "taken": [], "end": 0, "people": []
+            "types": {}, "paused": False, "report": "", "taken": [], "end": 0, "people": []
         }  # fmt: skip
 
     # --- pages ---
@@ -196,6 +197,7 @@ class People:
         self._reports.update(status)
         now = {
             "types": sent_types(self._world.vocabulary, status.orders, self._options),
+            "paused": status.paused,
             "report": self._reports.text,
             "taken": self._names.taken,
             "end": status.end,
@@ -255,6 +257,11 @@ class People:
             case {"step": 1}:
                 operator.step(1)
                 return ""
+            case {"rate": (1 | -1) as steps}:
+                status = operator.status()
+                rate = max(_LEAST_RATE, (status.rate or status.hz) * 2.0**steps)
+                operator.set_rate(rate)
+                return f"target rate {rate:g} frames per second"
             case _:
                 raise MisuseError("the page's server does not know this action")
 

@@ -8,8 +8,8 @@ const ZOOM = 1.0015;
 /**
  * Turns gestures on the scene into orders.
  *
- * `send(message)` gets `{order, data, to}`, `{slide, steps, to}`, `{toggle}` or `{step}`; `select(agent)`
- * the agent that a person selects, or "".
+ * `send(message)` gets `{order, data, to}`, `{slide, steps, to}`, `{toggle}`, `{step}` or `{rate}`;
+ * `select(agent)` the agent that a person selects, or "".
  */
 export class Orders {
   #scene;
@@ -17,6 +17,7 @@ export class Orders {
   #send;
   #select;
   #types = {};
+  #isPaused = false;
   #offered = "";
   #buttons = [];
 
@@ -29,10 +30,10 @@ export class Orders {
     document.addEventListener("keydown", (event) => this.#key(event));
   }
 
-  /** Takes the state of the world: the event types that people may send. */
-  update({ types }) {
-    this.#types = types;
-    const offered = JSON.stringify(types);
+  /** Takes the state of the world: the event types that people may send, and whether it is paused. */
+  update({ types, paused }) {
+    [this.#types, this.#isPaused] = [types, paused];
+    const offered = JSON.stringify([types, paused]);
     if (offered === this.#offered) return;
     this.#offered = offered;
     this.#show();
@@ -57,7 +58,13 @@ export class Orders {
 
   #show() {
     const { slide, plain = [] } = this.#types;
-    const own = plain.map((type) => this.#button(words(type), () => this.#order(type, {})));
+    const own = [
+      this.#button(this.#isPaused ? "resume" : "pause", () => this.#pause()),
+      this.#button("step", () => this.#step()),
+      this.#button("rate −", () => this.#send({ rate: -1 })),
+      this.#button("rate +", () => this.#send({ rate: 1 })),
+      ...plain.map((type) => this.#button(words(type), () => this.#order(type, {}))),
+    ];
     if (slide) {
       own.push(this.#button(`${words(slide)} −`, () => this.#slide(-1)), this.#button(`${words(slide)} +`, () => this.#slide(1)));
     }
@@ -85,6 +92,14 @@ export class Orders {
     this.#send({ slide: this.#types.slide, steps, to: this.#to });
   }
 
+  #pause() {
+    this.#send({ toggle: "pause" });
+  }
+
+  #step() {
+    this.#send({ step: 1 });
+  }
+
   /** A tap on a label sends its text, one on an agent selects it, one on the ground sends the place. */
   #tap(x, y) {
     const target = this.#scene.at(x, y);
@@ -104,9 +119,9 @@ export class Orders {
     // A button that has just been hidden keeps the focus until the page is drawn again.
     if (target instanceof HTMLButtonElement && target.checkVisibility() && key !== "Escape") return;
     const acts = {
-      " ": () => this.#send({ toggle: "pause" }),
-      n: () => this.#send({ step: 1 }),
-      ".": () => this.#send({ step: 1 }),
+      " ": () => this.#pause(),
+      n: () => this.#step(),
+      ".": () => this.#step(),
       ArrowUp: () => this.#types.slide && this.#slide(1),
       "+": () => this.#types.slide && this.#slide(1),
       ArrowDown: () => this.#types.slide && this.#slide(-1),

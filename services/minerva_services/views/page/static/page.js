@@ -157,7 +157,9 @@ function update(status) {
   orders.update(status);
   timeline.end = status.end;
   showPeople(element("people"), status.people, own);
-  if (status.report) note(status.report);
+  const isNew = status.report !== "" && status.report !== world.report;
+  world.report = status.report;
+  if (isNew) note(status.report);
   else if (element("notice").dataset.isHint === "true") note("");
   poke();
 }
