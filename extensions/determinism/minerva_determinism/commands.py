@@ -12,6 +12,9 @@ from minerva_bus.cli.options import Force, Json, WorldArgument, examples
 
 TOPIC: Final = "Develop"
 MINUTES: Final = 10.0
+FRAMES: Final = 100
+FRAMES_OF_ALL: Final = 20
+"""The frames of each run of all installed worlds, which end within `MINUTES` on two cores."""
 
 
 @examples(
@@ -47,7 +50,12 @@ def certify(
             autocompletion=completing.installed,
         ),
     ] = None,
-    frames: Annotated[int, typer.Option(min=1, help="Most frames of each run.")] = 100,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help=f"Most frames of each run ({FRAMES}; {FRAMES_OF_ALL} if all worlds run)."
+        ),
+    ] = None,
     minutes: Annotated[
         float, typer.Option(min=0.1, help="Time after which no further check begins.")
     ] = MINUTES,
@@ -94,5 +102,6 @@ def certify(
     from minerva_determinism.certify_command import interpreters, make_certificate
 
     pythons = interpreters(python or [], emulate, setup)
-    code = make_certificate(worlds or [], frames, minutes, processes or [], pythons, report, json)
+    most = frames or (FRAMES if worlds else FRAMES_OF_ALL)
+    code = make_certificate(worlds or [], most, minutes, processes or [], pythons, report, json)
     raise typer.Exit(code)
