@@ -3,7 +3,8 @@
     python -m minerva_determinism.killer FRAMES FILE
 
 One is killed in every FRAMES-th frame, whatever it does at that moment, and its name is appended to
-FILE. The coordinator comes first, where the system tells which process it is (Linux).
+FILE. The coordinator comes first, where the system tells which process it is (Linux). It ends with
+the process that holds the other end of its standard input.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from select import select
 from typing import Final
 
 from minerva_bus.errors import BusError
@@ -27,13 +28,14 @@ POLL_SECONDS: Final = 0.005
 
 
 def kill_in_turn(every: int, file: Path) -> None:
-    """Kill processes of the world that runs in the runtime folder, until it has ended."""
+    """Kill processes of the world that runs in the runtime folder, until the input ends."""
     while not (worlds := [world for world in running() if world.endpoint]):
-        time.sleep(POLL_SECONDS)
+        if _input_has_ended():
+            return
     world = worlds[0]
     following, turn = every, 0
     with Client(world.endpoint, world.world) as client, file.open("a", encoding="utf-8") as killed:
-        while True:
+        while not _input_has_ended():
             # A successor of the coordinator answers after a moment.
             with suppress(BusError):
                 status = client.operator.status()
@@ -46,7 +48,11 @@ def kill_in_turn(every: int, file: Path) -> None:
                         killed.write(f"{name}\n")
                         killed.flush()
                     following, turn = status.frame + every, turn + 1
-            time.sleep(POLL_SECONDS)
+
+
+def _input_has_ended() -> bool:
+    """Whether the process that has started this one is gone; returns after a moment."""
+    return bool(select([sys.stdin], [], [], POLL_SECONDS)[0])
 
 
 def _processes(launcher: int, members: tuple[MemberStatus, ...]) -> Iterator[tuple[str, int]]:

@@ -159,7 +159,7 @@ def _killer(layout: Layout, environment: Mapping[str, str], file: Path) -> Gener
         yield
         return
     words = [sys.executable, "-m", "minerva_determinism.killer", str(layout.kills), str(file)]
-    with subprocess.Popen(words, env=environment, stdin=subprocess.DEVNULL) as killer:  # noqa: S603
+    with subprocess.Popen(words, env=environment, stdin=subprocess.PIPE) as killer:  # noqa: S603
         try:
             yield
         finally:

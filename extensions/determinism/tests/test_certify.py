@@ -25,6 +25,7 @@ from minerva_determinism.certificate import (
 )
 from minerva_determinism.certify_command import CheckRows, interpreters
 from minerva_determinism.emulation import emulated
+from minerva_determinism.killer import kill_in_turn
 from minerva_determinism.layouts import ALONE, APART
 from minerva_determinism.positions import WHEN, deaths
 
@@ -110,6 +111,16 @@ def plan(**changes):
         "begun": lambda *_: None,
     }
     return CertificatePlan(**{**defaults, **changes})
+
+
+@pytest.mark.timeout(30)
+def test_what_kills_processes_ends_with_its_certificate(tmp_path, monkeypatch):
+    reading, writing = os.pipe()
+    os.close(writing)
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    with os.fdopen(reading) as over:
+        monkeypatch.setattr(sys, "stdin", over)
+        kill_in_turn(5, tmp_path / "killed.txt")
 
 
 def test_a_world_is_certified_in_all_layouts(world, tmp_path):
