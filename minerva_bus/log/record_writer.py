@@ -145,9 +145,7 @@ def _mcap_writer(stream: IO[bytes], *, is_large: bool) -> Writer:
     # Most numbers of a large population compress badly, and zstd takes as long for them as all else
     # in the record.
     compression = CompressionType.LZ4 if is_large else CompressionType.ZSTD
-    # Chunks have checksums of their own; one of all data takes a sixth of a large record's time.
-    crcs = not is_large
-    return Writer(stream, chunk_size=CHUNK, compression=compression, enable_data_crcs=crcs)
+    return Writer(stream, chunk_size=CHUNK, compression=compression, enable_data_crcs=True)
 
 
 def _sync(stream: IO[bytes]) -> None:
