@@ -28,7 +28,7 @@ from minerva_bus.grammar.vocabulary import (
     Transformation,
     Vocabulary,
 )
-from minerva_bus.launch.specs import bind, find_service
+from minerva_bus.launch.specs import Factory, find_service
 from minerva_bus.launch.toml_tables import filled, toml_text
 from minerva_bus.settings.kinds import check_known, settings_of
 from minerva_bus.settings.world_settings import WorldSettings
@@ -176,7 +176,7 @@ class PythonTables:
         cls = find_service(spec.service) if isinstance(spec.service, str) else spec.service
         options = self._filled(dict(spec.options))
         # An instance, because event types may depend on its options.
-        finder.add_service(cls, bind(cls, options, f"{self.name}: {name}")())
+        finder.add_service(cls, Factory(cls, options, f"{self.name}: {name}")())
         own = spec.service if isinstance(spec.service, str) else self._keep(cls)
         return {"service": own, **spec.options}
 
@@ -249,7 +249,7 @@ class PythonTables:
 
     def toml(self) -> str:
         """The text of a world file that other processes can read. Raises MisuseError."""
-        # First, because errors shall name classes of the user before the symbols that they make.
+        # First, so that errors name classes of the user before the symbols that they make.
         processes = {
             name: {key: self._public(value) for key, value in table.items()}
             for name, table in self.tables["process"].items()

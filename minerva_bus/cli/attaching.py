@@ -18,7 +18,7 @@ from minerva_bus.frame.member_side import Member, WorldRestarted
 from minerva_bus.launch.child_processes import end_signals
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.process_specs import ProcessSpec, compile_agents
-from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
+from minerva_bus.launch.specs import Factory, described, find_agent, find_service, names_agents
 from minerva_bus.launch.toml_tables import typed_options
 from minerva_bus.launch.world_files import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint, check_reachable
@@ -149,7 +149,7 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
         # An option of the command itself may be meant, so its suggestions count, too.
         if known and f"--{key.partition('.')[0]}" not in known:
             raise UnknownOption(spec, f"--{key}", known)
-    return Member(name, bind(service, typed_options(service, options), name)())
+    return Member(name, Factory(service, typed_options(service, options), name)())
 
 
 def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> tuple[str, Member]:

@@ -22,7 +22,7 @@ from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.columns import MANY
 from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.specs import bind, divisible_names, find_agent, find_service, find_view
+from minerva_bus.launch.specs import Factory, divisible_names, find_agent, find_service, find_view
 from minerva_bus.launch.toml_tables import Table, beside, extended, read_view, settings_by_process
 from minerva_bus.runtime.timeouts import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
@@ -61,7 +61,7 @@ class ProcessSpec:
     """
 
     name: str
-    make_service: Callable[[], Service] | None = None
+    make_service: Factory | None = None
     agents: tuple[type[Agent], ...] = ()
     command: tuple[str, ...] = ()
     folder: Path = field(default_factory=Path)
@@ -74,15 +74,6 @@ class ProcessSpec:
     automatic: bool = False
     shared: bool = False
     dividing: tuple[str, ...] = ()
-
-    @property
-    def is_output(self) -> bool:
-        """Whether a run is incomplete without it: a view of the command line, or what writes files.
-
-        A world file may permit the failure of a process.
-        """
-        writes = self.make_service is not None and self.make_service().writes
-        return not self.table or (self.on_failure != "ignore" and bool(writes))
 
     def make_member(self) -> Member:
         """The member that this process runs."""
@@ -193,12 +184,12 @@ class _ProcessReader:
 
     def maker(
         self, name: str, cls: type[Service], options: dict[str, Any], table: Table | None = None
-    ) -> Callable[[], Service]:
+    ) -> Factory:
         """The factory of a process's service; `table` is that of its options, if any."""
         file, process = self.path.name, f"[process.{name}]"
         lines = {} if table is None else {key: table.line(key) for key in options}
         places = {key: f"{file}{line}: {process}" for key, line in lines.items()}
-        return bind(cls, options, f"{file}: {process}", places)
+        return Factory(cls, options, f"{file}: {process}", places)
 
     def _patience(self, table: Table) -> Patience | None:
         """Time-outs of frames for a process; None: those for all members."""
@@ -291,8 +282,8 @@ def _invalid_topic(hello: Hello) -> str:
 def forgotten(processes: Iterable[ProcessSpec]) -> Iterator[str]:
     """A warning for each generator in step that changes its attributes and does not save them."""
     for process in processes:
-        cls = type(process.make_service and process.make_service())
-        if getattr(cls, "save", None) is Service.save and (names := changes(cls, "generate")):
+        cls = process.make_service and process.make_service.cls
+        if cls and cls.save is Service.save and (names := changes(cls, "generate")):
             lost = f"changes {named_some(names, 5)} and has no `save`; it begins again"
             yield f"{cls.__name__} of [process.{process.name}] {lost} (docs/howto/resume.md)"
 

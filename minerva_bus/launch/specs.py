@@ -6,8 +6,9 @@ import importlib
 import inspect
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from importlib.machinery import (
     BYTECODE_SUFFIXES,
     EXTENSION_SUFFIXES,
@@ -197,52 +198,55 @@ def described(spec: str) -> list[tuple[str, str]]:
     ]
 
 
-def bind(
-    cls: type[Service], options: Mapping[str, Any], owner: str, places: Mapping[str, str] = {}
-) -> Callable[[], Service]:
-    """A factory of the service with these options, checked against its constructor.
+@dataclass(frozen=True, slots=True)
+class Factory:
+    """A class of services with options, checked against its constructor; a call makes a service.
 
     Raises WorldFileError for an unknown option or one of a wrong type. Errors begin with `owner`,
     those of an option with its place, if `places` has any.
     """
-    parameters = inspect.signature(cls.__init__).parameters
-    hints = get_type_hints(cls.__init__)
-    names = [name for name in parameters if name not in ("self", "args", "kwargs")]
-    for name, value in options.items():
-        if name not in names:
-            hint = nearest(name, names, f"it has {', '.join(names) or 'none'}")
-            at = places.get(name, owner)
-            raise WorldFileError(f"{at}: {cls.__name__} has no option {name!r}{hint}")
-        _check_option(places.get(name, owner), name, value, hints.get(name))
-    for name in names:
-        if parameters[name].default is inspect.Parameter.empty and name not in options:
-            raise WorldFileError(f"{owner}: {cls.__name__} needs the option {name!r}")
-    return lambda: _make(cls, options, owner)
+
+    cls: type[Service]
+    options: Mapping[str, Any]
+    owner: str
+    places: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def __post_init__(self) -> None:
+        parameters = inspect.signature(self.cls.__init__).parameters
+        hints = get_type_hints(self.cls.__init__)
+        names = [name for name in parameters if name not in ("self", "args", "kwargs")]
+        for name, value in self.options.items():
+            at = self.places.get(name, self.owner)
+            if name not in names:
+                hint = nearest(name, names, f"it has {', '.join(names) or 'none'}")
+                raise WorldFileError(f"{at}: {self.cls.__name__} has no option {name!r}{hint}")
+            _check_option(at, name, value, hints.get(name))
+        for name in names:
+            if parameters[name].default is inspect.Parameter.empty and name not in self.options:
+                raise WorldFileError(f"{self.owner}: {self.cls.__name__} needs the option {name!r}")
+
+    def __call__(self) -> Service:
+        """A new service. Raises WorldFileError."""
+        try:
+            service = self.cls(**cast("dict[str, Any]", self.options))
+            check_attributes(service)
+            return service
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            # Options of a package with installed services are documented: no need to show code.
+            package = self.cls.__module__.partition(".")[0]
+            known = [each.value.partition(".")[0] for each in entries(SERVICES).values()]
+            is_option = isinstance(error, TypeError | ValueError) and package in known
+            is_clear = is_option or isinstance(error, MinervaError)
+            problem = error if is_clear else f"{self.cls.__name__}: {report(error)}"
+            raise WorldFileError(f"{self.owner}: {problem}") from error
 
 
 def _check_option(owner: str, name: str, value: Any, hint: Any) -> None:
     if not fits(value, hint):
         shown = value_text(value) if isinstance(value, str | int | float) else type(value).__name__
         raise WorldFileError(f"{owner}: {name} must be {phrase_of(hint)}, not {shown}")
-
-
-def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service:
-    try:
-        service = cls(**cast("dict[str, Any]", options))
-        check_attributes(service)
-        return service
-    except MinervaError as error:
-        raise WorldFileError(f"{owner}: {error}") from error
-    except (TypeError, ValueError) as error:
-        package = cls.__module__.partition(".")[0]
-        # Options of a package with installed services are documented: no need to show code.
-        if any(each.value.partition(".")[0] == package for each in entries(SERVICES).values()):
-            raise WorldFileError(f"{owner}: {error}") from error
-        raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
 
 
 class _ExactLoader(SourceFileLoader):

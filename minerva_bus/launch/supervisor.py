@@ -461,8 +461,12 @@ class Supervisor:
             self._stop_for(process, f"{how}{times}")
 
     def _note_lost(self, process: SupervisedProcess, code: int) -> None:
-        """Note the end of a process without which the output of the run is incomplete."""
-        if process.spec.is_output:
+        """Note the end of a process without which the output of the run is incomplete.
+
+        It is a view of the command line, or it writes files and the world file permits no failure.
+        """
+        name, spec = process.spec.name, process.spec
+        if not spec.table or (spec.on_failure != "ignore" and name in self._file.writers):
             how = process.cause.text.partition("\n")[0] or _how(process, code)
             self._ending.incomplete.append(f"{_member(process)}: output incomplete ({how})")
 

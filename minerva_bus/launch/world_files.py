@@ -145,7 +145,8 @@ class WorldFile:
     """A world file with the settings of the command line, checked.
 
     `patience` has the time-outs for all members; a process may have its own. `notes` are lines to
-    print at the start, and the `warnings` are among them.
+    print at the start, and the `warnings` are among them. `writers` are the processes whose
+    services write files.
     """
 
     path: Path
@@ -158,6 +159,7 @@ class WorldFile:
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    writers: frozenset[str] = frozenset()
     record: RecordSettings = field(default_factory=RecordSettings)
     text: str = ""
     watch: WatchSettings = field(default_factory=WatchSettings)
@@ -268,6 +270,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         options,
         (*_notes(settings.notes, options, path, top.table("world")), *compiled),
         (),
+        frozenset(member.name for member in members if member.service and member.service.writes),
         record,
         text,
         watch,

@@ -1,8 +1,8 @@
 """Services: declarations of their classes, options, and when they take part."""
 
 from dataclasses import dataclass
-from functools import partial
 from inspect import Parameter, signature
+from types import SimpleNamespace
 from typing import Any
 
 import hypothesis.strategies as st
@@ -14,7 +14,7 @@ from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.frame.member_side import Member
 from minerva_bus.launch.process_specs import ProcessSpec, forgotten
-from minerva_bus.launch.specs import bind, find_service
+from minerva_bus.launch.specs import Factory, find_service
 from minerva_bus.world.services import Participation, Tick, When, when_of
 from minerva_services.options import grouped, takes_options
 
@@ -74,7 +74,7 @@ class Saving(Reader):
 
 def test_a_generator_that_changes_and_saves_nothing_is_named():
     made = {"reader": Reader, "saving": Saving, "rain": Rain, "free": Free, "screen": Screen}
-    processes = [ProcessSpec(name, make) for name, make in made.items()]
+    processes = [ProcessSpec(name, Factory(cls, {}, name)) for name, cls in made.items()]
     lost = "changes number, rows and has no `save`; it begins again"
     line = f"Reader of [process.reader] {lost} (docs/howto/resume.md)"
     assert list(forgotten(processes)) == [line]
@@ -83,7 +83,7 @@ def test_a_generator_that_changes_and_saves_nothing_is_named():
 def test_the_installed_services_save_what_they_change():
     # Without their constructors, which need options.
     classes = {name: entry.load() for name, entry in entries("minerva.services").items()}
-    processes = [ProcessSpec(name, partial(cls.__new__, cls)) for name, cls in classes.items()]
+    processes = [ProcessSpec(name, SimpleNamespace(cls=cls)) for name, cls in classes.items()]
     assert not list(forgotten(processes))
 
 
@@ -97,7 +97,7 @@ def test_an_option_overrides_the_default_of_a_service(events):
         r"Shower: self.events must be a tuple of names, not .*;"
         " call an attribute for something else, as an option's value, otherwise"
     )
-    make = bind(Shower, {"events": events}, "shower")
+    make = Factory(Shower, {"events": events}, "shower")
     with pytest.raises(WorldFileError, match=f"^shower: {explained}"):
         make()
     with pytest.raises(MisuseError, match=f"^{explained}"):
@@ -133,7 +133,7 @@ def test_an_option_may_permit_it():
         def generates(self):
             return ("eRain",) * self.events
 
-    shower = bind(Shower, {"events": "eRain,eHail"}, "shower")()
+    shower = Factory(Shower, {"events": "eRain,eHail"}, "shower")()
     assert Member("shower", shower).hello().generates == ("eRain", "eHail")
     assert Member("told", Told(1)).hello().generates == ("eRain",)
 
@@ -255,7 +255,7 @@ def test_an_option_of_no_group_is_an_error():
 )
 def test_world_files_are_checked_against_the_groups(service, options, problem):
     with pytest.raises(WorldFileError, match=problem):
-        bind(find_service(service), options, "member")
+        Factory(find_service(service), options, "member")
 
 
 TIMES = {
@@ -383,3 +383,18 @@ def test_a_generator_that_is_not_always_asked_has_no_inputs(name, value, reason)
 def test_a_class_argument_is_checked_at_once(when):
     with pytest.raises(MisuseError, match=r"^Odd: when"):
         type("Odd", (Shower,), {}, when=when)
+
+
+class Torn(Generator, events=("eRain",)):
+    """A generator whose file is gone when its process starts again."""
+
+    def __init__(self):
+        raise FileNotFoundError("lines.txt")
+
+    def generate(self, tick):
+        self.read = tick.number
+
+
+def test_what_a_service_forgets_is_known_without_making_one():
+    (line,) = forgotten([ProcessSpec("torn", Factory(Torn, {}, "torn"))])
+    assert line.startswith("Torn of [process.torn] changes read and has no `save`")

@@ -188,7 +188,7 @@ def _generated(
     process = next((each for each in file.processes if each.name == question.member), None)
     if process is None or process.make_service is None:
         return CauseAnswer(tuple(lines))
-    cls = type(process.make_service())
+    cls = process.make_service.cls
     if issubclass(cls, Generator) and (place := defined(cls.generate)) is not None:
         lines.append(f"  in {cls.__name__}.generate, {place.where}")
     return CauseAnswer(tuple(lines), functions=_functions([cls]))

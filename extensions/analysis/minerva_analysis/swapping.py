@@ -42,7 +42,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.past import WorldSource
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.run_outputs import recording
-from minerva_bus.launch.specs import bind, find_agent, find_service, folder_of, names_agents
+from minerva_bus.launch.specs import Factory, find_agent, find_service, folder_of, names_agents
 from minerva_bus.launch.toml_tables import option_text, typed_options
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.record import Record
@@ -321,7 +321,7 @@ def _new_member(old: ProcessSpec, swap: Swap, file: WorldFile) -> Member:
     cls = swap.find(file.path.parent)
     if issubclass(cls, Service):
         options = typed_options(cls, swap.options)
-        return replace(old, make_service=bind(cls, options, old.name)).make_member()
+        return replace(old, make_service=Factory(cls, options, old.name)).make_member()
     if swap.options:
         raise MisuseError(f"swap {swap.member}: {swap} names agents, which have no options")
     kept = [agent for agent in old.agents if agent.kind.name != cls.kind.name]

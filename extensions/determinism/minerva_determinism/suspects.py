@@ -152,7 +152,7 @@ def suspects(file: WorldFile) -> list[Suspect]:
     passed: set[tuple[str, str]] = set()
     for process in file.processes:
         if process.make_service is not None:
-            cls = type(process.make_service())
+            cls = process.make_service.cls
             classes.append(cls)
             if process.name in omitted:
                 passed.add((cls.__module__, cls.__qualname__))
