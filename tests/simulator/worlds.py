@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from itertools import count
 from pathlib import Path
 from typing import Any, Final
@@ -38,13 +38,14 @@ from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import walk
 from minerva_bus.launch.process_specs import ProcessSpec, names_of
+from minerva_bus.launch.specs import Factory
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.settings.world_settings import BusSettings
 from minerva_bus.world.context import stream
 from minerva_bus.world.event_collection import Priority
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.readings import Sighting, Sightings
-from minerva_bus.world.services import Emit
+from minerva_bus.world.services import Emit, Service
 
 NAME: Final = "shore"
 STRING: Final = """
@@ -289,20 +290,24 @@ def processes(
         *_dividing("ranger", Ranger, divided),
         *_dividing("warden", Warden, divided),
         ProcessSpec("birds", agents=(Heron, Eel)),
-        ProcessSpec("clerk", Clerk),
-        ProcessSpec("gulls", partial(Gulls, numbers)),
-        ProcessSpec("lookout", Lookout),
+        _service("clerk", Clerk),
+        _service("gulls", Gulls, numbers=numbers),
+        _service("lookout", Lookout),
         ProcessSpec("marsh", agents=(Reeds, Heron, Eel)),
-        ProcessSpec("screen", partial(Screen, shown)),
-        ProcessSpec("tide", Tide),
-        ProcessSpec("water", Water),
+        _service("screen", Screen, shown=shown),
+        _service("tide", Tide),
+        _service("water", Water),
     )
 
 
-def _dividing(table: str, make: type[Generator], count: int) -> Iterator[ProcessSpec]:
+def _service(name: str, cls: type[Service], **options: Any) -> ProcessSpec:
+    return ProcessSpec(name, Factory(cls, options, name))
+
+
+def _dividing(table: str, cls: type[Generator], count: int) -> Iterator[ProcessSpec]:
     names = tuple(names_of(table, count)) if count else ()
     for name in names:
-        yield ProcessSpec(name, make, table=table, dividing=names)
+        yield replace(_service(name, cls), table=table, dividing=names)
 
 
 def sharing(process: ProcessSpec) -> ProcessSpec:
