@@ -283,7 +283,7 @@ def _attributes(handler: Any) -> Iterator[tuple[SourceLine, str, bool]]:
     """The attributes of its first argument in a method, and whether it sets each or its item."""
     function = inspect.unwrap(handler)
     own = getattr(getattr(function, "__code__", None), "co_varnames", ())[:1]
-    for place, node in _parsed(function):
+    for place, node in _parsed(function, ast.Attribute, ast.Subscript):
         item = node.value if isinstance(node, ast.Subscript) else node
         if isinstance(item, ast.Attribute) and getattr(item.value, "id", None) in own:
             yield place, item.attr, isinstance(getattr(node, "ctx", None), ast.Store | ast.Del)
@@ -294,12 +294,12 @@ def expressions(function: Callable[..., Any]) -> list[tuple[SourceLine, ast.expr
     code: CodeType | None = getattr(function, "__code__", None)
     if code is None or is_foreign(code.co_filename):
         return []
-    nodes = [(place, node.value) for place, node in _parsed(function) if isinstance(node, ast.Expr)]
+    nodes = [(place, node.value) for place, node in _parsed(function, ast.Expr)]
     return sorted(nodes, key=lambda each: each[0].line)
 
 
-def _parsed(function: Callable[..., Any]) -> Iterator[tuple[SourceLine, ast.stmt | ast.expr]]:
-    """The statements and expressions of a function, with the lines in which they begin."""
+def _parsed(function: Callable[..., Any], *wanted: type) -> Iterator[tuple[SourceLine, Any]]:
+    """The wanted statements and expressions of a function, and the lines in which they begin."""
     code: CodeType | None = getattr(function, "__code__", None)
     try:
         lines, first = source_of(code)
@@ -308,9 +308,9 @@ def _parsed(function: Callable[..., Any]) -> Iterator[tuple[SourceLine, ast.stmt
     except (OSError, SyntaxError):
         return
     for node in ast.walk(tree):
-        if code is not None and isinstance(node, ast.stmt | ast.expr):
-            place = SourceLine(code.co_filename, first + node.lineno - 1, function_name(code))
-            yield replace(place, shown=(lines[node.lineno - 1].strip(),)), node
+        if code is not None and isinstance(node, wanted):
+            n, name = cast("ast.stmt", node).lineno, function_name(code)
+            yield SourceLine(code.co_filename, first + n - 1, name, (lines[n - 1].strip(),)), node
 
 
 MESSAGE_LINES: Final = 3
