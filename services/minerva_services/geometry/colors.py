@@ -43,8 +43,7 @@ SCALES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Colours of the named scales, from low to high; a value has the colour of its interval."""
 
-COLOR: Final = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})|[A-Za-z]+")
-"""A plain colour."""
+_COLOR: Final = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})|[A-Za-z]+")
 _SCALED: Final = re.compile(r"(\w+|#[#\w ]+)\( *(\w+) *, *([-+.\w]+) *, *([-+.\w]+) *\)")
 
 
@@ -104,8 +103,15 @@ def scale_of(color: str) -> Scale | None:
 
 def check_color(color: str) -> None:
     """Raise MisuseError if this is neither a colour nor a scale of colours."""
-    if scale_of(color) is None and not COLOR.fullmatch(color):
+    if scale_of(color) is None:
+        paint(color)
+
+
+def paint(color: str) -> str:
+    """A plain colour, which is safe in an attribute. Raises MisuseError if it is invalid."""
+    if not _COLOR.fullmatch(color):
         raise MisuseError(f"{color[:40]!r} is not a colour; expected #rrggbb or a name")
+    return color
 
 
 def color_of(color: str, parameters: Mapping[str, Any]) -> str:

@@ -17,7 +17,6 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.appearance import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import FigureNode, Scene
@@ -34,12 +33,12 @@ from minerva_bus.semantics.plane import (
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.wording import xml_characters
 from minerva_services.geometry.colors import (
-    COLOR,
     DrawnColors,
     Legend,
     LegendEntry,
     color_of,
     colors_of,
+    paint,
 )
 from minerva_services.geometry.picture import text_parameter
 from minerva_services.geometry.volumes import color_ranges, rectangles
@@ -652,13 +651,6 @@ def short(value: float, decimals: int = 3) -> str:
 def exact(value: float) -> str:
     """A number with all significant digits, for values multiplied by large numbers."""
     return f"{min(max(value, -_MAX_NUMBER), _MAX_NUMBER):.12g}"
-
-
-def paint(color: str) -> str:
-    """A colour that is safe in an attribute. Raises MisuseError if it is invalid."""
-    if not COLOR.fullmatch(color):
-        raise MisuseError(f"{color[:40]!r} is not a colour; expected #rrggbb or a name")
-    return color
 
 
 def line_of_text(text: str, longest: int = 60) -> str:
