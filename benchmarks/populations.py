@@ -2,7 +2,6 @@
 
     python -m benchmarks.populations [--model flock wealth ...] [--agents N ...] [--hosts 1 2]
         [--in-process] [--systems minerva mesa mesa-frames] [--plot FILE] [--json]
-    python -m benchmarks.populations --statistics [--model wealth ...]
 
 Each model (benchmarks/models) runs over the real bus: a coordinator, its services and one or two
 hosts in separate processes. The peers' scripts are in --peers (`bench_mesa.py` with a virtual
@@ -15,7 +14,6 @@ The comparison is between equal models, not equal work: Minerva Bus checks a gra
 string of every frame, can compute its digest (--digest does so in each frame), and gives the same
 string in any layout. Mesa activates agents one after another; mesa-frames and Minerva Bus activate
 them simultaneously. Mesa's rate for `plain` is for agents without actions, called in any order.
-`--statistics` compares the behaviour of the models with that of the peers' models.
 """
 
 from __future__ import annotations
@@ -29,13 +27,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from benchmarks.command import PEERS_FOLDER, PLOT, Option, Table, options
 from benchmarks.forked import Members, answered, coordinator
 from benchmarks.models import MODELS, Model, counted, cycle, load
 from benchmarks.plot import Line, plotted
-from minerva_bus import Scene
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member_side import Member
@@ -345,39 +342,6 @@ def lines_of(rows: list[Row]) -> list[Line]:
     ]
 
 
-# --- statistics ---
-
-
-def final(task: Task, at: Sequence[int]) -> dict[int, Figures]:
-    """Statistics of a model after some steps; events in transit arrive first."""
-    model = load(task.model)
-    services = {name: make() for name, make in model.services(task.agents).items()}
-    algorithm = FrameAlgorithm(world_of(task, ["host-0", *services]))
-    participants = [Member(name, service) for name, service in services.items()]
-    host = Member("host-0", agents=model.kinds)
-    runner = InProcessRunner(algorithm, [*participants, host], lambda _: None)
-    runner.start()
-    results: dict[int, Figures] = {}
-    for step in range(max(at) + 1):
-        if step in at:
-            results[step] = model.statistics(settled(runner, list(services.values())))
-        for _ in range(cycle(model)):
-            runner.handle(s.Begin())
-    return results
-
-
-def settled(runner: InProcessRunner, services: list[Any]) -> Scene:
-    """The string after a frame without a step, if the model's clock can be silenced."""
-    quiet = [service for service in services if hasattr(service, "quiet")]
-    for service in quiet:
-        service.quiet = True
-    if quiet:
-        runner.handle(s.Begin())
-    for service in quiet:
-        service.quiet = False
-    return runner.algorithm.scene
-
-
 def main() -> None:
     """Measure in turns and print a table."""
     arguments = options(
@@ -392,15 +356,8 @@ def main() -> None:
         systems=Option(list(SYSTEMS), choices=SYSTEMS),
         peers=PEERS_FOLDER,
         seconds=Option(5.0, "for each turn of a peer"),
-        statistics=False,
-        seeds=Option(5, "runs of each for --statistics"),
         plot=PLOT,
     )
-    if arguments.statistics:
-        from benchmarks.spread import compare
-
-        compare(arguments)
-        return
     table = Table(COLUMNS, as_json=arguments.json)
     rows: list[Row] = []
     for model in arguments.model:

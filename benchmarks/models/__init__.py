@@ -36,10 +36,6 @@ class Model(Protocol):
         """Number of agents that act in a frame."""
         ...
 
-    def statistics(self, scene: Scene) -> dict[str, float]:
-        """Aggregate statistics of a string."""
-        ...
-
 
 def load(name: str) -> Model:
     """The model with this name."""

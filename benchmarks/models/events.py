@@ -15,9 +15,6 @@ class Clock(Generator, events=("eStep",)):
 
     def __init__(self, count: int = 0) -> None:
         self.count = count
-        self.quiet = False
-        """Emits no steps if true, so that events in transit can arrive."""
 
     def generate(self, tick: Tick) -> Iterator[Event]:
-        if not self.quiet:
-            yield eStep(self.count)
+        yield eStep(self.count)

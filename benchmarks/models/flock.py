@@ -8,11 +8,10 @@ act one after another, in a new random order for each step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from minerva_bus import (
     Agent,
@@ -27,10 +26,8 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.world.services import Service
 from minerva_services.physics.neighbours import Neighbours
-from minerva_services.physics.neighbours.search import near
 
 NAME = "flock"
 CYCLE = 2
@@ -137,42 +134,3 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 def updates_per_frame(agents: int) -> int:
     """All boids act in every second frame."""
     return agents // CYCLE
-
-
-def statistics(scene: Scene) -> dict[str, float]:
-    """Alignment of all boids and of neighbouring boids."""
-    parts = [part for part in scene.pieces if isinstance(part, Columns)]
-    columns = {name: [part.column(name) for part in parts] for name in ("x", "y", "vx", "vy")}
-    return alignment(**{name: np.concatenate(parts) for name, parts in columns.items()})
-
-
-def alignment(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    vx: NDArray[np.float64],
-    vy: NDArray[np.float64],
-) -> dict[str, float]:
-    """Length of the mean direction, mean cosine between neighbours, and mean neighbour count.
-
-    Also for positions and directions of other platforms.
-    """
-    length = np.maximum(np.hypot(vx, vy), 1e-12)
-    ux, uy = vx / length, vy / length
-    cosines, pairs = 0.0, 0
-    for first, second in _pairs(x, y):
-        cosines += float((ux[first] * ux[second] + uy[first] * uy[second]).sum())
-        pairs += len(first)
-    return {
-        "order": float(np.hypot(ux.mean(), uy.mean())),
-        "local_order": cosines / max(pairs, 1),
-        "neighbours": pairs / len(x),
-    }
-
-
-def _pairs(
-    x: NDArray[np.float64], y: NDArray[np.float64]
-) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Pairs of neighbours, in both directions."""
-    pairs = near(x, y, VISION, (side(len(x)), side(len(x))))
-    yield pairs.first, pairs.second
-    yield pairs.second, pairs.first

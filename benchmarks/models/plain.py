@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.models.events import Clock, eStep
 from minerva_bus import Agent, Context, Event, Scene, Vocabulary, on
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.world.services import Service
 
 NAME = "plain"
@@ -49,10 +48,3 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 def updates_per_frame(agents: int) -> int:
     """All walkers act in every frame."""
     return agents
-
-
-def statistics(scene: Scene) -> dict[str, float]:
-    """Mean position of the walkers."""
-    parts = [part for part in scene.pieces if isinstance(part, Columns)]
-    places = np.concatenate([part.column("x") for part in parts])
-    return {"mean": float(places.mean()), "deviation": float(places.std())}

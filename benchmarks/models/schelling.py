@@ -13,10 +13,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from minerva_bus import (
     Agent,
@@ -31,11 +29,9 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.services import Service
 from minerva_services.physics.neighbours import Neighbours
-from minerva_services.physics.neighbours.spots import Lattice
 
 NAME = "schelling"
 CYCLE = 4
@@ -168,21 +164,3 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 def updates_per_frame(agents: int) -> int:
     """All residents act in every fourth frame."""
     return agents // CYCLE
-
-
-def statistics(scene: Scene) -> dict[str, float]:
-    """Shares of happy residents and of similar neighbours."""
-    parts = [p for p in scene.pieces if isinstance(p, Columns) and p.symbol == "AResident"]
-    x, y, kind = (np.concatenate([p.column(name) for p in parts]) for name in ("x", "y", "colour"))
-    return segregation(x, y, kind, side(len(x)))
-
-
-def segregation(
-    x: NDArray[Any], y: NDArray[Any], kind: NDArray[Any], width: int
-) -> dict[str, float]:
-    """The same shares, also for residents of other platforms."""
-    lattice = Lattice(width, width, RADIUS, "moore", periodic=False)
-    cells = x * width + y
-    number, same, _ = lattice.compared(cells, kind)
-    share = same / np.maximum(number, 1)
-    return {"happy": float((share >= HOMOPHILY).mean()), "similar": float(share[number > 0].mean())}

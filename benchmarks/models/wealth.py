@@ -22,7 +22,6 @@ from minerva_bus import (
     Vocabulary,
     on,
 )
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.services import Service
 
@@ -66,24 +65,3 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 def updates_per_frame(agents: int) -> int:
     """All agents act in every frame."""
     return agents
-
-
-def statistics(scene: Scene) -> dict[str, float]:
-    """Inequality of the agents' wealth."""
-    parts = [part for part in scene.pieces if isinstance(part, Columns)]
-    return inequality(np.concatenate([part.column("wealth") for part in parts]))
-
-
-def inequality(wealth: np.ndarray) -> dict[str, float]:
-    """Mean, Gini coefficient, share without coins, and decay rate of the distribution's tail."""
-    ranked = np.sort(wealth)
-    count = len(ranked)
-    rank = np.arange(1, count + 1)
-    gini = 2 * float((rank * ranked).sum()) / (count * float(ranked.sum())) - (count + 1) / count
-    rich = ranked[ranked >= 2]  # for a geometric distribution p^k, -log p
-    return {
-        "mean": float(ranked.mean()),
-        "gini": gini,
-        "poor": float((ranked == 0).mean()),
-        "decay": float(-np.log1p(-1 / (rich.mean() - 1))) if (rich > 2).any() else 0.0,
-    }

@@ -322,13 +322,3 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 def updates_per_frame(agents: int) -> int:
     """Updates at the start; later steps count the kinds in `COUNTED`."""
     return agents // CYCLE
-
-
-def statistics(scene: Scene) -> dict[str, float]:
-    """Numbers of sheep and wolves."""
-    energy = {"sheep": 0.0, "wolves": 0.0}
-    names = {"ASheep": "sheep", "AWolf": "wolves"}
-    for piece in scene.pieces:
-        if piece.symbol in names:
-            energy[names[piece.symbol]] += piece.count if isinstance(piece, Columns) else 1
-    return energy
