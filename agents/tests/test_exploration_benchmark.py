@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from agents.benchmarks.exploration import RADIUS, SPEED, Task, _shortest, main, options_of, run
-from agents.benchmarks.exploration_places import bound_of
 from agents.benchmarks.exploring.driving import Drive, Floor, Noise
 from agents.benchmarks.exploring.floors import Named, floor_of
-from agents.benchmarks.exploring.places import Expected, Places, Watched
 from agents.benchmarks.exploring.results import Result, append_row, read_rows, summary
 from agents.benchmarks.exploring.tours import Tour
 from minerva_agents.robot.maps import Marker
@@ -117,34 +115,3 @@ def test_a_tour_sees_all_of_the_floor():
     tour = Tour(floor, (1.0, 1.0, 0.0), RADIUS)
     places = [floor.cell_at(x + 0.5, y + 0.5) for x in range(1, 9) for y in range(1, 9)]
     assert tour.metres_to_each(np.array(places)).max() < 10 * 10 / 4.0 + 15.0
-
-
-def test_expected_ratios_of_a_small_hall_are_above_the_bound(drive):
-    floor = floor_of("hall", 4.0, 1)
-    places = Places(floor, (1.0, 1.0, 0.0), RADIUS)
-    watched = Watched(Floor(floor), places, drive[0], Noise(), 1)
-    watched.see_all(2000)
-    assert not np.isnan(watched.metres).any()
-    # All of the hall is in view from the start.
-    assert watched.run.metres < 4.0
-    expected, bound = Expected.of(watched.metres, places.shortest), places.bound()
-    assert bound.all <= expected.all
-    assert bound.far <= expected.far
-
-
-def test_no_robot_can_search_a_large_hall_within_a_few_shortest_paths():
-    """A camera with a range of 5 m shows 60 by 60 m on a path of about 350 m."""
-    bounds = [
-        bound_of(Named("hall", floor_of("hall", metres, 1), held_out=False)) for metres in (10, 60)
-    ]
-    assert bounds[0].all < 1.0
-    assert 4.0 < bounds[1].all < 6.0
-
-
-def test_the_tour_to_each_place_is_the_tour_to_that_place():
-    floor = floor_of("pillars", 6.0, 1)
-    places = Places(floor, (1.0, 1.0, 0.0), RADIUS)
-    tour = Tour(floor, (1.0, 1.0, 0.0), RADIUS)
-    each = tour.metres_to_each(places.cells).tolist()
-    chosen = range(0, len(each), 9)
-    assert [each[i] for i in chosen] == [tour.metres_to(*places.points[i].tolist()) for i in chosen]

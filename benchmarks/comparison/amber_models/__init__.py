@@ -1,1 +1,0 @@
-"""Models for AMBER, with its columns."""
