@@ -25,9 +25,6 @@ MASON_NAMES: Final = {
 }
 """The folder of each model beside MASON's jar, and its main class."""
 
-NAMES: Final = {"mesa-frames": "mesa_frames", "amber": "ambr"}
-"""Modules that have other names than their systems."""
-
 MASON_STEPS: Final = {"wolf_sheep": 100, "flocking": 100, "schelling": 20}
 
 
@@ -61,10 +58,9 @@ class PythonSystem:
         package = PACKAGES[system]
         if find_spec(f"{package}.{model}") is None:
             raise Unavailable("it has no such model")
-        module = NAMES.get(system, system)
-        missing = python is None and find_spec(module) is None
+        missing = python is None and find_spec(system.replace("-", "_")) is None
         if system != "minerva" and missing:
-            raise Unavailable(f"it is not installed: pip install {module.replace('_', '-')}")
+            raise Unavailable(f"it is not installed: pip install {system}")
         self._source = Path(*package.split("."), f"{model}.py")
         words = ["-m", "benchmarks.comparison.worker", system, model, size]
         self._process = subprocess.Popen(

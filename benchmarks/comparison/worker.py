@@ -21,8 +21,6 @@ PACKAGES: Final = {
     "minerva": "benchmarks.comparison.models",
     "mesa": "benchmarks.comparison.mesa_models",
     "mesa-frames": "benchmarks.comparison.mesa_frames_models",
-    "agentpy": "benchmarks.comparison.agentpy_models",
-    "amber": "benchmarks.comparison.amber_models",
 }
 
 

@@ -1,4 +1,4 @@
-"""The public comparison: how rows are derived, and that the systems' models behave alike."""
+"""The public comparison: what counts as a line, and that the systems' models behave alike."""
 
 import statistics
 from dataclasses import replace
@@ -6,9 +6,7 @@ from importlib import import_module
 
 import pytest
 
-from benchmarks.comparison.__main__ import Row, from_publication, related
-from benchmarks.comparison.parameters import MODELS, PARAMETERS, SIZES
-from benchmarks.comparison.published import LINES, TIMES
+from benchmarks.comparison.parameters import PARAMETERS, SIZES
 from benchmarks.comparison.systems import java_lines, python_lines
 
 
@@ -21,29 +19,6 @@ def test_lines_of_python_exclude_comments_and_documentation():
 
 def test_lines_of_java_exclude_comments():
     assert java_lines("/* a\n b */\nint x; // y\n\n// z\n}\n") == 2
-
-
-def test_measured_times_are_related_to_minerva_and_by_mesa_to_agents_jl():
-    rows = [
-        Row("minerva", "flocking", "small", "measured", 1, 2.0),
-        Row("mesa", "flocking", "small", "measured", 1, 20.0),
-    ]
-    ours, mesa = related(rows)
-    assert (ours.ratio, mesa.ratio) == (1.0, 10.0)
-    assert mesa.to_agents_jl == TIMES["flocking", "small"]["mesa"]
-    assert ours.to_agents_jl == pytest.approx(TIMES["flocking", "small"]["mesa"] / 10)
-
-
-def test_published_rows_have_no_measured_time():
-    rows = from_publication("schelling", "large", {"ark.jl"})
-    assert rows == [Row("ark.jl", "schelling", "large", "published", to_agents_jl=0.59, lines=78)]
-    assert from_publication("forest_fire", "large", {"ark.jl"}) == []
-
-
-def test_published_tables_name_the_same_systems():
-    for (model, _), times in TIMES.items():
-        assert model in MODELS
-        assert times.keys() == LINES[model].keys()
 
 
 SHORT = (
