@@ -1,6 +1,6 @@
 """Resident memory of each process over the frames of a long run.
 
-    python -m benchmarks.memory [--frames 100000] [--world meadow.toml] [--plot memory.png] [--json]
+    python -m benchmarks.memory [--frames 100000] [--world meadow.toml] [--json]
 
 The world runs on the bus at full speed, with a record if `--record` is given. The benchmark reads
 the resident memory of its processes from /proc every few seconds. It prints the memory of each
@@ -19,8 +19,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.command import PLOT, Option, options
-from benchmarks.plot import Line, plotted
+from benchmarks.command import Option, options
 from minerva_bus.errors import BusError
 from minerva_bus.runtime.operator_client import Client
 
@@ -86,11 +85,9 @@ def watch(launcher: subprocess.Popen[bytes], folder: Path, every: float) -> dict
 
 
 def main() -> None:
-    """Run the world, sample its memory, print and plot."""
+    """Run the world, sample its memory, and print it."""
     every = Option(3.0, "seconds between two measurements")
-    arguments = options(
-        __doc__, frames=100_000, world=str(MEADOW), every=every, record=False, plot=PLOT
-    )
+    arguments = options(__doc__, frames=100_000, world=str(MEADOW), every=every, record=False)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         words = ["run", arguments.world, "--rate", "0", "--frames", str(arguments.frames)]
@@ -109,7 +106,7 @@ def main() -> None:
 
 
 def report(series: list[Series], arguments: argparse.Namespace, seconds: float) -> None:
-    """Print the results, and plot them if requested."""
+    """Print the results."""
     last = max(entry.frames[-1] for entry in series)
     for entry in series:
         first, end, growth = entry.settled(last)
@@ -119,11 +116,6 @@ def report(series: list[Series], arguments: argparse.Namespace, seconds: float) 
         else:
             print(f"{entry.name:12} {first:7.1f} MB {end:7.1f} MB {growth:7.1f} kB/1,000 frames")
     print(f"{last:,} frames in {seconds:.0f} s", file=sys.stderr)
-    if arguments.plot:
-        recorded = ", recorded" if arguments.record else ""
-        title = f"resident memory of {Path(arguments.world).stem}{recorded}"
-        lines = [Line(title, entry.name, entry.frames, entry.megabytes) for entry in series]
-        plotted(arguments.plot, lines, "frame", "MB")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Agent updates per second of complete models, compared with other platforms in one run.
 
     python -m benchmarks.populations [--model flock wealth ...] [--agents N ...] [--hosts 1 2]
-        [--in-process] [--systems minerva mesa mesa-frames] [--plot FILE] [--json]
+        [--in-process] [--systems minerva mesa mesa-frames] [--json]
 
 Each model (benchmarks/models) runs over the real bus: a coordinator, its services and one or two
 hosts in separate processes. The peers' scripts are in --peers (`bench_mesa.py` with a virtual
@@ -29,10 +29,9 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from benchmarks.command import PEERS_FOLDER, PLOT, Option, Table, options
+from benchmarks.command import PEERS_FOLDER, Option, Table, options
 from benchmarks.forked import Members, answered, coordinator
 from benchmarks.models import MODELS, Model, counted, cycle, load
-from benchmarks.plot import Line, plotted
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member_side import Member
@@ -43,7 +42,6 @@ from minerva_bus.world.event_collection import Priority
 
 WARM_UP: Final = 3
 SYSTEMS: Final = ("minerva", "mesa", "mesa-frames")
-LABELS: Final = {"minerva": "Minerva Bus", "mesa": "Mesa", "mesa-frames api": "mesa-frames API"}
 COLUMNS: Final = {
     "system": "<19", "model": "<11", "agents": ">9,", "hosts": ">5", "updates/s": ">12,.0f",
     "frames/s": ">9.1f", "MB": ">7.0f", "ratio": ">7.2f",
@@ -328,20 +326,6 @@ def _with_ratio(row: Row, ours: float) -> Row:
     return Row(**{**asdict(row), "ratio": ours / row.updates_per_s})
 
 
-def lines_of(rows: list[Row]) -> list[Line]:
-    """The rows as lines of a plot."""
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        label = LABELS.get(row.system, row.system)
-        if row.hosts:
-            label += f", {row.hosts} host" + "s" * (row.hosts > 1)
-        groups.setdefault((row.model, label), []).append(row)
-    return [
-        Line(model, label, [row.agents for row in rows], [row.updates_per_s for row in rows])
-        for (model, label), rows in groups.items()
-    ]
-
-
 def main() -> None:
     """Measure in turns and print a table."""
     arguments = options(
@@ -356,17 +340,12 @@ def main() -> None:
         systems=Option(list(SYSTEMS), choices=SYSTEMS),
         peers=PEERS_FOLDER,
         seconds=Option(5.0, "for each turn of a peer"),
-        plot=PLOT,
     )
     table = Table(COLUMNS, as_json=arguments.json)
-    rows: list[Row] = []
     for model in arguments.model:
         for agents in [n for n in arguments.agents if n] or SIZES[model]:
             for row in measured(arguments, model, agents):
                 table.row(asdict(row))
-                rows.append(row)
-    if arguments.plot:
-        plotted(arguments.plot, lines_of(rows), "agents", "updates of agents per second")
 
 
 if __name__ == "__main__":
