@@ -45,11 +45,12 @@ class Base:
         self.session = Ros2Session(net, "base")
         self.pose, self.velocity, self.stamped = Pose(), STILL, stamped
         self.told, self.stamps = [], []
-        self.until, self.blocked = 0.0, False
+        self.until, self.blocked, self.ranges = 0.0, False, [1.0]
         twist = types.TWIST_STAMPED if stamped else types.TWIST
         self.session.subscribe("cmd_vel", twist, lambda data: self._obey(twist, data))
         self.odometry = self.session.publisher("odom", types.ODOMETRY)
         self.laser = self.session.publisher("scan", types.LASER_SCAN)
+        self.depth, self.camera = self.session.publisher("depth", types.RANGE), True
         self.over = threading.Event()
         self.thread = threading.Thread(target=self._run, daemon=True)
 
@@ -92,14 +93,23 @@ class Base:
                 types.ODOMETRY, header=header, child_frame_id="base_link", pose=pose, twist=twist
             )
             self.odometry.put(odometry)
-            self.laser.put(self._scan(make, header))
+            if self.camera:
+                self.depth.put(self._depth(make, header))
+            if self.ranges is not None:
+                self.laser.put(self._scan(make, header))
+
+    def _depth(self, make, header):
+        return make.make(
+            types.RANGE, header=header, radiation_type=1, field_of_view=0.1, min_range=0.1,
+            max_range=2.0, range=1.0, variance=0.0,
+        )  # fmt: skip
 
     def _scan(self, make, header):
         return make.make(
             types.LASER_SCAN,
             header=header, angle_min=0.0, angle_max=0.0, angle_increment=0.1, time_increment=0.0,
             scan_time=0.1, range_min=0.1, range_max=8.0,
-            ranges=np.ones(1, np.float32), intensities=np.zeros(0, np.float32),
+            ranges=np.array(self.ranges, np.float32), intensities=np.zeros(0, np.float32),
         )  # fmt: skip
 
 
@@ -205,7 +215,7 @@ def test_motors_without_odometry_are_believed():
 
 def test_without_the_robot_frames_go_on_without_decisions(monkeypatch, capsys):
     monkeypatch.setattr("minerva_services.bridges.ros2.mobile_base._SILENT_SECONDS", 0.0)
-    with network() as (endpoint, _), Body(endpoint, silence=0.2) as body:
+    with network() as (endpoint, _), Body(endpoint, blind={"odometry": 0.2}) as body:
         device, before = body.device, Tick(Frame(0, 0.01, 0), "robot")
         assert [event.type for event in device.generate(before)] == ["eDecide"]
         device.show(View(0, "eRepresent", TPlace(5.0, 5.0, 90.0)(action_of(STAY, "r1", 0.18))))
@@ -215,7 +225,7 @@ def test_without_the_robot_frames_go_on_without_decisions(monkeypatch, capsys):
         with Base(Ros2Network(endpoint)) as base:
             body.frames(STAY, Move(0.0, 0.1))
             base.over.set()
-            eventually(lambda: "odometry" in device.report()["source"], "it has gone")
+            eventually(lambda: "no /odom" in device.report()["source"], "it has gone")
             view = TPlace(5.0, 5.0, 90.0)(action_of(Move(0.0, 0.5), "r1", 0.18))
             for number in range(5, 8):
                 device.show(View(number, "eRepresent", view))
@@ -230,10 +240,57 @@ def test_without_the_robot_frames_go_on_without_decisions(monkeypatch, capsys):
             body.frames(Move(0.0, 0.5))
             assert device._base.driver.goal == goal == Pose(pytest.approx(0.6), 0.0, 0.0)
     said = capsys.readouterr().out
-    assert said.count("no robot yet: no odom and no scan from tcp/127.0.0.1:") == 1
+    assert said.count("no robot yet: no /odom and no /scan from tcp/127.0.0.1:") == 1
     assert "; connect it, and compare: minerva doctor --ros2 tcp/" in said
-    for line in ("is there", "stopped until it returns", "has returned"):
-        assert said.count(line) == 1
+    lines = ("is there", "no /odom from", "/odom from", "has returned; driving on")
+    assert [said.count(line) for line in lines] == [1, 1, 2, 1]
+
+
+BLIND = {
+    "scan": ({}, "ranges", [1.0], None, "/scan"),
+    "only nan": ({}, "ranges", [1.0], [math.nan], "/scan (without a valid range)"),
+    "no beams": ({}, "ranges", [1.0], [], "/scan"),
+    "camera": ({"watch": {"depth": types.RANGE}}, "camera", True, False, "/depth"),
+}
+
+
+@pytest.mark.parametrize(("options", "sensor", "good", "bad", "name"), BLIND.values(), ids=BLIND)
+def test_a_robot_that_is_blind_stops_and_says_so_once(options, sensor, good, bad, name, capsys):
+    watched = dict.fromkeys(["odometry", "scan", *options.get("watch", ())], 0.3)
+    with (
+        network() as (endpoint, _),
+        Base(Ros2Network(endpoint)) as base,
+        Body(endpoint, **options, blind=watched) as body,
+    ):
+        body.frames(Move(0.0, 0.05))
+        setattr(base, sensor, bad)
+        view = TPlace(5.0, 5.0, 90.0)(action_of(Move(0.0, 1.0), "r1", 0.18))
+        body.device.show(View(body.frame, "eRepresent", view))
+
+        def frame(decided):
+            tick = Tick(Frame(body.frame, 0.1, 0), "robot")
+            return bool(body.device.generate(tick)) is decided
+
+        eventually(lambda: frame(False) and base.told[-1] == STILL, "it stops")
+        stood = base.pose
+        for _ in range(3):
+            assert frame(False)
+        assert base.pose == stood
+        assert stood.x < 0.5
+        setattr(base, sensor, good)
+        eventually(lambda: frame(True), "it drives on")
+        assert base.pose.x > 0.85
+    said = capsys.readouterr().out
+    assert said.count("stopped until") == said.count("driving on") == 1
+    assert f"no {name} from {endpoint} since " in said
+
+
+def test_a_laser_that_sees_nothing_in_its_range_is_not_blind(capsys):
+    with network() as (endpoint, _), Base(Ros2Network(endpoint)) as base, Body(endpoint) as body:
+        base.ranges = [math.inf, 9.0]
+        body.frames(STAY)
+        assert body.device.report()["scans without a hit"] > 0
+    assert capsys.readouterr().out.count("shows nothing within 8 m") == 1
 
 
 def test_one_body_is_not_for_two_robots():
@@ -277,11 +334,24 @@ def test_a_robot_that_is_halted_stops_and_is_not_believed_to_have_driven():
         ({"near": 0.0}, "near is 0"),
         ({"rate": -1.0}, "rate"),
         ({"cmd_vel": "a//b"}, "is not a valid name"),
+        ({"blind": 3}, "blind is 3; expected a table"),
+        ({"blind": {"scam": 3}}, "'scam', which is no sensor; did you mean 'scan'"),
+        ({"blind": {"odometry": 0}}, "blind.odometry is 0; expected seconds"),
+        ({"blind": {"scan": -1}}, "blind.scan is -1; expected seconds"),
+        ({"blind": {"scan": math.nan}}, "blind.scan is nan; expected seconds"),
+        ({"watch": ["scan"]}, "expected a table"),
+        ({"watch": {"a//b": types.POINTS}}, "is not a valid name"),
     ],
 )
 def test_wrong_options(options, problem):
     with pytest.raises(MisuseError, match=problem):
         Ros2Robot("tcp/127.0.0.1:1", **options)
+
+
+def test_a_watched_topic_has_a_known_type():
+    robot = Ros2Robot("tcp/127.0.0.1:1", watch={"camera": "sensor_msgs/msg/PointCloud3"})
+    with pytest.raises(MisuseError, match=r"watch: camera: .* did you mean 'sensor_msgs/msg/Point"):
+        robot.check(WorldInfo("w", vocabulary, 0, 0.1))
 
 
 def test_missing_rosbags_names_the_extra(monkeypatch):

@@ -87,6 +87,21 @@ def test_velocities_of_the_other_kind():
     assert "set stamped = false" in plain["cmd_vel"]
 
 
+def test_nodes_that_share_a_topic_are_named():
+    robot = Ros2Robot(ROUTER, mount="0, 0, 0", odometry="", detections="")
+    base = rmw("MS", "/cmd_vel", types.TWIST)
+    lasers = [rmw(*SCAN, node=name) for name in ("front", "rear")]
+    graph = RosGraph()
+    for token in (base, *lasers, rmw("MP", "/cmd_vel", types.TWIST_STAMPED, node="teleop")):
+        graph.update(token, is_there=True)
+    # Also while their messages arrive.
+    for heard in ((), [types.LASER_SCAN, types.TWIST]):
+        shared = dict(mismatches(graph, robot.network, robot.uses, heard))
+        assert shared["scan"].startswith("/scan is published by /front, /rear; give each a topic")
+        assert shared["cmd_vel"].startswith("/cmd_vel is also published by /teleop, and the robot")
+    assert problems(robot, base, lasers[0]) == {}
+
+
 def test_a_view_needs_nobody_but_the_right_layout_and_types():
     assert problems(Ros2View(ROUTER)) == {}
     assert problems(Ros2View(ROUTER), rmw("MS", "/map", types.GRID)) == {}

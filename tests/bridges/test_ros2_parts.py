@@ -18,6 +18,7 @@ from minerva_services.bridges.ros2.driver import (
     DriveTolerances,
     MotorLimits,
     OdometryTrack,
+    SensorWatch,
     State,
     driven,
 )
@@ -39,6 +40,9 @@ from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.geometry import PhysicalGeometry
 
 SCAN = "sensor_msgs/msg/LaserScan"
+BLIND = 0.5
+"""Seconds for which sensors may be silent."""
+
 LIMITS = MotorLimits(speed=0.5, turn=90.0, acceleration=1.0, turn_acceleration=360.0)
 
 
@@ -239,14 +243,19 @@ def test_a_clock_that_is_set_back_restarts():
 # --- command execution ---
 
 
+def new_driver(limits=LIMITS, care=None, *sensors):
+    watch = SensorWatch(dict.fromkeys(("odometry", *sensors), BLIND))
+    return Driver(limits, care or DriveTolerances(), watch)
+
+
 class Wheels:
     """A robot that executes commands at once, on a simulated clock."""
 
     STEP = 0.01
 
-    def __init__(self, care=None, limits=LIMITS):
+    def __init__(self, care=None, limits=LIMITS, sensors=()):
         self.now, self.pose, self.velocity = 0.0, Pose(), STILL
-        self.driver = Driver(limits, care or DriveTolerances())
+        self.driver = new_driver(limits, care, *sensors)
         self.deaf = False
         self.wall = math.inf
         self.fastest = 0.0
@@ -346,25 +355,62 @@ def test_a_robot_without_commands_stops_and_receives_none():
     assert all(command is None or command == STILL for command in commands[stopped:])
 
 
-def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
-    wheels = Wheels()
-    wheels.driver.begin(DriveCommand(0.0, 5.0), 8.0, wheels.now)
-    for _ in range(30):
-        wheels.step()
-        wheels.driver.state(wheels.now)
-    wheels.deaf = True
-    velocity = state = None
-    for _ in range(round(wheels.driver.tolerances.silence / wheels.STEP) + 2):
+@pytest.mark.parametrize(
+    "failure", ["no odometry", "no scan", "frozen odometry", "frozen scan", "nan"]
+)
+def test_a_blind_robot_stops_and_goes_on_when_it_sees(failure):
+    wheels = Wheels(sensors=("scan",))
+    watch, is_blind = wheels.driver.watch, False
+
+    def step():
+        """A step, in which the failed sensor sends nothing, the same again, or garbage."""
+        if not (is_blind and failure == "no scan"):
+            mark = "frozen" if is_blind and failure == "frozen scan" else wheels.now
+            watch.note("scan", wheels.now, mark, "nan" if is_blind and failure == "nan" else "")
+        wheels.deaf = is_blind and "odometry" in failure
         velocity = wheels.step()
-        state = wheels.driver.state(wheels.now)
-    assert state is State.LOST
-    assert velocity == STILL
-    wheels.deaf = False
-    for _ in range(1000):
-        wheels.step()
-        if wheels.driver.state(wheels.now) is State.DONE:
-            break
+        if is_blind and failure == "frozen odometry":
+            wheels.driver.update(frozen, wheels.pose, wheels.now)
+        return velocity, wheels.driver.state(wheels.now)
+
+    wheels.driver.begin(DriveCommand(0.0, 5.0), 8.0, wheels.now)
+    drives = [step() for _ in range(30)]
+    assert drives[-1][0].speed > 0.1
+    is_blind, frozen = True, wheels.driver.track.latest
+    steps = round(BLIND / wheels.STEP)
+    last = [step() for _ in range(steps + 4)]
+    # Not before its time.
+    assert last[steps - 3][0].speed > 0.1
+    assert last[-1] == (STILL, State.LOST)
+    (silent,) = watch.silent(wheels.now)
+    assert silent in failure or failure == "nan"
+    assert ("repeats" in watch.fault(silent)) == failure.startswith("frozen")
+    is_blind = False
+    state = next(state for _ in range(1500) if (state := step()[1]) is State.DONE)
+    assert state is State.DONE
     assert abs(wheels.missing().x) < 0.11
+
+
+def test_a_sensor_that_never_was_there_is_missing():
+    watch = SensorWatch({"scan": BLIND, "odometry": math.inf})
+    assert watch.missing() == ["scan", "odometry"]
+    for now in (1.0, 9.0):
+        # One that is not watched only has to be there once, with whatever it sends.
+        watch.note("odometry", now, "frozen", "nan")
+        watch.note("scan", now, now, "nan")
+        watch.note("camera", now, now)
+        assert watch.missing() == [*watch.silent(99.0)] == ["scan"]
+    watch.note("scan", 9.0, 10.0)
+    assert not watch.missing()
+    assert watch.silent(9.0 + BLIND) == {}
+    assert watch.silent(9.1 + BLIND) == {"scan": 9.0}
+
+
+def test_a_new_process_stops_the_robot_that_drives_by_the_last_one():
+    wheels = Wheels()
+    assert wheels.step() is None
+    wheels.driver.halt(wheels.now)
+    assert [wheels.step() for _ in range(20)] == [STILL] * 20
 
 
 def test_odometry_that_restarts_elsewhere_moves_no_robot():
@@ -393,7 +439,7 @@ def test_a_robot_restarted_while_unreachable_stands():
 
 
 def test_a_goal_of_another_odometry_is_not_driven_to():
-    driver = Driver(LIMITS, DriveTolerances())
+    driver = new_driver()
     driver.set_goal(Pose(7.0, 3.0, 90.0))
     driver.update(0.0, Pose(0.1, 0.0, 0.0), 0.0)
     assert driver.goal == Pose(0.1, 0.0, 0.0)
@@ -401,7 +447,7 @@ def test_a_goal_of_another_odometry_is_not_driven_to():
 
 
 def test_a_goal_of_a_predecessor_is_driven_to():
-    driver = Driver(LIMITS, DriveTolerances())
+    driver = new_driver()
     driver.set_goal(Pose(0.3, 0.0, 0.0))
     driver.update(0.0, Pose(0.1, 0.0, 0.0), 0.0)
     assert driver.goal == Pose(0.3, 0.0, 0.0)
@@ -467,7 +513,9 @@ def test_invalid_messages_of_a_network_are_counted_and_the_first_is_explained(ca
 def test_invalid_odometry_of_a_robot_is_counted_and_explained(capsys):
     pytest.importorskip("rosbags")
     poses = []
-    buffers = SensorBuffers("base_link", None, lambda time, pose: poses.append(pose))
+    buffers = SensorBuffers(
+        "base_link", None, lambda time, pose: poses.append(pose), lambda *_: None
+    )
     receive = buffers._decoder(ODOMETRY, buffers._take_odometry)
     for length in (0.0, 0.0, 2.0):
         receive(encoded(ODOMETRY, odometry(90.0, length)))

@@ -53,7 +53,7 @@ def test_it_finds_its_objective_after_all_that_goes_wrong(tmp_path, floor):
         before = robot.place
         eventually(lambda: has_left(robot, before, 0.2), "it drives again")
         robot.process.send_signal(signal.SIGSTOP)
-        run.says("no odometry")
+        run.says("no /odom")
         robot.process.send_signal(signal.SIGCONT)
         run.says("has returned")
         summary = run.summary()

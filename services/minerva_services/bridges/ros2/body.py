@@ -81,6 +81,7 @@ class Ros2Robot(Device, Generator, NetworkUser, draws=("eRepresent",), coupled=T
     def check(self, world: WorldInfo) -> list[str]:
         """What fits no robot. Raises MisuseError without rosbags, or without the events."""
         messages()
+        self._parts[-1].check()
         self._collision = EventFactory("ros2_robot", world, "eCollision", shortfall=Metres)
         receivers = (self._robot,) if self._robot else ()
         self._decisions: tuple[Event, ...] = ()

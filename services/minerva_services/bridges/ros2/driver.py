@@ -9,6 +9,7 @@ import math
 import threading
 from bisect import bisect_left
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import Final
@@ -249,7 +250,6 @@ class DriveTolerances:
         near: distance in metres that may be missing when the next command begins.
         aligned: degrees that may be missing then.
         patience: seconds without progress after which a command counts as blocked.
-        silence: seconds without odometry after which the robot stops, and counts as missing.
         dead_man: seconds without a command after which the robot stops.
 
     """
@@ -257,7 +257,6 @@ class DriveTolerances:
     near: float = 0.1
     aligned: float = 10.0
     patience: float = 1.5
-    silence: float = 0.5
     dead_man: float = 0.5
 
     def __post_init__(self) -> None:
@@ -279,14 +278,60 @@ class _Progress:
         return now - self.at
 
 
+_ODOMETRY: Final = "odometry"
+"""The name of this sensor, that of its option."""
+
+
+class SensorWatch:
+    """The sensors without which the robot must not drive: which of them are silent.
+
+    `tolerances` are seconds by sensor; with infinity, one reading is enough. Each sensor has one
+    thread that calls `note`.
+    """
+
+    def __init__(self, tolerances: Mapping[str, float]) -> None:
+        self._tolerances = dict(tolerances)
+        self._arrivals = dict.fromkeys(tolerances, -math.inf)
+        self._marks: dict[str, object] = {}
+        self._faults = dict.fromkeys(tolerances, "")
+
+    def note(self, sensor: str, now: float, mark: object, fault: str = "") -> None:
+        """Process a reading, which counts as silence if it has a fault, or the last one's mark."""
+        if sensor not in self._tolerances:
+            return
+        if not fault and self._marks.get(sensor) == mark:
+            fault = "repeats its last reading"
+        self._marks[sensor], self._faults[sensor] = mark, fault
+        if not fault or math.isinf(self._tolerances[sensor]):
+            self._arrivals[sensor] = now
+
+    def silent(self, now: float) -> dict[str, float]:
+        """The times of the last good readings of silent sensors; -inf without any."""
+        return {
+            sensor: at
+            for sensor, at in self._arrivals.items()
+            if math.isinf(at) or now - at > self._tolerances[sensor]
+        }
+
+    def missing(self) -> list[str]:
+        """The sensors of which no good reading has arrived yet."""
+        return [sensor for sensor, at in self._arrivals.items() if math.isinf(at)]
+
+    def fault(self, sensor: str) -> str:
+        """What is wrong with the last reading of a sensor, or an empty text."""
+        return self._faults[sensor]
+
+
 class Driver:
     """The goal in the frame of odometry, and the velocities that lead there.
 
-    Thread-safe; all calls are short.
+    It stands while a sensor of `watch` is silent. Thread-safe; all calls are short.
     """
 
-    def __init__(self, limits: MotorLimits, tolerances: DriveTolerances) -> None:
-        self.limits, self.tolerances = limits, tolerances
+    def __init__(
+        self, limits: MotorLimits, tolerances: DriveTolerances, watch: SensorWatch
+    ) -> None:
+        self.limits, self.tolerances, self.watch = limits, tolerances, watch
         self.track = OdometryTrack(limits.speed, limits.turn)
         self.jumps = 0
         self._lock = threading.RLock()
@@ -328,11 +373,13 @@ class Driver:
             elif jumped:
                 self.jumps += 1
                 self._carry_over(before, pose)
+            self.watch.note(_ODOMETRY, now, time)
             self._updated = now
 
-    def has_odometry(self, now: float) -> bool:
-        """True while odometry arrives."""
-        return now - self._updated <= self.tolerances.silence
+    def halt(self, now: float) -> None:
+        """Stop a robot that may still drive by the last velocity of a predecessor."""
+        with self._lock:
+            self._wanted_until = max(self._wanted_until, now)
 
     def begin(self, command: DriveCommand, seconds: float, now: float) -> None:
         """Start a command where the previous one should have ended."""
@@ -350,8 +397,8 @@ class Driver:
     def state(self, now: float) -> State:
         """Progress of the command; asking keeps it alive."""
         with self._lock:
-            if not self.has_odometry(now):
-                # Time without odometry does not count as time without progress.
+            if self.watch.silent(now):
+                # Time without sensors does not count as time without progress.
                 self._progress.at = now
                 return State.LOST
             # A world that no longer asks has failed or is paused; then the robot must stop.
@@ -399,7 +446,7 @@ class Driver:
             return self._sent
 
     def _chosen(self, now: float) -> Velocity:
-        if now > self._wanted_until or not self.has_odometry(now) or self._path is None:
+        if now > self._wanted_until or self._path is None or self.watch.silent(now):
             return STILL
         if self._path.command == DriveCommand() and self._is_there(now, *_STILL_TOLERANCE):
             return STILL

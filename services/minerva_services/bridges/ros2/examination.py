@@ -20,7 +20,7 @@ from minerva_services.bridges.ros2.graph import (
 )
 from minerva_services.bridges.ros2.layout import ENDPOINTS, Ros2Network
 from minerva_services.bridges.ros2.network import look_at
-from minerva_services.bridges.ros2.uses import NetworkUser, is_of, nobody
+from minerva_services.bridges.ros2.uses import NetworkUser, is_of, is_of_robot, nobody
 
 _OF_EACH_NODE: Final = ("rcl_interfaces/", "type_description_interfaces/")
 """Types of services that each node has, which are not listed."""
@@ -129,7 +129,8 @@ def _compared(path: Path) -> Iterator[Found]:
 def _fit(name: str, service: NetworkUser) -> Iterator[Found]:
     network = service.network
     try:
-        everything = list(look_at(network, _LOOK_SECONDS))
+        # The world itself may run.
+        everything = [each for each in look_at(network, _LOOK_SECONDS) if is_of_robot(each)]
     except MinervaError as error:
         yield name, False, str(error)
         return

@@ -12,10 +12,11 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final, TypeVar, cast
 
 from minerva_bus import portable
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.log.recordings import span
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
@@ -25,6 +26,7 @@ from minerva_services.bridges.ros2.driver import (
     Driver,
     DriveTolerances,
     MotorLimits,
+    SensorWatch,
     State,
     Velocity,
     driven,
@@ -32,7 +34,7 @@ from minerva_services.bridges.ros2.driver import (
 from minerva_services.bridges.ros2.layout import Ros2Network
 from minerva_services.bridges.ros2.network import NetworkLink, Ros2Session, TopicPublisher
 from minerva_services.bridges.ros2.qos import DEFAULT
-from minerva_services.bridges.ros2.uses import TopicUse, topic_uses, transforms_uses
+from minerva_services.bridges.ros2.uses import WATCH, TopicUse, topic_uses, transforms_uses
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridges.ros_messages.conversion import Conversion, LivePlaces
@@ -76,6 +78,7 @@ class FramePacer:
 
 
 _WITHOUT_ROBOT: Final = "frames without robot"
+_BLIND_SECONDS: Final = 0.5
 _POLL_SECONDS: Final = 0.005
 _SILENT_SECONDS: Final = 3.0
 
@@ -98,6 +101,10 @@ class BaseOptions:
         rate: velocities per second.
         clock: topic of Clock messages, for a simulation driven by them: it receives the time, and
             must answer each step with all its readings of that time.
+        watch: other topics without which it must not drive, such as that of a depth camera: by
+            topic the type of its messages.
+        blind: seconds without a reading after which the robot stops, and counts as missing; by
+            option or watched topic: {scan = 1.0}. 0: it drives on.
         qos: the quality of service of topics, by option: {scan = "sensor_data"}.
 
     """
@@ -113,9 +120,14 @@ class BaseOptions:
     map_frame: str = ""
     rate: float = 20.0
     clock: str = ""
+    watch: Mapping[str, Any] | None = None
+    blind: Mapping[str, Any] | None = None
     qos: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
+        for name, table in (("watch", self.watch), ("blind", self.blind)):
+            if not isinstance(table, Mapping | None):
+                raise MisuseError(f"ros2_robot: {name} is {table!r:.60}; expected a table")
         mount_of(self.mount)
         checked_offset(self.time_offset)
         check_positive("ros2", "rate", self.rate)
@@ -136,12 +148,42 @@ class BaseOptions:
             TopicUse("detections", self.detections, DETECTIONS),
             TopicUse(
                 "cmd_vel", self.cmd_vel, types.TWIST_STAMPED if self.sends_stamps else types.TWIST,
-                sends=True, qos=DEFAULT, instead="stop other programs that take its velocities",
+                sends=True, exclusive=True, qos=DEFAULT,
+                instead="stop other programs that take its velocities",
             ),
             TopicUse("clock", self.clock, types.CLOCK, sends=True, qos=DEFAULT),
+            *(TopicUse(f"{WATCH}{topic}", topic, str(kind))
+              for topic, kind in (self.watch or {}).items()),
         )  # fmt: skip
         mounts = transforms_uses(network, needed=mount_of(self.mount) is None and bool(self.scan))
         return topic_uses(network, [*mounts, *uses], self.qos)
+
+    def check(self) -> None:
+        """Raise MisuseError for a watched topic whose type is not known. Needs rosbags."""
+        known = messages().store.fielddefs
+        for topic, kind in (self.watch or {}).items():
+            if kind not in known:
+                near = nearest(str(kind), list(known), "; see the list of minerva doctor --ros2")
+                raise MisuseError(f"ros2_robot: watch: {topic}: the type {kind} is not known{near}")
+
+    def tolerances(self) -> dict[str, float]:
+        """By sensor, the seconds of silence after which the robot stops. Raises MisuseError."""
+        usual = {name: _BLIND_SECONDS for name in ("odometry", "scan") if getattr(self, name)}
+        # The motors' own time takes the place of odometry.
+        usual |= {"odometry": _BLIND_SECONDS} | dict.fromkeys(self.watch or (), _BLIND_SECONDS)
+        known = [*usual, *(["detections"] if self.detections else [])]
+        for name, seconds in (self.blind or {}).items():
+            if name not in known:
+                near = nearest(name, known, f"it may have {', '.join(known)}")
+                raise MisuseError(f"ros2_robot: blind has {name!r}, which is no sensor{near}")
+            is_number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
+            # Without odometry, nothing says where the robot drives.
+            if not is_number or not seconds >= (name == "odometry") * 0.01:
+                least = "seconds" if name == "odometry" else "seconds, or 0 for never"
+                raise MisuseError(f"ros2_robot: blind.{name} is {seconds!r:.40}; expected {least}")
+            usual[name] = seconds or math.inf
+        # In step with a clock, frames wait for all readings.
+        return dict.fromkeys(usual, math.inf) if self.clock else usual
 
 
 class MobileBase:
@@ -155,20 +197,24 @@ class MobileBase:
         options: BaseOptions,
     ) -> None:  # fmt: skip
         self._options, self._router = options, network.router
-        self.driver = Driver(limits, tolerances)
+        self.driver = Driver(limits, tolerances, SensorWatch(options.tolerances()))
         self._pacer = FramePacer()
         self._stepper = self._new_stepper() if options.clock else None
         notify = self._stepper.notify if self._stepper else lambda: None
         self._sensors = SensorBuffers(
-            options.base, mount_of(options.mount), self._moved, notify, options.time_offset
-        )
+            options.base, mount_of(options.mount), self._moved, self._measured, notify,
+            options.time_offset,
+        )  # fmt: skip
         self._publisher = ReadingPublisher(self.driver, self._sensors)
         self._uses = options.uses(network)
         self._motors = Motors(options.map_frame, options.base, stamped=options.sends_stamps)
         self._sent = STILL, time.monotonic()
         self._begun = time.monotonic()
-        self._is_absent = self._is_lost = False
-        self._clock = ClockWatch()
+        self._is_absent = False
+        self._silent = dict[str, float]()
+        self._topics = {
+            use.option.removeprefix(WATCH): f"/{network.name(use.topic)}" for use in self._uses
+        }
         self._link = NetworkLink(
             network, "minerva_motors", self._declare, self._beat, 1.0 / options.rate,
             self._uses,
@@ -193,13 +239,15 @@ class MobileBase:
     def state(self) -> str:
         """State of the link, as reported to people."""
         state = self._link.state
-        has_odometry = not self._options.odometry or self.driver.has_odometry(self._now())
-        return state if state != "open" or has_odometry else "open, but no odometry"
+        silent = self.driver.watch.silent(self._now())
+        if state != "open" or not silent:
+            return state
+        return f"open, but no {' and no '.join(map(self._described, silent))}"
 
     # --- called by the world's frames ---
 
     def is_ready(self, seconds: float) -> bool:
-        """Whether there is odometry and a scan: nothing is driven blindly.
+        """Whether all sensors have been there: nothing is driven blindly.
 
         Waits for them for `seconds`, or in lockstep until they are there.
         """
@@ -209,8 +257,8 @@ class MobileBase:
             if not self._is_absent and now - self._begun > _SILENT_SECONDS:
                 self._is_absent = True
                 log(
-                    f"no robot yet: no {' and no '.join(missing)} from {self._router} since"
-                    f" {time.strftime('%H:%M:%S', time.localtime(time.time() - now + self._begun))}"
+                    f"no robot yet: no {' and no '.join(map(self._described, missing))} from"
+                    f" {self._router} since {_time_of_day(self._begun)}"
                     f"; connect it, and compare: minerva doctor --ros2 {self._router}"
                 )
             if self._stepper is None and now - begin >= seconds:
@@ -233,22 +281,17 @@ class MobileBase:
     def carry_out(self, command: DriveCommand, seconds: float) -> float | None:
         """Execute the command that has begun; the distance not driven in metres, at its end.
 
-        None if odometry has been missing for `seconds`: then the robot stands, and the command goes
+        None if a sensor has been silent for `seconds`: then the robot stands, and the command goes
         on with the next call.
         """
         if self._stepper is not None:
             return self._stepper.carry_out(command, seconds)
         since = math.inf
         while (state := self.driver.state(now := time.monotonic())) is not State.DONE:
+            self._log_silence(now)
             if state is State.BLOCKED:
                 return self.driver.give_up()
             since = min(since, now) if state is State.LOST else math.inf
-            if state is State.LOST and not self._is_lost:
-                self._is_lost = True
-                log(f"no odometry from {self._router}; stopped until it returns")
-            elif self._is_lost and state is State.DRIVING:
-                self._is_lost = False
-                log(f"odometry from {self._router} has returned")
             if now - since >= seconds:
                 self._sensors.count(_WITHOUT_ROBOT)
                 return None
@@ -268,13 +311,32 @@ class MobileBase:
         self._publisher.publish(tick, robot)
 
     def _missing(self) -> list[str]:
-        options = self._options
-        missing = [] if self.driver.goal is not None else [options.odometry or "link"]
-        return missing if self._sensors.scanned or not options.scan else [*missing, "scan"]
+        return self.driver.watch.missing()
+
+    def _log_silence(self, now: float) -> None:
+        """Log once which sensors are silent, and once which have returned."""
+        silent = self.driver.watch.silent(now)
+        for sensor, at in silent.items():
+            if sensor not in self._silent:
+                log(
+                    f"no {self._described(sensor)} from {self._router} since"
+                    f" {_time_of_day(max(at, self._begun))}; stopped until it returns"
+                )
+        for sensor in self._silent.keys() - silent.keys():
+            goes_on = "" if silent else "; driving on"
+            log(f"{self._described(sensor)} from {self._router} has returned{goes_on}")
+        self._silent = silent
+
+    def _described(self, sensor: str) -> str:
+        """The topic of a sensor, and what is wrong with its last reading."""
+        fault = self.driver.watch.fault(sensor)
+        return self._topics.get(sensor, "link") + (f" ({fault})" if fault else "")
 
     # --- called by threads of the link and of Zenoh ---
 
     def _declare(self, session: Ros2Session) -> None:
+        if self._stepper is None:
+            self.driver.halt(time.monotonic())
         self._sensors.listen(session, self._uses)
         self._motors.declare(session, self._uses)
 
@@ -293,10 +355,10 @@ class MobileBase:
             self.driver.update(now, driven(pose, self._sent[0], elapsed), now)
         self._sent = velocity or STILL, now
 
+    def _measured(self, sensor: str, fault: str, mark: object) -> None:
+        self.driver.watch.note(sensor, time.monotonic(), mark, fault)
+
     def _moved(self, stamp: float, pose: Pose) -> None:
-        frame = self._sensors.odometry_frame
-        for what, line in self._clock.problems("odometry", stamp, frame):
-            self._sensors.pass_over(what, f"{self._router}: {line}")
         jumps = self.driver.jumps
         self.driver.update(stamp, pose, time.monotonic() if self._stepper is None else stamp)
         if self.driver.jumps > jumps:
@@ -319,6 +381,11 @@ class MobileBase:
             return min(self.driver.track.latest, sensors)
 
         return Stepper(self.driver, measured, lambda: self._link.wake(), self._router)
+
+
+def _time_of_day(at: float) -> str:
+    """A time of the monotonic clock, as people read it."""
+    return time.strftime("%H:%M:%S", time.localtime(time.time() - time.monotonic() + at))
 
 
 NANOSECONDS: Final = 1_000_000_000
@@ -443,14 +510,18 @@ def _nanoseconds(seconds: float) -> int:
 _MAX_READINGS: Final = 8
 """Number of buffered scans and sightings; the newest counts."""
 
+_EMPTY: Final = "scans without a hit"
+
 _Timed = TypeVar("_Timed", Scan, Sightings)
 
 
 class SensorBuffers(Counting):
     """The latest scans and sightings of one robot, filled by Zenoh's threads.
 
-    `moved(time, pose)` receives odometry. Without odometry the robot's clock is of no use, so
-    readings carry their time of arrival. `notify()` is called after each message.
+    `moved(time, pose)` receives odometry, and `measured(sensor, fault, mark)` readings of
+    others: the fault of one, or an empty text, and a mark that no two of a sensor share.
+    Without odometry the robot's clock is of no use, so readings carry their time of arrival.
+    `notify()` is called after each message.
     """
 
     def __init__(
@@ -458,6 +529,7 @@ class SensorBuffers(Counting):
         base: str,
         mount: Mount | None,
         moved: Callable[[float, Pose], None],
+        measured: Callable[[str, str, object], None],
         notify: Callable[[], None] = lambda: None,
         time_offset: float = 0.0,
     ) -> None:
@@ -465,9 +537,9 @@ class SensorBuffers(Counting):
         self._time_offset = time_offset
         self._notify = notify
         self.odometry_frame = "odom"
-        self.scanned = False
-        self._moved, self._frames = moved, Frames()
+        self._moved, self._measured, self._frames = moved, measured, Frames()
         self._conversion = Conversion("", LivePlaces(self._frames, base, mount))
+        self._clocks = ClockWatch()
         self._by_arrival = True
         self._scans = deque[Scan](maxlen=_MAX_READINGS)
         self._sightings = deque[Sightings](maxlen=_MAX_READINGS)
@@ -480,7 +552,10 @@ class SensorBuffers(Counting):
         }  # fmt: skip
         self._by_arrival = not any(use.message == ODOMETRY for use in uses)
         for use in uses:
-            if not use.sends:
+            if use.option.startswith(WATCH):
+                watched = partial(self._measured, use.option.removeprefix(WATCH), "")
+                session.subscribe(use.topic, use.message, watched, use.qos)
+            elif not use.sends:
                 receive = self._decoder(use.message, takes[use.message])
                 session.subscribe(use.topic, use.message, receive, use.qos)
 
@@ -521,6 +596,7 @@ class SensorBuffers(Counting):
     def _take_odometry(self, message: Any) -> None:
         pose, stamp = Pose(*readings.place_of(message.pose.pose)), readings.stamp_of(message)
         self.odometry_frame = message.header.frame_id or "odom"
+        self._check_clock("odometry", stamp, message)
         self._moved(stamp, pose)
 
     def _take_scan(self, message: Any) -> None:
@@ -528,12 +604,26 @@ class SensorBuffers(Counting):
         scan = replace(scan, time=scan.time + self._time_offset)
         with self._lock:
             self._scans.append(scan)
-        self.scanned = True
+        measured = scan.ranges[scan.ranges > 0]
+        if measured.size and not (measured < scan.range_max).any():
+            self.pass_over(
+                _EMPTY,
+                f"a scan shows nothing within {scan.range_max:g} m: if that cannot be, its laser is"
+                " covered or broken",
+            )
+        fault, stamp = "" if measured.size else "without a valid range", readings.stamp_of(message)
+        self._check_clock("scan", stamp, message)
+        self._measured("scan", fault, stamp)
 
     def _take_detections(self, message: Any) -> None:
         sightings = self._timed(cast("Sightings", self._conversion.reading(DETECTIONS, message)))
         with self._lock:
             self._sightings.append(sightings)
+        self._measured("detections", "", readings.stamp_of(message))
+
+    def _check_clock(self, topic: str, stamp: float, message: Any) -> None:
+        for what, line in self._clocks.problems(topic, stamp, message.header.frame_id):
+            self.pass_over(what, line)
 
     def _timed(self, reading: _Timed) -> _Timed:
         return replace(reading, time=time.monotonic()) if self._by_arrival else reading

@@ -281,8 +281,8 @@ class Ros2Session:
         if time.monotonic() - changed < _ADVICE_SECONDS:
             return
         self._judged = changed
-        silent = [use for use in self._uses if use.message not in self._heard]
-        problems = [problem for _, problem in mismatches(self.graph, self.network, silent)]
+        differences = mismatches(self.graph, self.network, self._uses, self._heard)
+        problems = [problem for _, problem in differences]
         for problem in problems:
             if problem not in self._problems:
                 log(f"the ROS 2 network at {self.network.router}: {problem}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -36,15 +36,17 @@ _OWN_NODES: Final = "minerva_"
 class TopicUse:
     """A topic of a service; `option` is its name in a world file.
 
-    `sends`: the service publishes on it; `needed`: somebody must be at the other end. `suffix`
-    follows the option's value in the topic's name, and `instead` is what to do without such a
-    topic, by default to empty the option. `others` are the options for other types of messages.
+    `sends`: the service publishes on it, `exclusive`: and no other node may; `needed`: somebody
+    must be at the other end. `suffix` follows the option's value in the topic's name, and `instead`
+    is what to do without such a topic, by default to empty the option. `others` are the options for
+    other types of messages.
     """
 
     option: str
     topic: str
     message: str
     sends: bool = False
+    exclusive: bool = False
     qos: Qos = HEARING
     needed: bool = True
     suffix: str = ""
@@ -58,6 +60,8 @@ class TopicUse:
 
     def set_to(self, topic: str) -> str:
         """What to write into a world file for a topic."""
+        if self.option.startswith(WATCH):
+            return f'name "{topic}" in watch' if topic else "remove it from watch"
         if self.option.startswith(EVENTS):
             return f'name the table {EVENTS}"{topic}"' if topic else f"remove {self.option}"
         return f'set {self.option} = "{topic.removesuffix(self.suffix)}"'
@@ -65,6 +69,9 @@ class TopicUse:
 
 EVENTS: Final = "events."
 """Begin of the options of topics that have tables of their own."""
+
+WATCH: Final = "watch."
+"""Begin of the options of topics that are only watched."""
 
 
 def topic_uses(
@@ -101,23 +108,30 @@ def transforms_uses(network: Ros2Network, *, needed: bool) -> tuple[TopicUse, To
 
 
 def mismatches(
-    graph: Iterable[Announced], network: Ros2Network, uses: Sequence[TopicUse]
-) -> Iterator[tuple[str, str]]:
-    """By option, what does not fit between a service and a network, and what to do."""
-    wrong = dict(misfits(network, uses))
+    graph: Iterable[Announced], network: Ros2Network, uses: Sequence[TopicUse],
+    heard: Collection[str] = (),
+) -> Iterator[tuple[str, str]]:  # fmt: skip
+    """By option, what does not fit between a service and a network, and what to do.
+
+    Of topics whose types of messages are `heard`, only that several nodes publish them.
+    """
+    silent = [use for use in uses if use.message not in heard]
+    wrong = dict(misfits(network, silent))
     yield from wrong.items()
     everything = list(graph)
     # For a view, nobody has to be there: RViz may come later.
     may_be_empty = not any(use.needed for use in uses)
-    if not uses or (may_be_empty and not any(map(_is_of_robot, everything))):
+    if not uses or (may_be_empty and not any(map(is_of_robot, everything))):
         return
     here = [each for each in everything if is_of(each, network)]
-    if not any(map(_is_of_robot, here)):
+    if silent and not any(map(is_of_robot, here)):
         yield _elsewhere(everything, network)
         return
-    namespace = _namespace(here, network, uses)
+    namespace = _namespace(here, network, silent)
     for use in [use for use in uses if use.option not in wrong]:
-        problem = _problem(here, network, use, namespace)
+        problem = _several(here, network, use)
+        if not problem and use in silent:
+            problem = _problem(here, network, use, namespace)
         if problem:
             yield use.option, problem
 
@@ -185,12 +199,13 @@ def missing_server(
     return f"{text}; {f'the robot has {_listed(others)}' if others else 'start its node'}"
 
 
-def _is_of_robot(each: Announced) -> bool:
+def is_of_robot(each: Announced) -> bool:
+    """Whether something is announced by another node than those of services."""
     return not each.node.rpartition("/")[2].startswith(_OWN_NODES)
 
 
 def _elsewhere(everything: list[Announced], network: Ros2Network) -> tuple[str, str]:
-    there = [each for each in everything if _is_of_robot(each)]
+    there = [each for each in everything if is_of_robot(each)]
     for layout in LAYOUTS:
         domains = sorted({each.domain for each in there if each.layout == layout})
         if domains and layout != network.layout:
@@ -236,7 +251,7 @@ def _problem(here: list[Announced], network: Ros2Network, use: TopicUse, namespa
     there = [each for each in ends if each.topic == wanted]
     fitting = [each for each in there if each.message == use.message]
     if fitting:
-        return _several(wanted, fitting, use) or _other_qos(wanted, fitting, use)
+        return _other_qos(wanted, fitting, use)
     if there:
         return _other_type(wanted, there, ends, use)
     if not use.needed:
@@ -254,14 +269,24 @@ _POLICIES: Final = (
 )
 
 
-def _several(wanted: str, there: list[Announced], use: TopicUse) -> str:
-    """What to do about sensors that share a topic."""
-    sensors = {(each.session, each.node): each.node or each.session for each in there}
-    if use.sends or len(sensors) < 2 or use.message in (TRANSFORMS, DETECTIONS):
+def _several(here: list[Announced], network: Ros2Network, use: TopicUse) -> str:
+    """What to do about nodes that share a topic: sensors, or those that drive a robot."""
+    wanted = f"/{network.name(use.topic)}"
+    ends = [each for each in here if (each.kind, each.topic) == (PUBLISHER, wanted)]
+    if not use.sends:
+        ends = [each for each in ends if each.message == use.message]
+    nodes = {(each.session, each.node): each.node or each.session for each in ends}
+    names = _listed(sorted(nodes.values()))
+    if use.exclusive and nodes:
+        return (
+            f"{wanted} is also published by {names}, and the robot obeys both; stop that node, or"
+            " give it a topic of its own with a multiplexer such as twist_mux"
+        )
+    if use.sends or len(nodes) < 2 or use.message in (TRANSFORMS, DETECTIONS):
         return ""
     return (
-        f"{wanted} is published by {_listed(sorted(sensors.values()))}; give each a topic or"
-        " namespace of its own, and use one process for each"
+        f"{wanted} is published by {names}; give each a topic or namespace of its own, and use one"
+        " process for each"
     )
 
 
