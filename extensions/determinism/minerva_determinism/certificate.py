@@ -149,6 +149,8 @@ class Certificate:
             f"; {longest.get(world, 0):,} of the {frames:,} frames of {world}"
             for world, frames in self.lengths.items()
         ]
+        if omitted := sum(map(len, self.omitted.values())):
+            parts.insert(0, f"; {counted(omitted, 'process')} not compared")
         return f"{word}: {counts}; {compared:,} frames compared{''.join(parts)}"
 
     def differs(self, world: str) -> bool:

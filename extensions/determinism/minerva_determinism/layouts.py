@@ -93,6 +93,9 @@ def _reason(process: ProcessSpec) -> str:
     service = process.make_service()
     if service.interactive or (isinstance(service, EventGenerator) and service.people):
         return "people operate it"
+    # Declared by services as an attribute of their class.
+    if outside := getattr(service, "outside", ""):
+        return f"it needs {outside}"
     when = when_of(service)
     if isinstance(service, EventGenerator) and not when.is_awaited:
         return "it runs freely"

@@ -62,6 +62,13 @@ class Wind(Generator, events=("eWind",), when="freely"):
             emit(eWind())
 
 
+class Motor(Generator, events=("eWind",)):
+    outside = "a motor"
+
+    def generate(self, tick):
+        raise RuntimeError("a check starts no motor")
+
+
 class Watch(Device, draws=("ePicture",), when="each frame"):
     def show(self, shown):
         raise RuntimeError("a check shows nothing")
@@ -85,6 +92,9 @@ service = "garden:Sun"
 FREE = """
 [process.wind]
 service = "garden:Wind"
+
+[process.motor]
+service = "garden:Motor"
 
 [process.watch]
 service = "garden:Watch"
@@ -111,6 +121,7 @@ def test_a_valid_world_reads_the_same_and_skipped_checks_are_named(tmp_path):
     assert out.startswith(
         "garden.toml: the same in both runs: 4 frames\n"
         "not compared: wind (it runs freely)\n"
+        "not compared: motor (it needs a motor)\n"
         "not compared: watch (it only shows views)\n"
         "lines that can make other runs differ, and what to use instead:\n"
     )

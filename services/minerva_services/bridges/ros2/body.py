@@ -53,6 +53,7 @@ class Ros2Robot(Device, Generator, NetworkUser, draws=("eRepresent",), coupled=T
     """
 
     source_option: ClassVar[str] = "router"
+    outside: ClassVar[str] = "a ROS 2 robot"
     publishes = ("scan", "sightings")
 
     @takes_options(BaseOptions, Ros2Network, MotorLimits, DriveTolerances)
