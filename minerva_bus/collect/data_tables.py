@@ -5,7 +5,7 @@ Files are written in bounded memory while a world runs:
 .csv        texts, for any program
 .parquet    needs pyarrow
 .arrow      needs pyarrow; the parts of a Parquet file, see table_parts.py
-.columns    arrays of numpy in sequence, in which a coordinator passes tables to its caller
+.columns    arrays of numpy in sequence: tables for another process, the parts of a .csv file
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import html
 import os
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
-from typing import IO, Any, Final, Protocol, TextIO, TypeAlias
+from typing import IO, Any, Final, Protocol, TextIO, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -254,7 +254,6 @@ def _arrow_schema(types: Mapping[str, str], text: str) -> Any:
 
 BUFFERED_ROWS: Final = 1 << 16
 """Rows that are buffered before they are written, so that a Parquet file has large groups."""
-_END: Final = b"$"
 
 
 class Writer(Protocol):
@@ -371,11 +370,7 @@ class ArrowWriter(FileWriter):
     def write(self, columns: Mapping[str, Data]) -> None:
         """Write these rows."""
         arrays = [self._array(name, columns[name]) for name in self.types]
-        self.write_table(self._pa.table(arrays, schema=self._schema))
-
-    def write_table(self, table: Any) -> None:
-        """Write a `pyarrow.Table` with the columns of this file."""
-        self._writer.write_table(table)
+        self._writer.write_table(self._pa.table(arrays, schema=self._schema))
 
     def _array(self, name: str, data: Data) -> Any:
         known = self.spelled.get(name)
@@ -410,19 +405,22 @@ class ColumnsWriter(FileWriter):
     def write(self, columns: Mapping[str, Data]) -> None:
         """Write these rows."""
         for name, kind in self.types.items():
-            array = texts(columns[name])
-            np.save(self._file, _plain(array) if kind == "text" else array, allow_pickle=False)
+            for array in _plain(columns[name]) if kind == "text" else [columns[name]]:
+                np.save(self._file, cast("NDArray[Any]", array), allow_pickle=False)
 
     def finish(self) -> None:
         """Finish the file."""
         self._file.close()
 
 
-def _plain(array: NDArray[Any]) -> NDArray[Any]:
-    """Texts as bytes of one width, which numpy stores without pickling."""
-    # One more byte marks the end, because numpy drops NUL characters at the end of fixed widths.
-    encoded = [text.encode() + _END for text in array.tolist()]
-    return np.array(encoded, f"S{max(map(len, encoded), default=1)}")
+def _plain(data: Data) -> list[NDArray[Any]]:
+    """Texts as the numbers of their bytes, and all bytes: numpy stores no texts of any length."""
+    if isinstance(data, Ids):
+        encoded = data.spelled.tolist()
+    else:
+        encoded = [text.encode() for text in data.tolist()]
+    lengths = np.fromiter(map(len, encoded), np.int64, len(encoded))
+    return [lengths, np.frombuffer(b"".join(encoded), np.uint8)]
 
 
 def read_columns(path: Path, name: str, types: Mapping[str, str]) -> DataTable:
@@ -442,9 +440,12 @@ def chunks_in(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, N
             try:
                 array = np.load(file, allow_pickle=False)
                 if kind == "text":
-                    decoded = [text.removesuffix(_END).decode() for text in array.tolist()]
-                    # The None keeps numpy from making a fixed-width text array.
-                    array = np.array([*decoded, None], object)[:-1]
+                    ends, data = (
+                        array.cumsum().tolist(),
+                        np.load(file, allow_pickle=False).tobytes(),
+                    )
+                    array = np.empty(len(ends), object)
+                    array[:] = [data[a:b].decode() for a, b in pairwise([0, *ends])]
             except Exception as error:  # numpy raises various exceptions for damaged files
                 raise MisuseError(f"{file.name}: it is damaged: {error!s:.100}") from None
             chunk[name] = array

@@ -9,15 +9,14 @@
 A part gets its name when it is complete. So a killed process leaves complete parts, with all rows
 up to the last `save`, and a process that repeats the frames since then continues the same tables.
 
-A Parquet file cannot be read before its end is written, and joining such files would decode and
-encode all rows again. So a Parquet table is written beside its parts, which are used only after a
-process was killed. Parts in the format Arrow IPC take less time to write.
+Joining parts would encode all rows again, and a Parquet file cannot be read before its end is
+written. So a table is written beside its parts, which are used only after a process was killed.
+Parts take less time to write: those of a Parquet table are in the format Arrow IPC, all others are
+arrays of numpy.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import secrets
@@ -28,11 +27,12 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final, cast
 
+from numpy.typing import NDArray
+
 from minerva_bus.collect.data_tables import (
     ARRAY_TYPES,
     Data,
     FileWriter,
-    ParquetWriter,
     chunks_in,
     create_writer,
     needed,
@@ -94,7 +94,7 @@ class TableParts:
         """The writer of a table; rows of frames that its parts have are ignored."""
         writer = _PartWriter(self.folder, plan.name, plan.columns, part_ending(self.path.suffix))
         # Parts of a killed process have rows that a new file would lack.
-        if self.path.suffix == ".parquet" and not self._again:
+        if self.path.suffix != ".columns" and not self._again:
             writer.write_whole(self._draft(plan.name))
         self._writers[plan.name] = writer
         return writer
@@ -290,7 +290,7 @@ def has_parts(path: Path, tables: Mapping[str, Mapping[str, str]] | None = None)
 
 def part_ending(ending: str) -> str:
     """The ending of the parts of files with this ending."""
-    return ".arrow" if ending == ".parquet" else ending
+    return ".arrow" if ending == ".parquet" else ".columns"
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,101 +303,31 @@ class JoinedPart:
 
 def join_parts(parts: Sequence[JoinedPart], into: Path, types: Mapping[str, str]) -> None:
     """Write the rows of all parts to a file. Raises MisuseError and OSError."""
-    if not parts:
-        create_writer(into, types).close()
-    elif into.suffix == ".parquet":
-        _join_arrow(parts, into, types)
-    else:
-        _join_bytes(parts, into, types)
-
-
-def _join_bytes(parts: Sequence[JoinedPart], into: Path, types: Mapping[str, str]) -> None:
-    """Copy the parts one after the other; those of .csv files begin with the column names."""
-    header = _csv_header(types) if into.suffix == ".csv" else b""
-    with into.open("wb") as whole:
-        whole.write(header)
-        for part in parts:
-            path, is_copy = part.path, False
-            if _begins(part, types) < part.begin:
-                path, is_copy = _shortened(part, into, types), True
-            with path.open("rb") as file:
-                if file.read(len(header)) not in (header, b""):
-                    raise MisuseError(f"{path}: it is damaged: its first line names other columns")
-                shutil.copyfileobj(file, whole)
-            if is_copy:
-                path.unlink()
-
-
-def _begins(part: JoinedPart, types: Mapping[str, str]) -> int:
-    """The first frame of a part. Raises MisuseError if it is damaged."""
-    if part.path.suffix == ".csv":
-        return next((frame for frame, _ in _csv_rows(part.path, types)), part.begin)
-    with part.path.open("rb") as file:
-        return next((int(chunk["frame"][0]) for chunk in chunks_in(file, types)), part.begin)
-
-
-def _csv_header(types: Mapping[str, str]) -> bytes:
-    """The first line of a .csv file."""
-    line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow(types)
-    return line.getvalue().encode()
-
-
-def _csv_rows(path: Path, types: Mapping[str, str]) -> Iterator[tuple[int, list[str]]]:
-    """The rows of a .csv part with their frames. Raises MisuseError if it is damaged."""
-    place = list(types).index("frame")
-    with path.open(encoding="utf-8", newline="") as lines:
-        rows = csv.reader(lines)
-        try:
-            next(rows, None)
-            for row in rows:
-                if len(row) != len(types):
-                    raise ValueError(f"line {rows.line_num} has {len(row)} values")
-                yield int(row[place]), row
-        except (ValueError, csv.Error) as error:
-            raise MisuseError(f"{path}: it is damaged: {error!s:.100}") from None
-
-
-def _shortened(part: JoinedPart, into: Path, types: Mapping[str, str]) -> Path:
-    """A copy of a part beside a file, without the rows before its beginning."""
-    path = into.with_name(f".short{into.suffix}")
-    if into.suffix == ".csv":
-        with path.open("w", encoding="utf-8", newline="") as copy:
-            writer, rows = csv.writer(copy, lineterminator="\n"), _csv_rows(part.path, types)
-            writer.writerow(types)
-            writer.writerows(row for frame, row in rows if frame >= part.begin)
-        return path
-    writer = create_writer(path, types)
-    with part.path.open("rb") as file:
-        for chunk in chunks_in(file, types):
-            counts = chunk["frame"] >= part.begin
-            if counts.any():
-                writer.write({name: column[counts] for name, column in chunk.items()})
-    writer.finish()
-    return path
-
-
-def _join_arrow(parts: Sequence[JoinedPart], into: Path, types: Mapping[str, str]) -> None:
-    writer = ParquetWriter(into, types)
+    writer = create_writer(into, types)
     try:
         for part in parts:
-            for rows in _batches(part.path):
+            for rows in _rows(part.path, types):
                 # The rows are in the order of frames.
-                first = int(rows["frame"].to_numpy().searchsorted(part.begin))
-                if first < len(rows):
-                    writer.write_table(rows.slice(first) if first else rows)
+                first = int(rows["frame"].searchsorted(part.begin))
+                if first < len(rows["frame"]):
+                    writer.write({name: column[first:] for name, column in rows.items()})
     finally:
         writer.finish()
 
 
-def _batches(part: Path) -> Iterator[Any]:
-    """The rows of an .arrow file, in tables as large as they were written."""
+def _rows(part: Path, types: Mapping[str, str]) -> Iterator[dict[str, NDArray[Any]]]:
+    """The rows of a part, in tables as large as they were written. Raises MisuseError."""
+    if part.suffix != ".arrow":
+        with part.open("rb") as file:
+            yield from chunks_in(file, types)
+        return
     arrow, ipc = needed("pyarrow", "parquet"), needed("pyarrow.ipc", "parquet")
     try:
         with arrow.memory_map(str(part)) as source:
             file = ipc.open_file(source)
             for number in range(file.num_record_batches):
-                yield arrow.Table.from_batches([file.get_batch(number)])
+                rows = file.get_batch(number)
+                yield {name: rows[name].to_numpy(zero_copy_only=False) for name in types}
     except (arrow.ArrowInvalid, arrow.ArrowIOError) as error:
         what = str(error).partition("\n")[0]
         raise MisuseError(f"{part} is not a complete Arrow file: {what}") from None
