@@ -16,11 +16,11 @@ from typing import Any, Final
 from minerva_bus.collect.plans import read_expression
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import Collecting, WorldFile, read_world_file
-from minerva_bus.runtime.coordinator import Coordinator, Watchers
+from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.runner import Notice
 from minerva_bus.settings.world_settings import Overrides
 
 KILL_SECONDS: Final = 5.0
@@ -41,7 +41,13 @@ def main() -> None:
         file, create = _opened(config)
         last = end.with_name("last.json")
         console = Console(quiet=config["quiet"], world=file.world.name)
-        make = _witnesses(create, last, config["paused"])
+
+        def make(*given: Any, **settings: Any) -> Coordinator:
+            coordinator = witnessed(last, create, *given, **settings)
+            if config["paused"]:
+                coordinator.schedule.pace.pause()
+            return coordinator
+
         supervisor = Supervisor(file, console, time.monotonic(), coordinator=make)
         summary = supervisor.run()
         result: dict[str, Any] = {}
@@ -88,33 +94,23 @@ def _opened(config: dict[str, Any]) -> tuple[WorldFile, Callable[..., Coordinato
     return replace(file, collect=Collecting(entries, config["into"])), create
 
 
-def _witnesses(create: Callable[..., Coordinator], last: Path, paused: bool) -> Any:
-    """A factory of coordinators that write the last string and the counts of events to a file."""
+def witnessed(
+    last: Path, create: Callable[..., Coordinator], *given: Any, **settings: Any
+) -> Coordinator:
+    """A coordinator that writes the last string and the counts of events to a file."""
+    from minerva_bus.api.running import EventCounts, write_result
 
-    def make(world: WorldSpec, watchers: Watchers, **settings: Any) -> Coordinator:
-        from minerva_bus.api.running import EventCounts, write_result
+    counts = EventCounts()
 
-        counts = EventCounts()
-
-        def frame_done(done: s.FrameDone) -> None:
-            counts.add(done.events)
-            watchers.frame_done(done)
-
-        def stopping(notice: s.Stopping) -> None:
-            counts.add(notice.events)
+    def stopping(notice: Notice) -> None:
+        if isinstance(notice, s.Stopping):
             scene = str(coordinator.algorithm.scene)
             # A file, because the coordinator is another process than the launcher that writes the
             # result.
             write_result(last, {"scene": scene, "events": counts.sorted()})
-            watchers.stopping(notice)
 
-        watching = replace(watchers, frame_done=frame_done, stopping=stopping)
-        coordinator = create(world, watching, **settings)
-        if paused:
-            coordinator.schedule.pace.pause()
-        return coordinator
-
-    return make
+    coordinator = create(*given, sinks=[counts, stopping], **settings)
+    return coordinator
 
 
 def _die_with_parent() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,7 +29,6 @@ from minerva_bus.collect.data_tables import DataTable, read_columns, table_path
 from minerva_bus.collect.plans import plans_of
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped, nearest
 from minerva_bus.frame import stimuli as s
-from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
@@ -275,20 +274,15 @@ class EventCounts:
     """A sink that counts the events of a run by type."""
 
     def __init__(self) -> None:
-        self.counts: Counter[str] = Counter()
+        self._counts: Counter[str] = Counter()
 
     def __call__(self, notice: Notice) -> None:
-        if isinstance(notice, s.FrameDone | s.Stopping):
-            self.add(notice.events)
-
-    def add(self, events: Iterable[AnyEvent]) -> None:
-        """Count the events of a frame."""
-        for event in events:
-            self.counts[event.type] += len(event)
+        for event in notice.events if isinstance(notice, s.FrameDone | s.Stopping) else ():
+            self._counts[event.type] += len(event)
 
     def sorted(self) -> dict[str, int]:
         """The counts by type, sorted."""
-        return dict(sorted(self.counts.items()))
+        return dict(sorted(self._counts.items()))
 
 
 class FilmStrings:

@@ -6,25 +6,21 @@ import json
 import os
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
+from minerva_bus.api.child import witnessed
+from minerva_bus.api.running import EventCounts
 from minerva_bus.errors import WorldFileError, WorldStopped
-from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.world_state import WorldSpec
-from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console, RunSummary
 from minerva_bus.launch.in_process import InProcessRun, never
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.runtime.coordinator import Coordinator, Watchers
-from minerva_bus.runtime.runner import Notice
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.settings.world_settings import WatchSettings
 from minerva_bus.user_code import report
 from minerva_study.outcome import Outcome
@@ -70,7 +66,7 @@ def run_trial(
 def _over_the_bus(file: WorldFile) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="world-") as folder:
         end = Path(folder) / "end"
-        make = partial(_reporting_coordinator, end)
+        make = partial(witnessed, end, Coordinator)
         # A runtime folder of its own, because parallel runs have the same world name.
         with _runtime_folder(folder):
             supervisor = Supervisor(file, Console(quiet=True), time.monotonic(), coordinator=make)
@@ -78,7 +74,7 @@ def _over_the_bus(file: WorldFile) -> Outcome:
         if supervisor.failure:
             raise WorldStopped(supervisor.failure)
         report = json.loads(end.read_text(encoding="utf-8"))
-    scene = file.world.vocabulary.read(report["string"], f"{file.path}: the final string")
+    scene = file.world.vocabulary.read(report["scene"], f"{file.path}: the final string")
     return _outcome(scene, summary, report["events"])
 
 
@@ -94,36 +90,9 @@ def _runtime_folder(folder: str) -> Generator[None]:
             os.environ[_VARIABLE] = before
 
 
-def _reporting_coordinator(
-    end: Path, world: WorldSpec, watchers: Watchers, **settings: Any
-) -> Coordinator:
-    """A coordinator that writes its final string and its numbers of events to a file."""
-    counts: Counter[str] = Counter()
-
-    def frame_done(done: s.FrameDone) -> None:
-        _count(counts, done.events)
-        watchers.frame_done(done)
-
-    def stopping(notice: s.Stopping) -> None:
-        _count(counts, notice.events)
-        # A file, because the coordinator is another process, whose report has only the digest.
-        report = {"string": str(coordinator.algorithm.scene), "events": counts}
-        end.write_text(json.dumps(report), encoding="utf-8")
-        watchers.stopping(notice)
-
-    watching = replace(watchers, frame_done=frame_done, stopping=stopping)
-    coordinator = Coordinator(world, watching, **settings)
-    return coordinator
-
-
 def _in_process(file: WorldFile, interrupted: Callable[[], bool]) -> Outcome:
-    counts: Counter[str] = Counter()
-
-    def observe(notice: Notice) -> None:
-        if isinstance(notice, s.FrameDone | s.Stopping):
-            _count(counts, notice.events)
-
-    run = InProcessRun(file, Console(quiet=True, traceback=True), time.monotonic(), observe)
+    counts = EventCounts()
+    run = InProcessRun(file, Console(quiet=True, traceback=True), time.monotonic(), counts)
     try:
         run.open()
         run.advance(interrupted=interrupted)
@@ -134,7 +103,7 @@ def _in_process(file: WorldFile, interrupted: Callable[[], bool]) -> Outcome:
     summary = run.summary()
     if run.failed:
         raise WorldStopped(summary.ended)
-    return _outcome(run.algorithm.scene, summary, counts)
+    return _outcome(run.algorithm.scene, summary, counts.sorted())
 
 
 def _explained(stopped: WorldStopped) -> str:
@@ -151,11 +120,6 @@ def _outcome(scene: Scene, summary: RunSummary, events: dict[str, int]) -> Outco
         digest=summary.digest,
         ended=summary.ended,
         reached=summary.reached,
-        events=dict(sorted(events.items())),
+        events=events,
         figures=dict(sorted(summary.figures.items())),
     )
-
-
-def _count(counts: Counter[str], events: Iterable[AnyEvent]) -> None:
-    for event in events:
-        counts[event.type] += len(event)
