@@ -443,5 +443,9 @@ def _shaped(flat: _A, rows: int, columns: int) -> _A:
 
 
 def parse_value(text: str, source: str = "") -> Value:
-    """The value of a text such as `0.5`, `"red"` or `{PFox}`. Raises GrammarError."""
-    return parse(f"P<value={text}>", source).nodes[0].values[0]
+    """The single value of a text such as `0.5`, `"red"` or `{PFox}`. Raises GrammarError."""
+    # Any symbol will do, because the parser knows no vocabulary.
+    nodes = parse(f"P<value={text}>", source).nodes
+    if len(nodes) != 1 or len(nodes[0].values) != 1:
+        raise GrammarError(f"{text!r:.60} is not one value")
+    return nodes[0].values[0]

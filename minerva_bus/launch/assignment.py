@@ -13,12 +13,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-from minerva_bus.errors import GrammarError, MisuseError, SceneError, nearest
+from minerva_bus.errors import MisuseError, SceneError, nearest
 from minerva_bus.grammar.columns import has_columns, packed
 from minerva_bus.grammar.fields import Field
-from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.scene import (
     AGENT_ID,
     AgentNode,
@@ -55,7 +55,7 @@ class Parameter:
     def value(self, text: str) -> Value:
         """The value that a text represents, in the parameter's unit. Raises MisuseError."""
         try:
-            return parse_value(text, self.field.type)
+            return typed_value(text, self.field.type)
         except Unfit as unfit:
             raise MisuseError(f"{self.key}={text}: expected {unfit}") from None
 
@@ -123,24 +123,15 @@ def _inner_first(every: Sequence[NodePath]) -> Iterator[NodePath]:
     yield from reversed(opened)
 
 
-def parse_value(text: str, kind: Type) -> Value:
+def typed_value(text: str, kind: Type) -> Value:
     """The value of a type that a text represents; texts need no quotes. Raises Unfit."""
     text = text.strip()
     if kind.kind == "text" and not text.startswith('"'):
         return kind.fit(text)
     try:
-        return kind.fit(read_one(text))
+        return kind.fit(parse_value(text))
     except SceneError:
         raise Unfit(f"a value of the type {kind}, not {text!r}") from None
-
-
-def read_one(text: str) -> Any:
-    """The single value that a text represents in a string. Raises SceneError."""
-    # Any symbol will do, because the parser knows no vocabulary.
-    nodes = parse(f"PAny<any={text}>").nodes
-    if len(nodes) != 1 or len(nodes[0].values) != 1:
-        raise GrammarError(f"{text!r} is not one value")
-    return nodes[0].values[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

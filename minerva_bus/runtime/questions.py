@@ -43,7 +43,7 @@ from minerva_bus.frame.member_table import MemberEntry
 from minerva_bus.frame.sender_rights import MAX_NAMES, MAX_SINGLE_EVENTS, listed, unknown_agent
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.events import Event, Events, senders_of
-from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.types import Of, Unfit
 from minerva_bus.runtime.admission import Admission
@@ -405,11 +405,9 @@ def publish(running: WorldRun, asked: Mapping[str, Any]) -> dict[str, Any]:
 def _value(shown: str, name: str) -> Any:
     """A value in the notation of strings; quotes around a text are optional."""
     try:
-        (node,) = parse(f"P<value={shown}>", name)
-        (value,) = node.values
+        return parse_value(shown, name)
     except (SceneError, ValueError):
         return shown
-    return value
 
 
 MAX_STEPS = 1_000_000_000

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from minerva_bus.errors import MisuseError, SceneError
+from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.scene import FigureNode, Scene, Value, walk
 from minerva_bus.grammar.types import Type, Unfit
-from minerva_bus.launch.assignment import parse_value, read_one
+from minerva_bus.launch.assignment import typed_value
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ def parse_domain(text: str, kind: Type, owner: str) -> Interval | OneOf:
     try:
         low, colon, high = text.partition(":")
         if colon and kind.kind in ("real", "int"):
-            return _range(parse_value(low, kind), parse_value(high, kind))
+            return _range(typed_value(low, kind), typed_value(high, kind))
         return OneOf(_values(text, kind))
     except Unfit as unfit:
         raise MisuseError(f"{owner}={text}: expected {unfit}") from None
@@ -64,9 +65,10 @@ def _range(low: Any, high: Any) -> Interval:
 def _values(text: str, kind: Type) -> tuple[Value, ...]:
     """Values separated by commas, as in a list of a string; texts need no quotes."""
     try:
-        return tuple([kind.fit(value) for value in read_one(f"[{text}]")])
+        listed: Any = parse_value(f"[{text}]")
+        return tuple([kind.fit(value) for value in listed])
     except SceneError:
-        return tuple([parse_value(part, kind) for part in text.split(",")])
+        return tuple([typed_value(part, kind) for part in text.split(",")])
 
 
 @dataclass(frozen=True, slots=True)

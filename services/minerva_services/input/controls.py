@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, SceneError
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.vocabulary import EventType
 from minerva_bus.world.services import WorldInfo
 from minerva_services.event_factory import event_type
@@ -98,11 +98,9 @@ def _read(service: str, where: str, text: Any) -> Binding:
 def _value(shown: str) -> Any:
     """A value in the language's syntax; strings may omit their quotes."""
     try:
-        (node,) = parse(f"P<value={shown}>", "value")
-        (value,) = node.values
+        return parse_value(shown, "value")
     except (SceneError, ValueError):
         return shown
-    return value
 
 
 @dataclass(frozen=True, slots=True)
