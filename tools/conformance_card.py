@@ -21,7 +21,7 @@ from tools.protocol_tables import table
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "howto" / "other-languages.md"
-NAIVE = ROOT / "tests" / "conformance" / "naive.py"
+NAIVE = ROOT / "extensions" / "conformance" / "tests" / "naive.py"
 
 
 def card(results: Iterable[CaseResult]) -> str:
