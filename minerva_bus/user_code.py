@@ -43,10 +43,11 @@ _LIBRARIES: Final = tuple(
     for folder in {*map(sysconfig.get_path, ("stdlib", "platstdlib")), Path(os.__file__).parent}
 )
 
-# Installed, the project's extensions are in a folder of libraries.
-_EXTENSIONS: Final = tuple(
-    str(folder) + os.sep for folder in Path(_FRAMEWORK).parent.glob("extensions/*/minerva_*")
-)
+# Installed, the project's packages are in a folder of libraries.
+_ROOT: Final = Path(__file__).parents[1]
+_EXTENSIONS: Final = tuple(f"{each}{os.sep}" for each in _ROOT.glob("extensions/*/minerva_*"))
+# Errors there are shown as those of users, but tests check the statements.
+_SHIPPED: Final = tuple(f"{_ROOT / each}/minerva_" for each in ("agents", "services", "worlds"))
 
 # The file of methods that libraries generate, such as those of dataclasses, of `exec` and of
 # `python -c`.
@@ -292,7 +293,7 @@ def _attributes(handler: Any) -> Iterator[tuple[SourceLine, str, bool]]:
 def expressions(function: Callable[..., Any]) -> list[tuple[SourceLine, ast.expr]]:
     """The statements of a function that are expressions, with their lines, if it is the user's."""
     code: CodeType | None = getattr(function, "__code__", None)
-    if code is None or is_foreign(code.co_filename):
+    if code is None or is_foreign(code.co_filename) or code.co_filename.startswith(_SHIPPED):
         return []
     nodes = [(place, node.value) for place, node in _parsed(function, ast.Expr)]
     return sorted(nodes, key=lambda each: each[0].line)

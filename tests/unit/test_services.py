@@ -9,12 +9,13 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from minerva_bus import Context, Device, Event, Frame, Generator
+from minerva_bus import Context, Device, Event, Frame, Generator, user_code
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.frame.member_side import Member
 from minerva_bus.launch.process_specs import ProcessSpec, forgotten
 from minerva_bus.launch.specs import Factory, find_service
+from minerva_bus.launch.world_files import idle
 from minerva_bus.world.services import Participation, Tick, When, when_of
 from minerva_services.options import grouped, takes_options
 
@@ -80,11 +81,14 @@ def test_a_generator_that_changes_and_saves_nothing_is_named():
     assert list(forgotten(processes)) == [line]
 
 
-def test_the_installed_services_save_what_they_change():
+def test_the_installed_services_save_what_they_change_and_waste_no_statement(monkeypatch):
     # Without their constructors, which need options.
     classes = {name: entry.load() for name, entry in entries("minerva.services").items()}
     processes = [ProcessSpec(name, SimpleNamespace(cls=cls)) for name, cls in classes.items()]
     assert not list(forgotten(processes))
+    monkeypatch.setattr(user_code, "_SHIPPED", ())  # A start does not read them.
+    idle.cache_clear()
+    assert not [line for cls in classes.values() for line in idle(cls)]
 
 
 @pytest.mark.parametrize("events", [3, "eRain", {"a": 1}, (3,), None])
