@@ -1,7 +1,9 @@
 """What is on a robot's network, and how it differs from what a service expects."""
 
 import json
+import math
 import socket
+import threading
 
 import pytest
 
@@ -16,7 +18,7 @@ from minerva_services.bridges.ros2.uses import mismatches
 from minerva_services.bridges.ros_messages import messages as types
 from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_peers import DEFAULT_QOS, LASTING_QOS, LyricalPublisher, Node, dds
-from tests.bridges.ros2_rig import network, scan
+from tests.bridges.ros2_rig import network, scan, transforms
 from tests.patience import eventually
 
 ROUTER = "tcp/h:7447"
@@ -196,6 +198,54 @@ def test_a_network_is_listed_with_its_distributions():
         "/bot1/camera": f"{types.IMAGE}, published by /bot1/new",
         "/scan": f"{types.LASER_SCAN}, published by /old",
     }
+
+
+@pytest.mark.parametrize(
+    ("topic", "notes"),
+    [
+        ("/scan", {
+            "/scan": f"{types.LASER_SCAN}, published by /front, /rear", "range_max": "12",
+            "ranges": "[1, 2, nan, 3 ... (5 in all)]",
+            "header": "stamp (sec 1, nanosec 500000000), frame_id 'laser'",
+        }),
+        ("/tf_static", {"rate": "one message"}),
+        ("/scam", {"/scam": "nobody publishes it; did you mean '/scan'?"}),
+        ("/odom", {"rate": "no message in 0.2 s; does its node send?"}),
+        ("/own", {"/own": "the type my_msgs/msg/Own is not known here, so it cannot be read"}),
+    ],
+)  # fmt: skip
+def test_a_topic_is_shown_with_its_rate_and_its_last_message(topic, notes, monkeypatch):
+    monkeypatch.setattr("minerva_services.bridges.ros2.examination._LISTEN_SECONDS", 0.2)
+    over = threading.Event()
+    with (
+        network() as (endpoint, hub),
+        Node(endpoint, "front") as node,
+        Node(endpoint, "rear") as other,
+    ):
+        put = node.publisher("/scan", types.LASER_SCAN)
+        other.publisher("/scan", types.LASER_SCAN)
+        other.publisher("/odom", types.ODOMETRY)
+        node.publisher("/tf_static", types.TRANSFORMS, LASTING_QOS)(transforms(0.0))
+        own = hub.liveliness().declare_token(rmw("MP", "/own", "my_msgs/msg/Own"))
+        eventually(lambda: len(list(hub.liveliness().get("@ros2_lv/**"))) == 7, "all tokens")
+        sends = threading.Thread(
+            daemon=True,
+            target=lambda: [
+                put(scan(ranges=[1, 2, math.nan, 3, 4]))
+                for _ in iter(lambda: over.wait(0.01), True)
+            ],
+        )
+        sends.start()
+        listed = list(examine(f"{endpoint}{topic}"))
+        over.set()
+        sends.join()
+        own.undeclare()
+    shown = {what: note for what, _, note in listed}
+    assert shown.items() >= notes.items()
+    assert all(good for _, good, _ in listed) == (topic in ("/scan", "/tf_static"))
+    if topic == "/scan":
+        assert shown["rate"].endswith(" Hz")
+        assert float(shown["age"].split()[0]) > 1e9
 
 
 def test_the_services_of_a_world_are_compared_with_their_networks(tmp_path):

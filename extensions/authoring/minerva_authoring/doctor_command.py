@@ -15,14 +15,15 @@ TOPIC: Final = "Set up"
     "minerva doctor",
     "minerva doctor --json",
     "minerva doctor --ros2 tcp/192.168.1.20:7447",
+    "minerva doctor --ros2 tcp/192.168.1.20:7447/scan",
     "minerva doctor --ros2 ros2",
 )
 def doctor(context: typer.Context, json: Json = False) -> None:
     """Check the environment and report missing dependencies.
 
     Other checks may be installed: `--ros2 ENDPOINT` lists the nodes and topics of a ROS 2 robot,
-    and `--ros2 WORLD` reports what of the robot does not fit the world. The exit code is 1 if
-    anything is missing or does not fit.
+    `--ros2 ENDPOINT/TOPIC` shows what a topic carries, and `--ros2 WORLD` reports what of the robot
+    does not fit the world. The exit code is 1 if anything is missing or does not fit.
     """
     from minerva_authoring.doctor import examine
 

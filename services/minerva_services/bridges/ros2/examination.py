@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import re
+import threading
+import time
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
-from minerva_bus.errors import MinervaError
+import numpy as np
+
+from minerva_bus.errors import MinervaError, nearest
 from minerva_services.bridges.ros2.graph import (
     LAYOUTS,
     NO_HASH,
@@ -19,8 +25,12 @@ from minerva_services.bridges.ros2.graph import (
     Announced,
 )
 from minerva_services.bridges.ros2.layout import ENDPOINTS, Ros2Network
-from minerva_services.bridges.ros2.network import look_at
+from minerva_services.bridges.ros2.network import Ros2Session, look_at
+from minerva_services.bridges.ros2.qos import HEARING, LASTING
 from minerva_services.bridges.ros2.uses import NetworkUser, is_of, is_of_robot, nobody
+from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages.messages import messages
+from minerva_services.bridges.ros_messages.readings import stamp_of
 
 _OF_EACH_NODE: Final = ("rcl_interfaces/", "type_description_interfaces/")
 """Types of services that each node has, which are not listed."""
@@ -35,16 +45,25 @@ Found: TypeAlias = tuple[str, bool, str]
 _ADDRESS: Final = re.compile(r".+:\d+")
 """Host and port, which no world's name has."""
 
+_TOPIC: Final = re.compile(r"(.+:\d+)(/.+)")
+"""An endpoint, and a topic of its network."""
+
 _LOOK_SECONDS: Final = 0.5
+_LISTEN_SECONDS: Final = 2.0
+_MAX_ITEMS: Final = 4
+"""Number of items of an array that are shown."""
 
 
 def examine(source: str) -> Iterator[Found]:
     """List a network by its endpoint, or compare the services of a world with their networks.
 
-    Raises MinervaError for a source that is neither, such as an address without a protocol, or a
-    world file that is wrong.
+    An endpoint with a topic, `tcp/192.168.1.20:7447/scan`, shows what the topic carries.
+    Raises MinervaError for a source that is none of these, such as an address without a protocol,
+    or a world file that is wrong.
     """
-    if source.partition("/")[0] in ENDPOINTS or _ADDRESS.fullmatch(source):
+    if split := _TOPIC.fullmatch(source):
+        yield from _carried(Ros2Network(split[1]), split[2])
+    elif source.partition("/")[0] in ENDPOINTS or _ADDRESS.fullmatch(source):
         yield from _listed(Ros2Network(source))
     else:
         # Late: a person waits for the list of a network, which needs none of this.
@@ -72,6 +91,82 @@ def _listed(network: Ros2Network) -> Iterator[Found]:
             if nodes:
                 yield "nodes", True, ", ".join(nodes)
             yield from _topics(there)
+
+
+def _carried(network: Ros2Network, topic: str) -> Iterator[Found]:
+    """What a topic of a network carries, and which nodes publish it."""
+    try:
+        everything = list(look_at(network, _LOOK_SECONDS))
+    except MinervaError as error:
+        yield network.router, False, str(error)
+        return
+    there = [each for each in everything if each.topic == topic]
+    publishers = [each for each in there if each.kind == PUBLISHER]
+    yield from _topics(there)
+    if not publishers:
+        known = sorted({each.topic for each in everything if each.kind == PUBLISHER})
+        yield topic, False, f"nobody publishes it{nearest(topic, known, 'start its node')}"
+        return
+    lasting = any(each.qos.lasting for each in publishers)
+    yield from _received(network, publishers[0], lasting=lasting)
+
+
+def _received(network: Ros2Network, publisher: Announced, *, lasting: bool) -> Iterator[Found]:
+    """The rate of a publisher's topic, and the last message of a short time."""
+    topic, kind = publisher.topic, publisher.message
+    if kind not in messages().store.fielddefs:
+        yield topic, False, f"the type {kind} is not known here, so it cannot be read"
+        return
+    received, times = list[tuple[float, bytes]](), list[float]()
+    arrived = threading.Event()
+
+    def receive(data: bytes) -> None:
+        # Only the last message is shown, and images are large.
+        received[:] = [(time.time(), data)]
+        times.append(time.monotonic())
+        arrived.set()
+
+    here = replace(network, layout=publisher.layout, domain=publisher.domain)
+    with closing(Ros2Session(here, "minerva_doctor")) as session:
+        session.subscribe(topic, kind, receive, LASTING if lasting else HEARING)
+        # The rate is that of what follows the first message.
+        if arrived.wait(_LISTEN_SECONDS) and not lasting:
+            time.sleep(_LISTEN_SECONDS)
+    if not received:
+        yield "rate", False, f"no message in {_LISTEN_SECONDS:g} s; does its node send?"
+        return
+    spent = times[-1] - times[0]
+    yield "rate", True, f"{(len(times) - 1) / spent:.1f} Hz" if spent else "one message"
+    ((at, data),) = received
+    try:
+        message = messages().decode(kind, data)
+    except GarbageError as error:
+        yield topic, False, f"no {kind}: {error}"
+        return
+    if hasattr(message, "header"):
+        yield "age", True, f"{at - stamp_of(message):.3f} s, by the clock of this machine"
+    for field in fields(message):
+        if field.name != "__msgtype__":
+            yield field.name, True, _text(getattr(message, field.name))
+
+
+def _text(value: Any) -> str:
+    """A part of a message in one line."""
+    if is_dataclass(value):
+        parts = [field.name for field in fields(value) if field.name != "__msgtype__"]
+        return ", ".join(
+            f"{name} ({text})" if is_dataclass(part) else f"{name} {text}"
+            for name in parts
+            for part in (getattr(value, name),)
+            for text in (_text(part),)
+        )
+    if isinstance(value, list | tuple | np.ndarray):
+        first = [_text(item) for item in value[:_MAX_ITEMS]]
+        more = f" ... ({len(value):,} in all)" if len(value) > _MAX_ITEMS else ""
+        return f"[{', '.join(first)}{more}]"
+    if isinstance(value, float | np.floating):
+        return f"{float(value):.6g}"
+    return f"{value!r:.80}" if isinstance(value, str) else str(value)
 
 
 def distribution(announced: list[Announced]) -> str:
