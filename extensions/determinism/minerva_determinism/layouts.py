@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -24,6 +25,7 @@ from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.output import INTERRUPTED, WRONG
 from minerva_bus.cli.run_choice import run_world
 from minerva_bus.errors import MinervaError
+from minerva_bus.launch.child_processes import end_signals, handled
 from minerva_bus.launch.past import Past, continued
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import Access, WorldFile, read_world_file
@@ -138,10 +140,14 @@ def _names(process: ProcessSpec, hosts: int) -> list[str]:
 def run_in_layout(
     path: Path, frames: int, layout: Layout, record: Path
 ) -> subprocess.CompletedProcess[str]:
-    """Run a world in a layout, in a new Python process with the runtime folder of the record."""
+    """Run a world in a layout, in a new Python process with the runtime folder of the record.
+
+    Every signal that ends this process becomes KeyboardInterrupt, which ends that one, too.
+    """
     environment = {**os.environ, **layout.environment, "MINERVA_RUNTIME_DIR": str(record.parent)}
     words = [str(path), str(frames), json.dumps(asdict(layout)), str(record)]
-    with _killer(layout, environment, record.parent / KILLED):
+    interrupt = dict.fromkeys(end_signals(), signal.default_int_handler)
+    with handled(interrupt), _killer(layout, environment, record.parent / KILLED):
         return subprocess.run(  # noqa: S603
             [sys.executable, "-m", "minerva_determinism.layouts", *words],
             env=environment,

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -13,7 +14,9 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.child_processes import end_signals
 from minerva_bus.launch.world_files import read_world_file
+from minerva_determinism import layouts
 from minerva_determinism.certificate import (
     FAILS,
     LEFT_OUT,
@@ -121,6 +124,18 @@ def test_what_kills_processes_ends_with_its_certificate(tmp_path, monkeypatch):
     with os.fdopen(reading) as over:
         monkeypatch.setattr(sys, "stdin", over)
         kill_in_turn(5, tmp_path / "killed.txt")
+
+
+def test_a_run_ends_with_its_certificate(tmp_path, monkeypatch):
+    handlers, before = [], signal.getsignal(signal.SIGTERM)
+
+    def run(*_, **__):
+        handlers.extend(signal.getsignal(number) for number in end_signals())
+
+    monkeypatch.setattr(layouts.subprocess, "run", run)
+    layouts.run_in_layout(tmp_path, 1, layouts.ALONE, tmp_path / "run.mcap")
+    assert set(handlers) == {signal.default_int_handler}
+    assert signal.getsignal(signal.SIGTERM) == before
 
 
 def test_a_world_is_certified_in_all_layouts(world, tmp_path):
