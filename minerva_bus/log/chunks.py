@@ -417,16 +417,16 @@ class Chunks:
         except RecordError as error:
             raise RecordError(f"{self.path}: {error}") from None
         _check_profile(self.path, scanned.header)
-        for damage in scanned.damage:
-            self._note(damage)
+        self._damage.update((damage.begin, damage) for damage in scanned.damage)
         # The description is in the first chunk, so nothing can be read without one.
         if not scanned.places:
             raise RecordError(f"{self.path}: it was cut off before anything was written")
         self._summary = read_summary(self._file, self.size)
         self.places, self.indexed = scanned.places, self._summary.sound
-        # An intact summary proves that the file was finished, even
-        # if the end of the data is damaged.
-        self.complete = scanned.complete or self.indexed
+        # The bytes at the end prove that the file was finished, even if the end of the data and the
+        # summary are damaged.
+        end = _read(self._file, max(0, self.size - len(MAGIC)), len(MAGIC))
+        self.complete = scanned.complete or end == MAGIC
         self.cut = 0 if self.complete else scanned.cut
         if scanned.cut and self.complete:
             self._note(Damage(self.size - scanned.cut, self.size, "no record of an MCAP file"))

@@ -175,6 +175,11 @@ def test_the_end_may_be_damaged(tmp_path):
         numbers, losses = kept(flipped(data, at), tmp_path, check=False)
         assert numbers == list(range(60))
         assert not losses.lost
+    # A finished record is not taken for one that was cut off, whose end is no damage.
+    numbers, losses = kept(data[:end] + bytes(len(data) - end - 8) + data[-8:], tmp_path)
+    assert numbers == list(range(60))
+    assert losses.damage
+    assert not losses.cut
     for tail in (b"garbage", bytes(10_000), data):
         numbers, losses = kept(data + tail, tmp_path, check=False)
         assert numbers == list(range(60))
