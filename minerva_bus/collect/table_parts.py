@@ -21,7 +21,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -140,8 +140,8 @@ class TableParts:
         # A frozen process may still have this file open, and must not write into the new one.
         self._draft(name).unlink(missing_ok=True)
         ends = accumulate((part.last for part in parts), max, initial=-1)
-        joined = [JoinedPart(part.path, end + 1) for part, end in zip(parts, ends, strict=False)]
-        join_parts(joined, self._draft(name), self._tables[name])
+        begun = ((part.path, end + 1) for part, end in zip(parts, ends, strict=False))
+        join_parts(begun, self._draft(name), self._tables[name])
         self._draft(name).replace(final)
 
 
@@ -293,22 +293,17 @@ def part_ending(ending: str) -> str:
     return ".arrow" if ending == ".parquet" else ".columns"
 
 
-@dataclass(frozen=True, slots=True)
-class JoinedPart:
-    """A complete part; its rows of frames before `begin` are in an earlier part, too."""
+def join_parts(parts: Iterable[tuple[Path, int]], into: Path, types: Mapping[str, str]) -> None:
+    """Write the rows of all parts to a file, those of each part from a frame on.
 
-    path: Path
-    begin: int = 0
-
-
-def join_parts(parts: Sequence[JoinedPart], into: Path, types: Mapping[str, str]) -> None:
-    """Write the rows of all parts to a file. Raises MisuseError and OSError."""
+    An earlier part has the rows of frames before it, too. Raises MisuseError and OSError.
+    """
     writer = create_writer(into, types)
     try:
-        for part in parts:
-            for rows in _rows(part.path, types):
+        for path, begin in parts:
+            for rows in _rows(path, types):
                 # The rows are in the order of frames.
-                first = int(rows["frame"].searchsorted(part.begin))
+                first = int(rows["frame"].searchsorted(begin))
                 if first < len(rows["frame"]):
                     writer.write({name: column[first:] for name, column in rows.items()})
     finally:

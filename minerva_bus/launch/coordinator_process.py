@@ -37,7 +37,6 @@ from minerva_bus.launch.world_files import Access, WorldFile
 from minerva_bus.log.journal import resume_from
 from minerva_bus.runtime.admission import LOCAL_KIND, ListenConfig, Security
 from minerva_bus.runtime.coordinator import Coordinator, Printed, Started, Watchers
-from minerva_bus.runtime.metrics import Status
 from minerva_bus.runtime.session import REAL, System, run_through
 from minerva_bus.runtime.transport import overhear
 from minerva_bus.security.credentials import Rights, family_start, key_folder, rights_of
@@ -154,7 +153,7 @@ class CoordinatorRun:
         send = self._reports.send
         return Watchers(
             said=self._log,
-            status=self._status,
+            status=lambda now: send("status", **asdict(now)),
             listening=lambda endpoint: send(
                 "listening", endpoint=endpoint, listens_at=self.coordinator.admission.listens_at
             ),
@@ -227,12 +226,6 @@ class CoordinatorRun:
     def _log(self, member: str, text: str, details: str) -> None:
         self._record.said(member, f"{text}\n{details}" if details else text)
         self._reports.send("log", member=member, text=text, details=details)
-
-    def _status(self, now: Status) -> None:
-        self._reports.send(
-            "status", frame=now.frame, rate=now.rate, members=now.members, phase=now.phase,
-            paused=now.paused, waiting=now.waiting, waited=now.waited,
-        )  # fmt: skip
 
     def _report(self) -> None:
         """Report the end of the world."""

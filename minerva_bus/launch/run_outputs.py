@@ -216,14 +216,9 @@ def _continued(description: RecordHeader, file: WorldFile) -> RecordHeader:
     world = replace(
         description.world, name=now.name, frames=now.frames, until=now.until, expected=now.expected
     )
-    options = {name: option_text(value) for name, value in file.options.items()}
+    began, frame = description.began, description.frame
     return replace(
-        description,
-        world=world,
-        file=file.text,
-        rate=file.rate,
-        options=options,
-        path=text_of_path(file.path),
+        description_of(file), world=world, versions=description.versions, began=began, frame=frame
     )
 
 

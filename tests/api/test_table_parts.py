@@ -11,7 +11,6 @@ from minerva_bus import count, data, files, run
 from minerva_bus.collect.data_tables import create_writer, read_columns
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.table_parts import (
-    JoinedPart,
     TableParts,
     join_parts,
     part_ending,
@@ -54,7 +53,7 @@ def test_joined_parts_equal_a_file_that_is_written_at_once(tmp_path, ending, siz
     frame, parts, chunks = 0, [], []
     for number, size in enumerate(sizes):
         own = [rows(frame + n) for n in range(size)]
-        parts.append(JoinedPart(written(tmp_path / f"{number}{part_ending(ending)}", own)))
+        parts.append((written(tmp_path / f"{number}{part_ending(ending)}", own), 0))
         chunks += own
         frame += size
     whole = written(tmp_path / f"whole{ending}", chunks)
@@ -68,9 +67,7 @@ def test_other_libraries_read_a_joined_parquet_file(tmp_path, library):
     reader = pytest.importorskip(library)
     pytest.importorskip("pyarrow")
     joined = tmp_path / "joined.parquet"
-    join_parts(
-        [JoinedPart(written(tmp_path / f"{n}.arrow", [rows(n)])) for n in range(20)], joined, TYPES
-    )
+    join_parts([(written(tmp_path / f"{n}.arrow", [rows(n)]), 0) for n in range(20)], joined, TYPES)
     table = reader.read_parquet(joined)
     assert list(table["frame"]) == [n for n in range(20) for _ in range(5)]
     assert list(table["x19"]) == list(rows(0)["x19"]) * 20
@@ -80,7 +77,7 @@ def test_parts_are_joined_in_the_memory_of_a_few_of_them(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     arrow = pytest.importorskip("pyarrow")
     size = 10_000
-    parts = [JoinedPart(written(tmp_path / f"{n}.arrow", [rows(n, size)])) for n in range(30)]
+    parts = [(written(tmp_path / f"{n}.arrow", [rows(n, size)]), 0) for n in range(30)]
     joined = tmp_path / "joined.parquet"
     # A pool that no other test uses, because a pool has the maximum of the process.
     pool = arrow.system_memory_pool()
@@ -108,8 +105,8 @@ def overwritten(data):
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_damaged_part_is_named(tmp_path, damaged, number):
     pytest.importorskip("pyarrow")
-    parts = [JoinedPart(written(tmp_path / f"{n}.arrow", [rows(n, 500)])) for n in range(2)]
-    path = parts[number].path
+    parts = [(written(tmp_path / f"{n}.arrow", [rows(n, 500)]), 0) for n in range(2)]
+    path = parts[number][0]
     path.write_bytes(damaged(path.read_bytes()))
     with pytest.raises(MisuseError, match=rf"{number}\.arrow is not a complete Arrow file"):
         join_parts(parts, tmp_path / "joined.parquet", TYPES)
@@ -117,8 +114,8 @@ def test_a_damaged_part_is_named(tmp_path, damaged, number):
 
 @pytest.mark.parametrize("damage", [b"\xff" * 100, b"x,y\n1,2\n", b"\x93NUMPY\x01\0v\0{}"])
 def test_a_damaged_part_of_another_format_is_named(tmp_path, damage):
-    parts = [JoinedPart(written(tmp_path / f"{n}.columns", [rows(n)]), n) for n in range(2)]
-    parts[1].path.write_bytes(damage)
+    parts = [(written(tmp_path / f"{n}.columns", [rows(n)]), n) for n in range(2)]
+    parts[1][0].write_bytes(damage)
     with pytest.raises(MisuseError, match=r"1\.columns: it is damaged"):
         join_parts(parts, tmp_path / "joined.csv", TYPES)
 
