@@ -149,6 +149,7 @@ class Collector:
         vocabulary: of the world.
         dt: simulated seconds per frame.
         open_writer: called with the plan of each table, before the first row.
+        watch: called with the name of a table of frames and each row of it.
 
     Raises VocabularyError and MisuseError for an expression that the vocabulary does not allow.
 
@@ -160,9 +161,11 @@ class Collector:
         vocabulary: Vocabulary,
         dt: float,
         open_writer: Callable[[TablePlan], Writer],
+        watch: Callable[[str, Mapping[str, Any]], None] = lambda _table, _row: None,
     ) -> None:
         self._vocabulary = vocabulary
         self._dt = dt
+        self._watch = watch
         self._tables = [(plan, open_writer(plan)) for plan in plans]
         self._conditions = {
             entry.condition: condition_of(entry, vocabulary)
@@ -210,7 +213,7 @@ class Collector:
             row = self._pending.pop(plan.name, None)
             # A number of events would be wrong: how many there were is unknown.
             if row is not None and not any(entry.of_events for entry in plan.entries.values()):
-                writer.row(row)
+                self._end_row(plan, writer, row)
 
     def end(self, frame: int, events: Iterable[AnyEvent]) -> None:
         """Collect data of a frame's events."""
@@ -228,7 +231,11 @@ class Collector:
                 if entry.of_events:
                     rows = self._rows(event_rows, events, entry.symbol, known)
                     row |= self._aggregated(name, entry, rows)
-            writer.row(row)
+            self._end_row(plan, writer, row)
+
+    def _end_row(self, plan: TablePlan, writer: Writer, row: dict[str, Any]) -> None:
+        self._watch(plan.name, row)
+        writer.row(row)
 
     def _rows(
         self,
@@ -336,12 +343,10 @@ class SeriesHistory:
     def __len__(self) -> int:
         return sum(map(len, self._units.values()))
 
-    def watched(self, plan: TablePlan, writer: Writer) -> Writer:
-        """A writer that also passes the rows of a table to this history, if it has series."""
-        return _Watched(self, plan.name, writer) if plan.name in self._units else writer
-
     def add(self, table: str, row: Mapping[str, Any]) -> None:
-        """Keep the values of a row."""
+        """Keep the values of a row, if its table has series."""
+        if table not in self._kept:
+            return
         kept = self._kept[table]
         self._last[table] = row
         if self._counts[table] % self._strides[table] == 0:
@@ -366,22 +371,3 @@ class SeriesHistory:
                 for name, unit in units.items()
             ]
         return tuple(made)
-
-
-class _Watched:
-    """Passes rows on to a writer and to the history."""
-
-    def __init__(self, history: SeriesHistory, table: str, writer: Writer) -> None:
-        self._history = history
-        self._table = table
-        self._writer = writer
-
-    def row(self, values: Mapping[str, Any]) -> None:
-        self._history.add(self._table, values)
-        self._writer.row(values)
-
-    def rows(self, columns: Mapping[str, Data]) -> None:
-        self._writer.rows(columns)
-
-    def close(self) -> None:
-        self._writer.close()

@@ -280,15 +280,15 @@ class CollectSink(Sink):
 
         def open_table(plan: TablePlan) -> Writer:
             if self._parts is not None:
-                return self.history.watched(plan, self._parts.open(plan))
+                return self._parts.open(plan)
             gathered = self._gathered[plan.name] = Gathered(plan.name, plan.columns)
-            return self.history.watched(plan, gathered)
+            return gathered
 
         self._algorithm = algorithm
         self._say = say
         self.files: tuple[FileStatus, ...] = ()
         self._saved_at = time.monotonic()
-        self.collector = Collector(plans, world.vocabulary, world.dt, open_table)
+        self.collector = Collector(plans, world.vocabulary, world.dt, open_table, self.history.add)
         self.collector.begin(algorithm.frame, algorithm.scene)
 
     def frame_done(self, notice: s.FrameDone) -> None:
