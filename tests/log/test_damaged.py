@@ -149,6 +149,16 @@ def test_damage_outside_frames_is_harmless(opcode, tmp_path):
             assert losses.frames == "no frame"
 
 
+def test_bytes_that_may_have_been_a_checkpoint_hide_what_was_sent_last(tmp_path):
+    data = bytes_of("meadow", flush_every=3, finished=False)
+    at, _ = parts(data, CHUNK)[-1]
+    with record_of(data[:at] + bytes(40) + data[at:], tmp_path) as record:
+        end = record.intact_end()
+        assert (end.number, record.last()[0]) == (57, 60)
+        assert end.checkpoint.emitted
+        assert record.closing_events() == ()
+
+
 def test_an_index_that_names_another_channel_hides_nothing(tmp_path):
     data = bytearray(bytes_of("meadow", finished=False))
     for at, _ in parts(data, MESSAGE_INDEX):
