@@ -27,6 +27,20 @@ def test_the_state_before_each_frame_is_that_of_the_run(name, tmp_path):
         assert cursor.ahead.number == 7
 
 
+def test_the_last_events_before_a_frame_may_be_far_before_it(tmp_path):
+    with record_of(bytes_of("meadow"), tmp_path) as record:
+        frames = list(record.frames())
+        for before in (0, 9, 60):
+            known = [frame for frame in frames if frame.number < before]
+            last = {
+                event.type: (each.number, each.events) for each in known for event in each.events
+            }
+            assert record.last_events(record.description.world.vocabulary.events, before) == last
+            for name, expected in last.items():
+                assert record.last_events([name], before) == {name: expected}
+            assert before < 60 or min(number for number, _ in last.values()) < 50
+
+
 def futures(record, number, file, seed):
     """The digests of a run that starts from the state before a frame of a record."""
     cursor = Cursor(record, state=True)

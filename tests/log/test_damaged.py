@@ -157,6 +157,8 @@ def test_bytes_that_may_have_been_a_checkpoint_hide_what_was_sent_last(tmp_path)
         assert (end.number, record.last()[0]) == (57, 60)
         assert end.checkpoint.emitted
         assert record.closing_events() == ()
+        copied = [message for topic, message in record.messages(end.number) if topic == c.FRAME]
+        assert [message.sequence for message in copied] == list(range(end.number))
 
 
 def test_an_index_that_names_another_channel_hides_nothing(tmp_path):
