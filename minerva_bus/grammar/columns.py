@@ -40,6 +40,7 @@ from minerva_bus.grammar.scene import (
     of_pieces,
     rebuild,
     rescoped,
+    shared,
     walk,
     with_scope,
 )
@@ -659,6 +660,11 @@ def rewritten(
 
     If that returns None, `leave` rewrites their rows, as nodes.
     """
+    first = scene.pieces[0] if len(scene.pieces) == 1 else None
+    # The usual fragment, an agent without a scope, needs no stack.
+    if isinstance(first, AgentNode) and not first.scope.pieces:
+        new = leave(first, first.scope)
+        return shared(scene, [*new.nodes] if isinstance(new, Scene) else [new])
     if not has_columns(scene):
         return rebuild(scene, leave)
     made: list[Piece] = []
