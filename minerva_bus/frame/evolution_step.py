@@ -99,7 +99,7 @@ def claim_ids(changed: Mapping[str, Scene], result: FrameResult, composition: Co
     earlier reply: then nothing is noted.
     """
     single, gained = _reported(changed, composition.parts)
-    homes = composition.home_of_each(map(_AGENT, single))
+    homes = composition.home_of_each(map(_AGENT, single)) if single else {}
     owners = homes | result.newborns
     for agent, fragment in single:
         if owners.setdefault(agent, fragment) != fragment:
@@ -124,7 +124,10 @@ def _second(agent: str) -> Unfit:
 def _reported(
     changed: Mapping[str, Scene], parts: Mapping[str, Columns]
 ) -> tuple[list[tuple[str, str]], list[tuple[str, Ids]]]:
-    """The agents outside columns and the ids that columns have gained, with their fragments."""
+    """The agents outside columns and the ids that columns have gained, with their fragments.
+
+    An agent that is a fragment of the string is left out: nothing else may have its id.
+    """
     single, gained = list[tuple[str, str]](), list[tuple[str, Ids]]()
     for fragment, scene in sorted(changed.items()):
         for piece in scene.pieces:
@@ -135,7 +138,8 @@ def _reported(
                     gained.append((fragment, _gained(part, piece.ids)))
             # The usual case, without a stack for each agent.
             elif isinstance(piece, AgentNode) and not piece.scope.pieces:
-                single.append((piece.id, fragment))
+                if piece.id != fragment:
+                    single.append((piece.id, fragment))
             else:
                 single += [(agent.id, fragment) for agent in agents(Scene((piece,)))]
     return single, gained
