@@ -388,20 +388,20 @@ def made_events(made: Any) -> Iterator[AnyEvent]:
     if made is None:
         return
     # Checked before Iterable, because an event and a batch are iterable themselves.
-    if isinstance(made, Event | Events):
+    if isinstance(made, (Event, Events)):
         yield made
         return
     # A text and a mapping are iterable, but their letters and keys are not what was meant.
     # Generators and lists are found without the checks of abstract classes.
-    result: object = made
-    if not isinstance(result, GeneratorType | list | tuple) and (
-        isinstance(result, str | bytes | Mapping) or not isinstance(result, Iterable)
+    if not isinstance(made, (GeneratorType, list, tuple)) and (
+        isinstance(made, (str, bytes, Mapping)) or not isinstance(made, Iterable)
     ):
         raise TypeError(f"expected events, one event or None, not {_named(made)}")
-    for number, item in enumerate(cast("Iterable[object]", result)):
+    items: Iterable[object] = made
+    for number, item in enumerate(items):
         check_number(number)
         if item is not None:
-            if not isinstance(item, Event | Events):
+            if not isinstance(item, (Event, Events)):
                 raise TypeError(f"expected events, not {_named(item)}")
             yield item
 

@@ -229,7 +229,7 @@ class Fields:
                 raise Unfit(f"{count} values, not {len(value)}")
             return fit_array(field.type, value)
         except Unfit as unfit:
-            listed = isinstance(value, list | tuple)
+            listed = isinstance(value, (list, tuple))
             hint = f"; for {count} different values use an array" if listed else ""
             raise Unfit(f"{owner}: {field.name} must be {unfit}{hint}") from None
 

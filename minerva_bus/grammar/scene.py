@@ -178,7 +178,7 @@ class _SingleNode(Digested):
         return (cast("Node", self),)
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, FigureNode | TransformationNode | AgentNode):
+        if not isinstance(other, (FigureNode, TransformationNode, AgentNode)):
             return NotImplemented
         return self is other or scene_of(cast("Node", self)) == scene_of(other)
 
@@ -307,7 +307,7 @@ def _perhaps_agents(scene: Scene) -> list[Node]:
     """The nodes that are agents or may contain some, from right to left."""
     pieces: list[Node] = []
     for piece in reversed(scene.pieces):
-        if isinstance(piece, FigureNode | TransformationNode | AgentNode):
+        if isinstance(piece, (FigureNode, TransformationNode, AgentNode)):
             pieces.append(piece)
         elif piece.ids is not None:
             return list(reversed(scene.nodes))

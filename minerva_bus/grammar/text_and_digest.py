@@ -88,7 +88,7 @@ def head(node: Node) -> str:
 
 def json_value(value: Value) -> bool | int | float | str:
     """The value itself if JSON has it, otherwise its canonical text."""
-    return value if isinstance(value, bool | int | float | str) else value_text(value)
+    return value if isinstance(value, (bool, int, float, str)) else value_text(value)
 
 
 def value_text(value: Value) -> str:

@@ -207,7 +207,7 @@ class Unfit(MinervaError):
 def to_float(value: Any) -> float | None:
     """A float64; infinity for an int beyond its range, None if the value is not a number."""
     # A bool is an int in Python, but not a number here.
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         return None
     try:
         return float(cast("float", value))
@@ -220,7 +220,7 @@ def to_int(value: Any) -> int:
     # Below 2^53 every whole float64 is one exact integer.
     if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
         return int(value)
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise Unfit(f"a whole number, not {shown(value)}")
     number = int(cast("int", value))
     if not -INT_END <= number < INT_END:
@@ -243,7 +243,7 @@ def to_text(value: Any) -> str:
 
 def to_bool(value: Any) -> bool:
     """A bool, also from numpy. Raises Unfit."""
-    if not isinstance(value, bool | np.bool_):
+    if not isinstance(value, (bool, np.bool_)):
         raise Unfit(f"true or false, not {shown(value)}")
     return bool(cast("bool", value))
 
@@ -292,7 +292,7 @@ def shallow(value: _V) -> _V:
         # By identity: an item that occurs many times would otherwise be visited once for each path
         # to it, and nesting makes these paths exponentially many.
         within = {id(item): item for outer in level for item in _inside(outer)}
-        level = [item for item in within.values() if isinstance(item, tuple | Scene)]
+        level = [item for item in within.values() if isinstance(item, (tuple, Scene))]
         if not level:
             return value
     raise Unfit(f"a value nested at most {DEPTH} deep")
@@ -369,7 +369,7 @@ _UNQUOTED: Final = re.compile(r"[-+]?\.?[0-9][0-9.e+-]*\s*[A-Za-z°/]*|true|fals
 
 def shown(value: Any) -> str:
     """A value as shown in messages."""
-    if isinstance(value, str | int | float | bool):
+    if isinstance(value, (str, int, float, bool)):
         hint = ": write it without quotes" if _UNQUOTED.fullmatch(str(value)) else ""
         return repr(value)[:40] + (hint if isinstance(value, str) else "")
     if isinstance(value, Quantity):
@@ -378,7 +378,7 @@ def shown(value: Any) -> str:
         return "a string"
     if isinstance(value, np.ndarray):
         return "a matrix"
-    return "a list" if isinstance(value, tuple | list) else f"a {type(value).__name__}"
+    return "a list" if isinstance(value, (tuple, list)) else f"a {type(value).__name__}"
 
 
 # --- types ---
@@ -457,7 +457,7 @@ class Type:
 
     def _list(self, value: Any) -> tuple[Value, ...]:
         item = cast("Type", self.item)
-        if not isinstance(value, tuple | list):
+        if not isinstance(value, (tuple, list)):
             raise Unfit(f"a {self}, not {shown(value)}")
         items = cast(
             "tuple[Any, ...]",

@@ -235,7 +235,7 @@ class Metrics(Sink):
     def received(self, stimulus: s.Stimulus) -> None:
         """Measure the waiting time for a reply."""
         self._phase, self._began = self._algorithm.phase, perf_counter()
-        replies = isinstance(stimulus, m.TickReply | m.EvolveReply)
+        replies = isinstance(stimulus, (m.TickReply, m.EvolveReply))
         # A reply that arrived early, or late, was not awaited in this frame.
         if replies and stimulus.frame == self._algorithm.frame:
             waited = MICRO * (self._began - self._asked_at)

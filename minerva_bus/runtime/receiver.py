@@ -389,7 +389,7 @@ class Receiver:
         else:
             self._pass_on(large.member, large.data, decoded.message)
         # The coordinator has asked for these, so their time is not charged to the member.
-        if not isinstance(decoded.message, m.TickReply | m.EvolveReply):
+        if not isinstance(decoded.message, (m.TickReply, m.EvolveReply)):
             self._admission.rules.spent(large.member, decoded.seconds)
 
     def take_token(self, _: object = None) -> None:
@@ -495,7 +495,7 @@ class Receiver:
         # else here.
         if isinstance(message, m.EvolveReply):
             message.elapsed = self._clock() - self._transport.evolving_since  # pyright: ignore
-        if isinstance(message, m.EvolveReply | m.TickReply):
+        if isinstance(message, (m.EvolveReply, m.TickReply)):
             message.received = body  # pyright: ignore
         reason = ""
         if isinstance(message, m.Hello):

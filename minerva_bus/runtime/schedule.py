@@ -133,7 +133,7 @@ class FrameSchedule(Sink):
 
     def received(self, stimulus: s.Stimulus) -> None:
         """Note which member answers last, for the report of an overrun."""
-        if not isinstance(stimulus, m.TickReply | m.EvolveReply):
+        if not isinstance(stimulus, (m.TickReply, m.EvolveReply)):
             return
         # The frame has not waited for a reply that comes late or twice, and after a part that is
         # over its time would make the duration of the next one negative.

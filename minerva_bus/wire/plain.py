@@ -476,14 +476,14 @@ def as_int(plain: Any, what: str, least: int = 0) -> int:
 def as_number(plain: Any, what: str) -> float:
     """`plain` as a finite float. Raises ProtocolError."""
     # nan - nan and inf - inf are nan; an int too large for a float stays exact until float().
-    if isinstance(plain, bool) or not isinstance(plain, int | float) or plain - plain != 0:
+    if isinstance(plain, bool) or not isinstance(plain, (int, float)) or plain - plain != 0:
         raise ProtocolError(f"{what} must be a finite number, not {name_of(plain)}")
     return float(plain)
 
 
 def as_scalar(plain: Any, what: str) -> bool | int | float | str:
     """`plain` as a bool, a finite number or text. Raises ProtocolError."""
-    if isinstance(plain, bool | int | str) or (isinstance(plain, float) and math.isfinite(plain)):
+    if isinstance(plain, (bool, int, str)) or (isinstance(plain, float) and math.isfinite(plain)):
         return plain
     raise ProtocolError(f"{what} must be a finite number or text, not {name_of(plain)}")
 
@@ -497,7 +497,7 @@ def as_bool(plain: Any, what: str) -> bool:
 
 def name_of(plain: Any) -> str:
     """A decoded value as error messages describe it: numbers by value, others by type."""
-    if isinstance(plain, bool | int | float):
+    if isinstance(plain, (bool, int, float)):
         return repr(plain)
     return {"NoneType": "nil", "str": "text", "list": "a list", "dict": "a map"}.get(
         type(plain).__name__, type(plain).__name__

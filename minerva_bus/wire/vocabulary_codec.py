@@ -251,7 +251,7 @@ def _apart(symbol: str, parts: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _measure(plain: Any) -> Any:
-    if isinstance(plain, str | bool):
+    if isinstance(plain, (str, bool)):
         return plain
     if isinstance(plain, list):
         pairs = [as_items(pair, "a colour", 2) for pair in cast("list[Any]", plain)]

@@ -397,7 +397,7 @@ Kinds = Mapping[str, type[Agent]]
 def kinds_of(classes: Iterable[type[Agent]] | Kinds) -> Kinds:
     """Agent classes by the symbol of their kind. Raises MisuseError."""
     # A dictionary is found without the checks of abstract classes, which each frame would make.
-    if isinstance(classes, dict | Mapping):
+    if isinstance(classes, (dict, Mapping)):
         return cast("Kinds", classes)
     if not isinstance(classes, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError(f"expected a list of agent classes, not {classes!r:.60}")
