@@ -192,7 +192,9 @@ class FrameAlgorithm:
             self.collection.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
             # Repeated frames have reported theirs.
             if in_flight.events.ordered and in_flight.logged is None:
-                self._report_unknown_receivers()
+                ordered = in_flight.events.ordered
+                for problem in self.inbox.unknown.problems(ordered, self.composition):
+                    self.out.log(EVENTS, problem)
             now.enter(Awaited.EVENTS)
             self.evolution.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
         # `settle` is the last condition because it has effects: it applies the norms, and may
@@ -286,11 +288,6 @@ class FrameAlgorithm:
             counts = sorted(self.norms.broken.items())
             self.shutdown.add_figures(SOURCE, {f"norm_{name}": count for name, count in counts})
         self.out.add(s.Ended(self.shutdown.reason, self.shutdown.total()))
-
-    def _report_unknown_receivers(self) -> None:
-        events = self.now.in_flight.events.ordered
-        for problem in self.inbox.unknown.problems(events, self.composition):
-            self.out.log(EVENTS, problem)
 
     # --- handlers ---
 
@@ -446,13 +443,9 @@ class FrameAlgorithm:
         # A device whose view is made every n frames shows the latest change only in one of these.
         unseen = self.now.frame - self.views.last_change < index.every
         busy = unseen or not index.tickers <= self.members.resting or index.joining
-        return not (busy or self._fading)
-
-    @property
-    def _fading(self) -> bool:
         # Under some policies a frame without events changes or removes agents that have a host.
         fades = self.world.policy.rules.without_events
-        return fades and self.placement.unassigned_agents < self.composition.count
+        return not (busy or (fades and self.placement.unassigned_agents < self.composition.count))
 
     @property
     def failed(self) -> bool:

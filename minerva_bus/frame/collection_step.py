@@ -88,7 +88,7 @@ class CollectionStep:
         if in_flight.logged is not None:
             self._load(in_flight.logged)
         elif self._inbox.events:
-            self._hand_over(self._inbox.take_orders(self._has_taker))
+            self._hand_over(self._inbox.take_orders(self._members.takers))
         # `tickers` includes members that are away and awaited: the frame waits for their return.
         resting = self._resting() if index.alone else _NOBODY
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
@@ -138,9 +138,6 @@ class CollectionStep:
         in_flight.events.dropped = tuple(dropped)
         # Norms have judged them before they were left out.
         inbox |= {source: inbox.pop(DROPPED + source) for source in dropped}
-
-    def _has_taker(self, event_type: str) -> bool:
-        return bool(self._members.takers(event_type))
 
     def _give_orders(self, member: MemberEntry) -> None:
         orders = self._orders_for(member)
@@ -244,7 +241,7 @@ class CollectionStep:
 
     def _gather(self, due: tuple[str, ...]) -> None:
         events = self._now.in_flight.events
-        taken, emitted = self._inbox.take(self._has_taker), self._inbox.emitted
+        taken, emitted = self._inbox.take(self._members.takers), self._inbox.emitted
         events.taken = {**taken}
         # The log needs the orders too: a recomputed frame hands them over again.
         for source, orders in events.orders.items():
@@ -431,7 +428,7 @@ class FrameInbox:
         """The count of the orders of a person since the last frame."""
         return self._counts.get(source_of(person), 0)
 
-    def take_orders(self, is_taken: Callable[[str], bool]) -> OrdersBySource:
+    def take_orders(self, is_taken: Callable[[str], object]) -> OrdersBySource:
         """Remove the orders whose event type a generator takes, and return them by source."""
         taken: dict[str, tuple[AnyEvent, ...]] = {}
         for source in sorted(filter(is_people, self.events)):
@@ -442,7 +439,7 @@ class FrameInbox:
                 self.events |= {source: left} if left else {}
         return taken
 
-    def take(self, is_taken: Callable[[str], bool]) -> dict[str, list[AnyEvent]]:
+    def take(self, is_taken: Callable[[str], object]) -> dict[str, list[AnyEvent]]:
         """Remove and return the events for this frame.
 
         Orders that a generator takes stay: they arrived after the request to it.

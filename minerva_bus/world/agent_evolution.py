@@ -74,7 +74,8 @@ class AgentStep:
     ) -> None:
         self._node = node
         self._kinds = kinds
-        self._context = context
+        self.context = context
+        """The context of its activities, with the events that they have emitted."""
         self._around: Scene | None = None  # unlike the agent alone
         self._agent = agent
         self._ran: list[tuple[Activity, Event]] = []
@@ -85,11 +86,6 @@ class AgentStep:
     def _inside(self) -> frozenset[int]:
         """The nodes that searches skip, because the agent is not in its scope."""
         return identities(self._node.scope)
-
-    @property
-    def context(self) -> Context:
-        """The context of its activities, with the events that they have emitted."""
-        return self._context
 
     def process(self, events: Sequence[tuple[int, AnyEvent]]) -> int:
         """Process events that concern it until its kind changes. Raises ActivityError.
@@ -167,7 +163,7 @@ class AgentStep:
     def _process_single(self, event: Event) -> None:
         agent = self._agent
         if agent is None:
-            agent = self._thawed_once(event)
+            agent = self._agent = self._thawed(self._node, event)
         self._event = event
         if event.condition and not holds(event.condition, self._now(agent, event).state):
             return
@@ -185,8 +181,8 @@ class AgentStep:
         """Whether it responds to an event that it responds to with a probability."""
         if isinstance(probability, str):
             state: Mapping[str, Any] = self._now(agent, event).state
-            return self._context.answers(event.type, state[probability])
-        return self._context.answers(event.type, probability)
+            return self.context.answers(event.type, state[probability])
+        return self.context.answers(event.type, probability)
 
     def returned(self, activity: Activity, result: object, event: Event) -> None:
         """Continue with the result of an activity that ran in rows. Raises ActivityError."""
@@ -235,7 +231,7 @@ class AgentStep:
         activity = agent.activities[event.type]
         self._ran.append((activity, event))
         try:
-            made = checked(activity(agent, given, self._context))
+            made = checked(activity(agent, given, self.context))
             if made is None and "_born" in agent.__dict__ and self._is_lost(agent):
                 raise TypeError("its newborn would be lost: return self.string + self.child(...)")
             return made
@@ -248,7 +244,7 @@ class AgentStep:
     def _is_lost(self, agent: Agent) -> bool:
         """Whether nothing that lasts can have the string of a newborn: attributes and events."""
         state = agent.__dict__
-        kept = len(state) > len(agent.kind.fields.names) + len(OWN) + 1 or self._context.emitted
+        kept = len(state) > len(agent.kind.fields.names) + len(OWN) + 1 or self.context.emitted
         strings = [value for value in state.values() if isinstance(value, Scene)]
         return not kept and len(strings) == 1 and agent.scope is self._node.scope
 
@@ -276,7 +272,7 @@ class AgentStep:
         return own[0] if own else None
 
     def _failed(self, activity: Activity | None, event: Event) -> ActivityError:
-        return ActivityError(activity, self._node, event, self._context.number)
+        return ActivityError(activity, self._node, event, self.context.number)
 
 
 def _of_type(event_type: str) -> Callable[[tuple[int, AnyEvent]], bool]:

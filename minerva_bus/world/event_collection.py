@@ -55,7 +55,7 @@ def collect(order: Priority, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple
     if Events not in map(type, events):
         # The condition e^i ∉ z of equation 6. The source is not part of an event, so two generators
         # that report the same event yield it once, at its first place in the order.
-        return tuple(dict.fromkeys(events))
+        return tuple(dict.fromkeys(events) if len(events) > 1 else events)
     collected: list[AnyEvent] = []
     for _, group in groupby(events, lambda event: event.type):
         collected += _each_once(list(group))
