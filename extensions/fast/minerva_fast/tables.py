@@ -304,14 +304,13 @@ class Opened:
         size = _size(shape)
         counts = np.array([count, size if vacant is None else vacant, 0, 0, 0])
         links, places = np.empty((3, capacity), np.int64), np.empty((3, size), np.int64)
-        cell, none = np.empty(capacity, np.int64), np.empty(0, np.int64)
-        rows = LatticeRows(values, links, places, counts, births, cell, none, lattice)
+        cell, nearby = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+        rows = LatticeRows(values, links, places, counts, births, cell, nearby, lattice)
         if isinstance(shape, FieldGrid):
-            reals = np.empty(0)
-            rows = FieldRows(
-                *rows[:-1], reals, reals, none, none, reals, reals, reals, reals, shape
-            )
-        opened = Opened(kind, matrix, _with(rows))
+            (dx, dy), reals, none = np.empty((2, capacity)), np.empty(0), np.empty(0, np.int64)
+            x, y = values[X], values[Y]
+            rows = FieldRows(*rows[:-1], dx, dy, none, none, reals, reals, x, y, shape)
+        opened = Opened(kind, matrix, rows)
         opened._enter()
         return opened
 
