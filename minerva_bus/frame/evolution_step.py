@@ -99,6 +99,8 @@ def claim_ids(changed: Mapping[str, Scene], result: FrameResult, composition: Co
     earlier reply: then nothing is noted.
     """
     single, gained = _reported(changed, composition.parts)
+    if not (single or gained):
+        return
     homes = composition.home_of_each(map(_AGENT, single)) if single else {}
     owners = homes | result.newborns
     for agent, fragment in single:

@@ -393,12 +393,12 @@ def made_events(made: Any) -> Iterator[AnyEvent]:
         return
     # A text and a mapping are iterable, but their letters and keys are not what was meant.
     # Generators and lists are found without the checks of abstract classes.
-    if not isinstance(made, (GeneratorType, list, tuple)) and (
-        isinstance(made, (str, bytes, Mapping)) or not isinstance(made, Iterable)
+    result: object = made
+    if not isinstance(result, (GeneratorType, list, tuple)) and (
+        isinstance(result, (str, bytes, Mapping)) or not isinstance(result, Iterable)
     ):
         raise TypeError(f"expected events, one event or None, not {_named(made)}")
-    items: Iterable[object] = made
-    for number, item in enumerate(items):
+    for number, item in enumerate(made):
         check_number(number)
         if item is not None:
             if not isinstance(item, (Event, Events)):
@@ -633,7 +633,7 @@ class Host:
                 raise ProtocolError(f"frame {request.frame} is about #{name}, never given here")
         views: dict[str, Changes] = {}
         # Views are first: they show the string before the evolution, which replaces the fragments.
-        for event_type in sorted(set(map(_TYPE, request.visual))):
+        for event_type in sorted(set(map(_TYPE, request.visual))) if request.visual else ():
             views[event_type] = self._views(event_type, concerned, request.visual, frame)
         events = Addressed(request.events)
         changed: dict[str, Scene | Delta] = {}

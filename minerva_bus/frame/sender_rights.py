@@ -408,8 +408,8 @@ class UnknownReceivers:
             else:
                 for receiver in event.receivers[:MAX_RECEIVERS]:
                     single.setdefault(receiver, event)
-        known = composition.home_of_each(single) if single else {}
-        for receiver in sorted(single.keys() - known.keys()):
+        missing = single.keys() - composition.home_of_each(single).keys() if single else ()
+        for receiver in sorted(missing):
             event = single[receiver]
             if event.type not in self._reported and not self._was_there(receiver):
                 self._reported.add(event.type)
