@@ -302,30 +302,17 @@ def write_output(path: Path, content: bytes, kind: str = "output") -> None:
     Raises MisuseError if the file must not be overwritten or cannot be written.
     """
     check_output(path, kind)
-    if path.exists() and not path.is_file():
-        _write(path, kind, lambda: _write_into(path, content))  # Keeps a pipe or a device.
-        return
-    _write(path, kind, lambda: _replace(path, marked(content, path.suffix)))
-
-
-def _write(path: Path, kind: str, write: Callable[[], None]) -> None:
     try:
-        write()
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)  # Keeps a pipe or a device.
+            return
+        with replacing(path) as file:
+            file.write(marked(content, path.suffix))
     except OSError as error:
         reason = error.strerror or error
         raise MisuseError(
             f"{kind}: cannot write {path}: {reason}; choose a writable path"
         ) from None
-
-
-def _write_into(path: Path, content: bytes) -> None:
-    with path.open("wb") as file:
-        file.write(content)
-
-
-def _replace(path: Path, content: bytes) -> None:
-    with replacing(path) as file:
-        file.write(content)
 
 
 @contextlib.contextmanager

@@ -50,14 +50,13 @@ def main() -> None:
 
         supervisor = Supervisor(file, console, time.monotonic(), coordinator=make)
         summary = supervisor.run()
-        result: dict[str, Any] = {}
+        result: dict[str, Any] = {"scene": "", "events": {}}
         if last.exists():
             result = json.loads(last.read_text(encoding="utf-8"))
         write_result(
             end,
             {
-                "scene": result.get("scene", ""),
-                "events": result.get("events", {}),
+                **result,
                 "summary": summary.plain(),
                 "figures": {
                     name: value
