@@ -283,10 +283,12 @@ def test_a_robot_that_is_blind_stops_and_says_so_once(options, sensor, good, bad
     said = capsys.readouterr().out
     assert said.count("stopped until") == said.count("driving on") == 1
     assert f"no {name} from {endpoint} since " in said
+    assert "shows nothing" not in said
 
 
 def test_a_laser_that_sees_nothing_in_its_range_is_not_blind(capsys):
     with network() as (endpoint, _), Base(Ros2Network(endpoint)) as base, Body(endpoint) as body:
+        eventually(lambda: STILL in base.told, "it stops what a predecessor has begun")
         base.ranges = [math.inf, 9.0]
         body.frames(STAY)
         assert body.device.report()["scans without a hit"] > 0

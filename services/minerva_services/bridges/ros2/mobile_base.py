@@ -125,9 +125,14 @@ class BaseOptions:
     qos: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
-        for name, table in (("watch", self.watch), ("blind", self.blind)):
+        for name, table, example in (
+            ("watch", self.watch, '{"depth/points" = "sensor_msgs/msg/PointCloud2"}'),
+            ("blind", self.blind, "{scan = 1.0}"),
+        ):
             if not isinstance(table, Mapping | None):
-                raise MisuseError(f"ros2_robot: {name} is {table!r:.60}; expected a table")
+                raise MisuseError(
+                    f"ros2_robot: {name} is {table!r:.60}; expected a table, {example}"
+                )
         mount_of(self.mount)
         checked_offset(self.time_offset)
         check_positive("ros2", "rate", self.rate)
