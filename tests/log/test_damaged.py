@@ -132,6 +132,19 @@ def test_strings_are_known_again_behind_the_damage(tmp_path):
     assert losses.frames == f"frames 8 to {first_after - 1}"
 
 
+def test_a_copy_without_the_lost_frames_has_the_strings_of_the_others(tmp_path):
+    """The first of them is stored as what has changed since the last frame before the damage."""
+    data = bytes_of("meadow")
+    broken = flipped(data, parts(data, CHUNK)[5][0] + 100)
+    with record_of(broken, tmp_path) as record:
+        stream = io.BytesIO()
+        RecordWriter(stream, record.description, record).finish()
+    numbers, _ = kept(broken, tmp_path)
+    copied, losses = kept(stream.getvalue(), tmp_path)
+    assert copied == numbers
+    assert not losses.damage
+
+
 @pytest.mark.parametrize("opcode", [MESSAGE_INDEX, METADATA])
 def test_damage_outside_frames_is_harmless(opcode, tmp_path):
     data = bytes_of("meadow")
