@@ -404,6 +404,10 @@ def test_a_sensor_that_never_was_there_is_missing():
     assert not watch.missing()
     assert watch.silent(9.0 + BLIND) == {}
     assert watch.silent(9.1 + BLIND) == {"scan": 9.0}
+    # A clock that jumps, forwards or back, blinds no robot.
+    for now, stamp in ((9.2, 1e9), (9.4, 3.0)):
+        watch.note("scan", now, stamp)
+    assert watch.silent(9.4 + BLIND) == {}
 
 
 def test_a_new_process_stops_the_robot_that_drives_by_the_last_one():
