@@ -76,6 +76,11 @@ class TableParts:
             check_file(self._final(name), f"the table {name}")
         if not again:
             self._begin()
+        for part in sorted(self.folder.glob("*-*-*.csv")):
+            raise MisuseError(
+                f"{part}: an earlier version of Minerva Bus wrote this part; make the tables with"
+                " that version"
+            )
 
     def _begin(self) -> None:
         # The parts of an internal file belong to a run without a user, such as one of a sweep.

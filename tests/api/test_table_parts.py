@@ -214,7 +214,12 @@ def test_parts_of_a_killed_run_are_not_overwritten(tmp_path):
     TableParts(into, {"frames": {"frame": "int64"}})
     with pytest.raises(MisuseError, match=r"`minerva recover .*out\.csv\.parts`"):
         run(pond(), frames=2, collect={"n": count(Frog)}, into=into)
-    files = read_parts(tmp_path / "out.csv.parts").join()
+    former = tmp_path / "out.csv.parts" / "frames-000000-7.csv"
+    former.write_text("frame\n7\n")
+    with pytest.raises(MisuseError, match="an earlier version of Minerva Bus wrote this part"):
+        read_parts(former.parent)
+    former.unlink()
+    files = read_parts(former.parent).join()
     assert files["frames"].read_text() == "frame\n"
     with pytest.raises(MisuseError, match="not a folder with the parts of tables"):
         read_parts(tmp_path)
