@@ -153,13 +153,11 @@ class Machine:
         """A set of pipes to wait for."""
         return Pipes()
 
-    def lifeline(self) -> tuple[int, int]:
-        """A pipe that closes when the launcher dies."""
-        return os.pipe()
+    lifeline = staticmethod(os.pipe)
+    """A pipe that closes when the launcher dies."""
 
-    def close(self, descriptor: int) -> None:
-        """Close an end of a pipe."""
-        os.close(descriptor)
+    close = staticmethod(os.close)
+    """Close an end of a pipe."""
 
     def write(self, descriptor: int, data: bytes) -> None:
         """Write to a pipe. Raises OSError."""
@@ -216,17 +214,9 @@ class Machine:
         # The name in brackets may contain anything; the state follows it.
         return stat.rpartition(")")[2].split()[:1] in (["T"], ["t"])
 
-    def kill(self, pid: int) -> None:
-        """Kill a child and its process group."""
-        child_processes.kill(pid)
-
-    def kill_group(self, pid: int) -> None:
-        """Kill the processes that a child has started."""
-        child_processes.kill_group(pid)
-
-    def next_ended(self, *, wait: bool = False) -> tuple[int, int] | None:
-        """Process id and exit code of a child that has ended, or with `wait` of the next one."""
-        return child_processes.next_ended(wait=wait)
+    kill = staticmethod(child_processes.kill)
+    kill_group = staticmethod(child_processes.kill_group)
+    next_ended = staticmethod(child_processes.next_ended)
 
 
 def stopped_processes(pid: int) -> list[int]:
