@@ -522,6 +522,7 @@ class DeviceSide:
         self._pictures: dict[str, _Picture] = {}
         self._unshown: dict[str, int] = {}
         self._latest: dict[str, int] = {}
+        self._due = self._views = 0
 
     def rejoin(self) -> None:
         """Accept the next keyframes regardless of their sequence number."""
@@ -563,6 +564,9 @@ class DeviceSide:
             # The same frame again, or an earlier one, comes from a record that is wound back.
             if every and latest < frame and latest // every == frame // every and not last:
                 continue
+            # Only "each frame" says that there was a view in each frame in between.
+            self._due += max(1, frame - latest) if every == 1 else 1
+            self._views += 1
             self._latest[event_type] = frame
             del self._unshown[event_type]
             begin(frame)
@@ -570,10 +574,18 @@ class DeviceSide:
                 picture = self._pictures[event_type]
                 # A copy, because the device may keep the view, and the next
                 # delta changes the parts in place.
-                parts = dict(picture.parts)
-                view = View(frame, event_type, picture.skeleton, parts, picture.halted)
+                view = View(
+                    frame, event_type, picture.skeleton, dict(picture.parts), picture.halted
+                )
                 with blamed(self._service.show):
                     self._service.show(view)
+
+    def figures(self, name: str) -> dict[str, bool | int | float | str]:
+        """How many views of each frame it has shown, if not all and people do not look at it."""
+        if self._views == self._due or self._service is None or self._service.interactive:
+            return {}
+        text = f"{self._views:,} of {self._due:,} shown; a coupled device misses none"
+        return {f"views of {name}": text}
 
 
 _TYPE: Final = attrgetter("type")
@@ -774,7 +786,7 @@ class Member:
             m.ViewShown: self._on_view,
             m.Fragments: self.host.take,
             m.Orders: self._generating.take_orders,
-            m.Greet: self._on_greet,
+            m.Greet: lambda _: self._out.append(self.hello()),
             m.Welcome: self._on_welcome,
             m.Refused: self._on_refused,
             m.Sources: self._on_sources,
@@ -829,9 +841,6 @@ class Member:
                 "host": platform.node(),
             },
         )
-
-    def _on_greet(self, _: m.Greet) -> None:
-        self._out.append(self.hello())
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
         """Join a world, or rejoin it after the coordinator has lost this member."""
@@ -892,8 +901,7 @@ class Member:
         same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
         # From before its latest answer, a service can continue only with the data saved then, but
         # a host receives its agents.
-        earlier = welcome.frame < self.frame and welcome.saved is None
-        earlier = earlier and self.service is not None
+        earlier = self.service and welcome.frame < self.frame and welcome.saved is None
         if not same or earlier:
             raise WorldRestarted(
                 f"the world {welcome.world!r} has restarted, at frame {welcome.frame}"
@@ -920,7 +928,8 @@ class Member:
 
     def figures(self) -> m.Figures:
         """Finite metrics of its service; others, such as a mean without values, are left out."""
-        figures = {} if self.service is None else figures_by(self.service)
+        figures = self._drawing.figures(self.name) if self.stopped else {}
+        figures |= {} if self.service is None else figures_by(self.service)
         if self._generating.buffer.dropped:
             figures["dropped"] = self._generating.buffer.dropped
         return figures
@@ -950,16 +959,14 @@ class Member:
         self._generating.asked = None
 
     def _on_tick(self, request: m.TickRequest) -> None:
-        answer = self._generating.repeated(request.frame)
-        if answer is not None:
+        if (answer := self._generating.repeated(request.frame)) is not None:
             self._out.extend(answer)
         else:
             self._tick_if_complete()
 
     def _tick_if_complete(self) -> None:
         """Answer a tick once all readings of its frame have arrived."""
-        generating, world = self._generating, self.world
-        frame = generating.asked
+        generating, world, frame = self._generating, self.world, self._generating.asked
         if frame is None or world is None:
             return
         if generating.publishers and next(generating.missing(), None):
@@ -973,8 +980,7 @@ class Member:
         return self._generating.missing()
 
     def _on_repeat(self, repeat: m.Repeat) -> None:
-        published = self._generating.last_published(repeat.topic)
-        if published is not None:
+        if (published := self._generating.last_published(repeat.topic)) is not None:
             self._out.append(published)
 
     def emitted(self, event: AnyEvent) -> m.Emitted:
@@ -1018,10 +1024,8 @@ class Member:
         frame, parts = self._evolved
         if request.frame < frame or (request.frame == frame and request.part in parts):
             return True
-        if request.frame > frame:
-            parts = set[int]()
-        parts.add(request.part)
-        self._evolved = request.frame, parts
+        earlier = parts if request.frame == frame else ()
+        self._evolved = request.frame, {request.part, *earlier}
         return False
 
     @property

@@ -21,7 +21,7 @@ from pond import (
     started,
 )
 
-from minerva_bus import Agent, Device, Generator, Metres, Vocabulary, on, view, visualize
+from minerva_bus import Agent, Device, Generator, Metres, Scene, Vocabulary, on, view, visualize
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.world_state import WorldSpec
 from minerva_bus.grammar.columns import Delta
@@ -218,6 +218,22 @@ def test_the_last_string_is_shown_at_the_end():
     screen = bus.alive["screen"].service
     bus.run()
     assert screen.shown == ["0: PDot<x=0>", "3: PDot<x=3>"]
+    # It has not been asked to show each frame.
+    assert "views of screen" not in bus.ended.figures
+
+
+def test_views_that_an_observer_of_each_frame_skips_are_counted():
+    bus = started("ACounter#a", members={"screen": service("screen", Screen)}, after=2)
+    screen = bus.alive["screen"]
+    screen.receive(m.ViewShown("eShow", 6, 9, {}, Scene(())))
+    screen.show()
+    screen.receive(m.Stop("enough"))
+    (skipped,) = [name for name in screen.figures() if name.startswith("views")]
+    assert skipped == "views of screen"
+    assert screen.figures()[skipped] == "3 of 7 shown; a coupled device misses none"
+    # A window or a page shows what is new.
+    screen.service.interactive = True
+    assert skipped not in screen.figures()
 
 
 def test_a_guest_that_watches_changes_no_digest():
