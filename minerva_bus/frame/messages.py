@@ -195,9 +195,12 @@ class Hello:
 
     @property
     def pid(self) -> int:
-        """Its process; 0 if it is not known."""
+        """Its process; 0 if it is not known.
+
+        Ids below 2 mean all processes, a group or the first process of a container to `kill`.
+        """
         pid = self.about.get("pid", 0)
-        return pid if isinstance(pid, int) else 0
+        return pid if isinstance(pid, int) and pid > 1 else 0
 
     @property
     def host(self) -> str:

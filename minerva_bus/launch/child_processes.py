@@ -214,6 +214,8 @@ def kill(pid: int) -> None:
 
 def kill_group(pid: int) -> None:
     """Kill the processes that a child has started."""
+    if pid <= 1:  # Group 0 is our own, and `killpg(1)` signals every process of the machine.
+        raise ValueError(f"{pid} is not the process id of a child")
     try:
         os.killpg(pid, signal.SIGKILL)
     except (ProcessLookupError, PermissionError):

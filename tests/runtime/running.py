@@ -296,7 +296,10 @@ class World(Run):
 
         members = eventually(here, f"{names} take part\n{self.text}")
         self.look()
-        return {name: members[name]["pid"] for name in names}
+        pids = {name: members[name]["pid"] for name in names}
+        # Tests signal them, and 0 would be the tests' own group.
+        assert all(pid > 1 for pid in pids.values()), pids
+        return pids
 
     def gone(self):
         """Wait until all of its processes have exited."""

@@ -8,6 +8,7 @@ from io import StringIO
 import pytest
 from running import write_world
 
+from minerva_bus.frame.messages import Hello
 from minerva_bus.launch.child_processes import (
     ChildProcess,
     LineReader,
@@ -80,6 +81,18 @@ def test_each_failure_in_a_row_doubles_the_delay():
 
 NOBODY = 1 << 30
 """A process id that no system gives. To signal 1 by mistake would be to signal all processes."""
+
+
+@pytest.mark.parametrize("pid", [-1, 0, 1])
+def test_only_children_are_killed(monkeypatch, pid):
+    signalled = []
+    monkeypatch.setattr("os.kill", lambda *args: signalled.append(args))
+    monkeypatch.setattr("os.killpg", lambda *args: signalled.append(args))
+    for kill in (Machine().kill, Machine().kill_group):
+        with pytest.raises(ValueError, match=f"^{pid} is not the process id of a child$"):
+            kill(pid)
+    assert not signalled
+    assert Hello("a", 7, about={"pid": pid}).pid == 0
 
 
 class Clock(Machine):
