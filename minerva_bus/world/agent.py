@@ -23,6 +23,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from inspect import unwrap
 from operator import is_
 from typing import Any, ClassVar, Self, TypeVar, cast
 
@@ -134,8 +135,10 @@ class Agent:
     ) -> None:
         super().__init_subclass__(**kwargs)
         own: Any = vars(cls).get("__init__")
-        # One that calls this of Agent is a shorter way to write an agent of a string.
-        if own is not None and "super" not in own.__code__.co_names:
+        code: Any = getattr(unwrap(getattr(own, "func", own)), "__code__", None)
+        # One that calls this of Agent, by `super` or by its name, is a shorter way to write an
+        # agent of a string.
+        if code is not None and "__init__" not in code.co_names:
             never = f"{cls.__name__}.__init__ would not be called for agents of a string"
             how = f'such as `energy: float = 3.0`, and write {cls.__name__}("a", energy=3.0)'
             problem = f"{never}; declare attributes instead, {how}"

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import partialmethod, wraps
 from typing import ClassVar
 
 import numpy as np
@@ -56,12 +57,31 @@ def test_an_agent_is_a_string():
     assert str(Fox("a", x=1, scope=parse("PA")).string).endswith("(PA)")
 
 
-def test_a_class_may_have_a_shorter_constructor_that_calls_that_of_agent():
+def by_super(self, number):
+    super(Fox, self).__init__(f"fox-{number}", x=number)
+
+
+def by_name(self, number):
+    Agent.__init__(self, f"fox-{number}", x=number)
+
+
+@wraps(by_name)
+def wrapped(*args):
+    by_name(*args)
+
+
+@pytest.mark.parametrize("init", [by_super, by_name, wrapped, partialmethod(by_name)])
+def test_a_class_may_have_a_shorter_constructor_that_calls_that_of_agent(init):
     class Short(Fox, symbol="AFox"):
-        def __init__(self, number):
-            super().__init__(f"fox-{number}", x=number)
+        __init__ = init
 
     assert str(Short(3).string) == str(Fox("fox-3", x=3).string)
+
+
+@pytest.mark.parametrize("other", [lambda self: None, partialmethod(lambda self: None)])
+def test_another_constructor_is_refused(other):
+    with pytest.raises(MisuseError, match=r"Short.__init__ would not be called for agents of a"):
+        type("Short", (Fox,), {"__init__": other}, symbol="AFox")
 
 
 def test_thaw_and_freeze_give_the_very_node():
