@@ -174,6 +174,17 @@ def test_bytes_that_may_have_been_a_checkpoint_hide_what_was_sent_last(tmp_path)
         assert [message.sequence for message in copied] == list(range(end.number))
 
 
+def test_bytes_that_were_no_message_cost_no_checkpoint(tmp_path):
+    data = bytes_of("meadow", flush_every=3, finished=False)
+    at, _ = parts(data, CHUNK)[-2]
+    copied = []
+    for each in (data, data[:at] + bytes(40) + data[at:]):
+        with record_of(each, tmp_path) as record:
+            copied.append([m.sequence for topic, m in record.messages(60) if topic == c.CHECKPOINT])
+    assert copied[0] == copied[1]
+    assert copied[0][-3:] == [55, 56, 57]
+
+
 def test_an_index_that_names_another_channel_hides_nothing(tmp_path):
     data = bytearray(bytes_of("meadow", finished=False))
     for at, _ in parts(data, MESSAGE_INDEX):
