@@ -60,7 +60,7 @@ def marked(content: bytes, suffix: str) -> bytes:
 def is_own(path: Path) -> bool:
     """Whether a file carries the program's mark and, in a text format, is unchanged."""
     try:
-        if path.suffix.lower() in _COMMENTS:
+        if ending_of(path) in _COMMENTS:
             return _is_unchanged(path.read_bytes())
         with path.open("rb") as file:
             # A format determines where its mark is: near the start of a PNG or PGM, at the end of a
@@ -71,7 +71,7 @@ def is_own(path: Path) -> bool:
     except OSError:
         return False
     # Under another name, such as that of a link, it would be destroyed as a video or a table.
-    is_named_record = path.suffix.lower() == ".mcap"
+    is_named_record = ending_of(path) == ".mcap"
     # An MCAP file whose header names this library.
     is_record = edges.startswith(b"\x89MCAP") and b"minerva-bus" in edges[:256]
     return MARK.encode() in edges or (is_named_record and is_record)
@@ -209,9 +209,14 @@ def is_stream(path: str | Path) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
+def ending_of(path: str | Path) -> str:
+    """The ending of a file's name in small letters: `.PNG` names the format of `.png`."""
+    return Path(path).suffix.lower()
+
+
 def check_ending(path: Path, endings: Sequence[str], kind: str) -> None:
     """Raise MisuseError if the name of a file has none of these endings, which name formats."""
-    if path.suffix not in endings:
+    if ending_of(path) not in endings:
         known = ", ".join(endings[:-1]) + " or " * (len(endings) > 1) + endings[-1]
         raise MisuseError(f"{kind}: cannot write {path}: expected a name that ends in {known}")
 
@@ -307,12 +312,10 @@ def write_output(path: Path, content: bytes, kind: str = "output") -> None:
             path.write_bytes(content)  # Keeps a pipe or a device.
             return
         with replacing(path) as file:
-            file.write(marked(content, path.suffix))
+            file.write(marked(content, ending_of(path)))
     except OSError as error:
-        reason = error.strerror or error
-        raise MisuseError(
-            f"{kind}: cannot write {path}: {reason}; choose a writable path"
-        ) from None
+        why = error.strerror or error
+        raise MisuseError(f"{kind}: cannot write {path}: {why}; choose a writable path") from None
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from minerva_bus.arguments import path_of, text
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.files import check_ending, write_output
+from minerva_bus.files import check_ending, ending_of, write_output
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import EventType, Vocabulary
@@ -73,7 +73,7 @@ class Still(Displayed):
         """
         into, svg = path_of("path", path), self.svg
         check_ending(into, (".svg", ".png"), "picture")
-        is_svg = into.suffix == ".svg"
+        is_svg = ending_of(into) == ".svg"
         write_output(into, svg.encode() if is_svg else _svg_view().png(svg), "picture")
 
 

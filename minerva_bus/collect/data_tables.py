@@ -26,7 +26,7 @@ from minerva_bus.arguments import path_of, text, text_list
 from minerva_bus.collect.plans import ENDINGS
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.files import MARK, check_ending, check_output
+from minerva_bus.files import MARK, check_ending, check_output, ending_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.wording import counted, install
 
@@ -473,7 +473,7 @@ def create_writer(path: Path, types: Mapping[str, str], final: Path | None = Non
     Raises MisuseError, which names the `final` file if `path` is a draft of it.
     """
     try:
-        return _WRITERS[path.suffix](path, types)
+        return _WRITERS[ending_of(path)](path, types)
     except OSError as error:
         # pyarrow's text contains the path.
         reason = os.strerror(error.errno) if error.errno else str(error)

@@ -295,7 +295,7 @@ def has_parts(path: Path, tables: Mapping[str, Mapping[str, str]] | None = None)
 
 def part_ending(ending: str) -> str:
     """The ending of the parts of files with this ending."""
-    return ".arrow" if ending == ".parquet" else ".columns"
+    return ".arrow" if ending.lower() == ".parquet" else ".columns"
 
 
 def join_parts(parts: Iterable[tuple[Path, int]], into: Path, types: Mapping[str, str]) -> None:

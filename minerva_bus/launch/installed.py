@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from minerva_bus.entry_points import OWN, entries
 from minerva_bus.errors import WorldFileError, nearest
-from minerva_bus.files import MAX_BYTES, note_read, read_text, similar
+from minerva_bus.files import MAX_BYTES, ending_of, note_read, read_text, similar
 from minerva_bus.settings.kinds import phrase_of
 
 SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
@@ -57,8 +57,8 @@ def find_world(spec: str) -> Path:
     if spec and os.path.isdir(path):  # noqa: PTH112 - as in `is_file`
         there = f"{spec.rstrip('/')}/NAME.toml"
         raise WorldFileError(f"{spec} is a folder; give the world file in it, {there}")
-    if path.suffix in (".toml", ".mcap") or "/" in spec:
-        what = "record" if path.suffix == ".mcap" else "world file"
+    if ending_of(path) in (".toml", ".mcap") or "/" in spec:
+        what = "record" if ending_of(path) == ".mcap" else "world file"
         raise WorldFileError(f"there is no {what} {spec}{similar(path)}")
     there = ", ".join(sorted(known)) or "none"
     hint = nearest(spec, list(known), f"installed are {there}; or give a world file, NAME.toml")

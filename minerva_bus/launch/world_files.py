@@ -40,7 +40,7 @@ from minerva_bus.errors import (
     WorldFileError,
     nearest,
 )
-from minerva_bus.files import check_ending
+from minerva_bus.files import check_ending, ending_of
 from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.placement import PlacementRules, Rule
 from minerva_bus.frame.sender_rights import ID
@@ -690,7 +690,7 @@ def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
             ' [collect], such as birds = "count(ABird)"'
         )
     # Checked here, because the coordinator would only report it after the start of the world.
-    if into and Path(into).suffix not in ENDINGS:
+    if into and ending_of(into) not in ENDINGS:
         top.wrong_setting(CollectSettings, "into", f"must end with {' or '.join(ENDINGS)}: {into}")
     return Collecting(entries, into)
 
@@ -708,7 +708,7 @@ def _written(table: Table, vocabulary: Vocabulary) -> dict[str, Expression]:
 def _given(words: tuple[str, ...], into: str, vocabulary: Vocabulary) -> Mapping[str, Expression]:
     """The expressions of a command line. Raises MisuseError and VocabularyError."""
     for word in words:
-        if "=" not in word and word.endswith(ENDINGS):
+        if "=" not in word and ending_of(word) in ENDINGS:
             raise MisuseError(f"--collect takes NAME=EXPRESSION; name the file by --into {word}")
     entries = parse_entries(words)
     # The plans are made for their checks: errors appear here, before any process starts.

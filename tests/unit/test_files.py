@@ -13,9 +13,11 @@ from minerva_agents.robot.maps import load_map
 from minerva_bus import files, record, resume
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.files import (
+    check_ending,
     check_file,
     check_output,
     check_replaceable,
+    ending_of,
     is_own,
     note_read,
     path_of_text,
@@ -66,6 +68,14 @@ def test_a_record_of_unwritten_bytes_is_not_searched_to_its_end(begin, sparse, m
         file.write(begin)
     with pytest.raises(MinervaError, match="no record of an MCAP file in 1,048,576 bytes"):
         Chunks(sparse)
+
+
+@pytest.mark.parametrize("name", ["a.png", "A.PNG", "a.Png"])
+def test_an_ending_names_its_format_in_any_case(name):
+    check_ending(Path(name), (".svg", ".png"), "picture")
+    assert ending_of(name) == ".png"
+    with pytest.raises(MisuseError, match=r"expected a name that ends in \.csv$"):
+        check_ending(Path(name), (".csv",), "table")
 
 
 def test_folders_and_pipes_are_named(tmp_path):

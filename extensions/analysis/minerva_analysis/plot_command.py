@@ -14,6 +14,7 @@ from minerva_bus.cli.output import Done, print_answer
 from minerva_bus.collect.data_tables import DataTable
 from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.errors import MisuseError
+from minerva_bus.files import ending_of
 from minerva_bus.launch.console import progress_bar
 from minerva_bus.log.record import Record
 
@@ -35,7 +36,7 @@ def plot_file(
     names = tuple(name.strip() for name in series.split(",") if name.strip())
     # Before the file is read, which may take long.
     check_picture(into)
-    if file.suffix in _TABLES:
+    if ending_of(file) in _TABLES:
         if collect:
             raise MisuseError(f"--collect is of records; {file} is a table: choose with --series")
         plot_table(read_table(file), names, x, bars=bars).save(into)

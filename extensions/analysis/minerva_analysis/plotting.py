@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from minerva_bus.arguments import path_of
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_ending, check_output, write_output
+from minerva_bus.files import check_ending, check_output, ending_of, write_output
 from minerva_bus.wording import install
 from minerva_services.geometry.colors import OKABE_ITO
 
@@ -196,7 +196,7 @@ def write_figure(figure: Any, path: Path) -> None:
     """Save a matplotlib figure; the suffix of the path names the format. Raises MisuseError."""
     check_ending(path, ENDINGS, "picture")
     # `write_output` adds the mark and replaces the file only when the picture is complete.
-    write_output(path, _content(figure, path.suffix[1:]), "picture")
+    write_output(path, _content(figure, ending_of(path)[1:]), "picture")
 
 
 def _content(figure: Any, kind: str) -> bytes:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.collect.data_tables import ARRAY_TYPES, DataTable, needed
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import is_stream, note_read
+from minerva_bus.files import ending_of, is_stream, note_read
 
 _WORDS: Final = {"True": True, "False": False, "true": True, "false": False, "": None}
 
@@ -24,7 +24,7 @@ def read_table(path: Path) -> DataTable:
         if is_stream(path):
             raise ValueError("it is a pipe or device; expected a file")
         note_read(path)
-        columns = _csv(path) if path.suffix == ".csv" else _parquet(path)
+        columns = _csv(path) if ending_of(path) == ".csv" else _parquet(path)
     except (OSError, ValueError, csv.Error) as error:
         why = getattr(error, "strerror", None) or str(error).split("\n", 1)[0]
         raise MisuseError(f"{path}: no table can be read: {why}") from None

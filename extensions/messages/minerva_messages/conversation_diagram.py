@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from minerva_bus.cli.output import print_json, print_result
-from minerva_bus.files import check_ending, check_output, write_output
+from minerva_bus.files import check_ending, check_output, ending_of, write_output
 from minerva_bus.log.record import Record
 from minerva_messages.exchanges import Exchange, check_drawable, exchange_of
 
@@ -33,5 +33,5 @@ def show_conversation(file: Path, conversation: str, output: Path | None, as_jso
 def _write(output: Path, exchange: Exchange) -> None:
     from minerva_messages.sequence import draw
 
-    text = draw(exchange) if output.suffix == ".svg" else exchange.mermaid()
+    text = draw(exchange) if ending_of(output) == ".svg" else exchange.mermaid()
     write_output(output, text.encode(), "conversation")

@@ -11,6 +11,7 @@ from minerva_analysis.plotting import check_picture
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.collect.plans import ENDINGS as TABLES
 from minerva_bus.errors import MisuseError
+from minerva_bus.files import ending_of
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import folder_of, load
 from minerva_bus.launch.world_files import WorldFile
@@ -82,13 +83,13 @@ def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, as_js
 
 def _save(file: WorldFile, wanted: EvolveOptions, console: Console, ran: EvolutionRun) -> None:
     for path in wanted.outputs:
-        if path.suffix in TABLES:
+        if ending_of(path) in TABLES:
             write(ran.evolution.table(), path)
             console.note(f"{len(ran.evolution.all)} strings are in {path}")
         elif ran.cache.best is not None:
             save(ran.cache.best.scene, path, file, wanted.given)
             # The modules that a world file names are found in its folder.
-            away = path.suffix == ".toml" and path.resolve().parent != file.path.parent
+            away = ending_of(path) == ".toml" and path.resolve().parent != file.path.parent
             where = f"; to run it, move it to the folder of {file.path.name}" if away else ""
             console.note(f"best string saved to {path}{where}")
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from minerva_bus.collect import data_tables
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import replacing
+from minerva_bus.files import ending_of, replacing
 from minerva_bus.launch.toml_tables import option_text, toml_value
 from minerva_bus.wording import install
 from minerva_study.grid import Combination
@@ -93,7 +93,7 @@ def _numeric(values: Sequence[Any]) -> bool:
 def check_table(path: Path) -> None:
     """Check that a table can be written to this file. Raises MisuseError."""
     data_tables.check_table(path)
-    if path.suffix == ".parquet":
+    if ending_of(path) == ".parquet":
         from importlib.util import find_spec
 
         if find_spec("pyarrow") is None:
@@ -102,7 +102,7 @@ def check_table(path: Path) -> None:
 
 def write(table: ResultTable, path: Path) -> None:
     """Write a table, completely or not at all. Raises MisuseError."""
-    data = _csv(table) if path.suffix == ".csv" else _parquet(table)
+    data = _csv(table) if ending_of(path) == ".csv" else _parquet(table)
     try:
         with replacing(path, durable=True) as file:
             file.write(data)

@@ -9,7 +9,7 @@ from typing import Any
 
 from minerva_bus.collect.plans import ENDINGS as TABLES
 from minerva_bus.errors import MisuseError, WorldFileError
-from minerva_bus.files import check_ending, check_new, check_output, write_output
+from minerva_bus.files import check_ending, check_new, check_output, ending_of, write_output
 from minerva_bus.grammar.scene import Scene, scene_of
 from minerva_bus.grammar.text_and_digest import text
 from minerva_bus.launch.toml_tables import of_nodes, toml_value
@@ -32,7 +32,7 @@ class WorldOptions:
 def check_place(path: Path) -> None:
     """Raise MisuseError if the best string, or the table of all, cannot be saved to this file."""
     check_ending(path, ENDINGS, "string or table")
-    if path.suffix in TABLES:
+    if ending_of(path) in TABLES:
         check_table(path)
         # A table has no mark that distinguishes it from a user's file.
         check_new(path, "table")
@@ -40,14 +40,14 @@ def check_place(path: Path) -> None:
     check_output(path, "string")
     if not path.parent.is_dir():
         raise MisuseError(f"{path}: there is no folder {path.parent}")
-    if path.suffix == ".toml":
+    if ending_of(path) == ".toml":
         _tomlkit()
 
 
 def save(scene: Scene, path: Path, file: WorldFile, given: WorldOptions) -> None:
     """Save a string. Raises MisuseError and WorldFileError."""
     lines = "\n· ".join([text(scene_of(node)) for node in scene.nodes]) or "ε"
-    content = lines + "\n" if path.suffix == ".mnv" else _world(lines, file, given)
+    content = lines + "\n" if ending_of(path) == ".mnv" else _world(lines, file, given)
     write_output(path, content.encode(), "string")
 
 

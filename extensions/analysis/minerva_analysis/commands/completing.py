@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from minerva_bus.cli.completing import Choices, completer, paths, running
+from minerva_bus.files import ending_of
 
 if TYPE_CHECKING:
     from minerva_bus.frame.world_state import WorldSpec
@@ -30,7 +31,7 @@ def agents(ctx: typer.Context, incomplete: str) -> Choices:
 def attributes(ctx: typer.Context, incomplete: str) -> Choices:
     """The attributes of --agent in a record; otherwise, or in a running world, of all agents."""
     source, agent = _source(ctx), str(ctx.params.get("agent") or "")
-    if source.endswith(".mcap"):
+    if ending_of(source) == ".mcap":
         world = _recorded(source)
         kinds, kind = world.vocabulary.kinds, _kinds_of_agents(world).get(agent)
     else:

@@ -10,6 +10,7 @@ import typer
 from minerva_analysis.commands import completing as contents
 from minerva_bus.cli import completing
 from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
+from minerva_bus.files import ending_of
 from minerva_bus.process_life import uncollected
 
 TOPIC: Final = "Observe"
@@ -72,7 +73,7 @@ def explain(
         from minerva_analysis.explain_command import ValueQuestion, explain_record, explain_running
 
     question = ValueQuestion(code, agent, attribute, frame, no_code)
-    if record.endswith(".mcap"):
+    if ending_of(record) == ".mcap":
         explain_record(Path(record), question, json)
         return
     name = NamedTarget(target.connect, target.keys, target.world, record)

@@ -101,7 +101,7 @@ class Svg(Device, draws=("ePicture",)):
             return {}
         figures = {"picture": text_of_path(self._written)}
         if self._written.suffix == ".png":
-            figures["picture_as_svg"] = text_of_path(self._written.with_suffix(".svg"))
+            figures["picture_as_svg"] = text_of_path(self._written.with_suffix(self._path.suffix))
         return figures
 
     def _draw(self, frame: int) -> str:

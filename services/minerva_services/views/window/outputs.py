@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 
-from minerva_bus.files import text_of_path, write_output
+from minerva_bus.files import ending_of, text_of_path, write_output
 from minerva_services.views.svg.files import numbered, prepare_folder
 from minerva_services.views.window.options import WindowOptions
 from minerva_services.views.window.painter import Pixels
@@ -82,7 +82,7 @@ class VideoOutput:
     """A video, in which a view may be shown by several pictures or by none."""
 
     def __init__(self, options: WindowOptions, dt: float, every: int) -> None:
-        suffix = Path(options.video).suffix
+        suffix = ending_of(options.video)
         self._path = options.video
         self._timing = Timing.of(dt, options.speed, every, options.fps, suffix)
         self._writer = VideoWriter(options.video, options.size, self._timing.fps)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import MARK, check_file, gif_comment
+from minerva_bus.files import MARK, check_file, ending_of, gif_comment
 from minerva_services.views.svg.files import prepare_folder
 from minerva_services.views.window.painter import Pixels
 
@@ -106,7 +106,7 @@ class VideoWriter:
     def _begin(self) -> None:
         import av
 
-        kind = self._path.suffix[1:]
+        kind = ending_of(self._path)[1:]
         try:
             self._file: Any = av.open(self._path, "w", format=kind, options=_OPTIONS[kind])
         except OSError as error:
