@@ -6,8 +6,8 @@
 A frame: the coordinator requests events from K member processes, receives K empty replies, collects
 the events and computes the digest of the string. The peers' scripts are in --peers
 (`bench_<peer>.py` and a virtual environment `venvs/<peer>` for each); missing ones are skipped with
-a message. Absolute times depend on the load of the machine; compare the ratios, which are from
-alternating turns in one run.
+a message. `threads` is bare Zenoh with the threads that our sessions have. Absolute times depend on
+the load of the machine; compare the ratios, which are from alternating turns in one run.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
 from minerva_bus.frame.member_side import Member
 from minerva_bus.frame.world_state import WorldSpec
+from minerva_bus.runtime.session import CLIENT_THREADS, HUB_THREADS
 
 WARM_UP = 100
 FIGURES = ("us_per_step_median", "us_per_step_p99", "startup_s")
@@ -39,10 +40,13 @@ VOCABULARY = Vocabulary.of(Primitive("PNothing"))
 BARE = "zenoh/bench_zenoh_bcast.py"
 BARE_OPTIONS = ["--topo", "rstar", "--recv", "chan", "--wrecv", "chan"]
 LABELS = {
-    "minerva": "Minerva Bus", "zenoh": "bare Zenoh", "helics": "HELICS", "spade": "SPADE",
+    "minerva": "Minerva Bus", "zenoh": "bare Zenoh", "threads": "bare, our threads",
+    "helics": "HELICS", "spade": "SPADE",
 }  # fmt: skip
 PEERS: dict[str, tuple[str, list[str]]] = {
     "zenoh": (BARE, BARE_OPTIONS),
+    # The same with the threads of our sessions, which are faster than the usual ones.
+    "threads": (BARE, [*BARE_OPTIONS, "--zruntime", HUB_THREADS, "--wzr", CLIENT_THREADS]),
     "mosaik": ("bench_mosaik.py", []),
     "helics": ("bench_helics.py", []),
     "dora": ("bench_dora.py", []),
@@ -102,7 +106,7 @@ def peer(name: str, folder: Path, workers: int, steps: int) -> dict[str, float] 
     """Run one peer; returns its results, or the reason why there are none."""
     script, options = PEERS[name]
     python = folder / "venvs" / name / "bin" / "python"
-    if name == "zenoh":
+    if script == BARE:
         python = Path(sys.executable)
     if not (folder / script).is_file():
         return f"{folder / script} is not there"

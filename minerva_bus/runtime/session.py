@@ -120,8 +120,8 @@ CONNECT_SECONDS = 5.0
 # separate, so that a link is kept alive regardless of its readers. A reading thread handles what a
 # link has sent before it turns to another one: the hub has more of them than cores, so that the
 # messages of members do not wait for links that are flooded.
-_HUB_THREADS = "(rx:(worker_threads:6),acc:(handover:rx))"
-_CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
+HUB_THREADS = "(rx:(worker_threads:6),acc:(handover:rx))"
+CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
 
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -207,7 +207,7 @@ def open_hub(
     """
     check_port_free(check_endpoint(listen))
     # A value that the user has set has priority.
-    os.environ.setdefault("ZENOH_RUNTIME", _HUB_THREADS)
+    os.environ.setdefault("ZENOH_RUNTIME", HUB_THREADS)
     # Processes of this machine have no certificates and use a Unix
     # socket that only their user reaches.
     endpoints = [listen] if secured is None else sorted({listen, secured.local})
@@ -275,7 +275,7 @@ def open_client(
         check_reachable(asked, patience)
     # Zenoh does not report a rejected certificate and tries until the time is over.
     within = min(patience, _REFUSED_WITHIN) if asked.secured else patience
-    os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
+    os.environ.setdefault("ZENOH_RUNTIME", CLIENT_THREADS)
     try:
         session = open_session(
             session_config("client", name, _connecting([connect], within) | _CLIENT, shared, own)
