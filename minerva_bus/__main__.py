@@ -42,9 +42,10 @@ def main() -> None:
     """Run the command line; Ctrl-C exits quietly, also during imports."""
     open_standard_files()
     try:
-        from minerva_bus.cli.main import main as run
-        from minerva_bus.process_life import ended_by_system
+        from minerva_bus.process_life import ended_by_system, uncollected
 
+        with uncollected():
+            from minerva_bus.cli.main import main as run
         if signal.getsignal(signal.SIGINT) is leave:
             signal.signal(signal.SIGINT, signal.default_int_handler)
     except KeyboardInterrupt:

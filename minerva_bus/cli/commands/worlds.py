@@ -125,7 +125,8 @@ def check(
 
     answer: dict[str, Any] = {"file": str(file), "ok": True}
     try:
-        result = checked(file, vocabulary=vocabulary, code=not no_code)
+        with uncollected():
+            result = checked(file, vocabulary=vocabulary, code=not no_code)
         answer["what"] = result.what
         answer |= {"code": result.code} if no_code and file.suffix == ".toml" else {}
         answer |= {"warnings": result.warnings} if result.warnings else {}
