@@ -6,11 +6,14 @@ report of `minerva_bus.user_code` names these. MINERVA_TRACEBACK=1 shows all fra
 
 from __future__ import annotations
 
+import _thread
 import os
 import sys
+import time
 
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
     from threading import ExceptHookArgs
     from types import TracebackType
     from typing import Final
@@ -33,6 +36,15 @@ def report_threads() -> None:
     import threading  # which a fast command such as `--help` does not need
 
     threading.excepthook = _print_of_thread
+
+
+def repeat_interrupts() -> None:
+    """Interrupt again if Ctrl-C came where Python cannot raise it, in a process of Minerva Bus.
+
+    Such places are callbacks of import locks and `__del__`. Python prints the exception there and
+    goes on.
+    """
+    sys.unraisablehook = _repeat
 
 
 def rendered(error: BaseException) -> str:
@@ -61,6 +73,24 @@ def _print_of_thread(uncaught: ExceptHookArgs) -> None:
         threading.__excepthook__(uncaught)
         return
     sys.stderr.write(f"thread {thread.name!r} has ended: {report(error)}\n")
+
+
+def _repeat(unraisable: UnraisableHookArgs) -> None:
+    if unraisable.exc_type is KeyboardInterrupt:
+        # Later, because the hook itself cannot raise it either.
+        _thread.start_new_thread(_interrupt, ())
+    else:
+        sys.__unraisablehook__(unraisable)
+
+
+def _interrupt() -> None:
+    import signal  # which a fast command such as `--help` does not need
+    import threading
+
+    time.sleep(0.05)
+    main = threading.main_thread().ident
+    if main is not None:
+        signal.pthread_kill(main, signal.SIGINT)
 
 
 def _print(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

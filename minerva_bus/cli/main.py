@@ -38,7 +38,7 @@ from minerva_bus.cli.output import (
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.files import forget_inputs
 from minerva_bus.process_life import ended_by_system, limit_threads
-from minerva_bus.uncaught import report_threads
+from minerva_bus.uncaught import repeat_interrupts, report_threads
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -240,6 +240,7 @@ def _run() -> None:
         # next.
         forget_inputs()
         report_threads()
+        repeat_interrupts()
         answer_fast()
         with promised(sys.argv[1:]), printing_damage():
             _refuse_null_characters(sys.argv[1:])

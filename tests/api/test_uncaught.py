@@ -1,12 +1,14 @@
 """What a script prints for an error that it does not catch."""
 
+import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.uncaught import install
+from minerva_bus.uncaught import install, repeat_interrupts
 
 SNAIL = """
 from minerva_bus import Agent, EventType, World, each, on, run
@@ -73,3 +75,31 @@ def test_a_hook_of_the_program_stays(monkeypatch):
     monkeypatch.setattr(sys, "excepthook", print)
     install()
     assert sys.excepthook is print
+
+
+def test_an_interrupt_that_python_cannot_raise_comes_again(monkeypatch, capsys):
+    class Closing:
+        def __del__(self):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    repeat_interrupts()
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        Closing()
+        with pytest.raises(KeyboardInterrupt):
+            threading.Event().wait()
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert capsys.readouterr().err == ""
+
+
+def test_another_error_that_python_cannot_raise_is_printed(monkeypatch, capsys):
+    class Closing:
+        def __del__(self):
+            raise ValueError("lost")
+
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    repeat_interrupts()
+    Closing()
+    assert "ValueError: lost" in capsys.readouterr().err
