@@ -146,6 +146,12 @@ def test_nothing_is_recovered_from_nothing(records):
         pytest.raises(RecordError, match="no frame in it is intact"),
     ):
         recover(records / "empty.mcap", records / "new.mcap")
+    data = (records / "whole.mcap").read_bytes()
+    second = [at for at, _ in parts(data, CHUNK)][1]
+    (records / "begun.mcap").write_bytes(data[: second + 40])
+    with pytest.raises(RecordError, match="no frame in it is intact"):
+        recover(records / "begun.mcap", records / "new.mcap")
+    assert not (records / "new.mcap").exists()
 
 
 def test_commands_name_the_damage_that_took_all_frames(tmp_path):
