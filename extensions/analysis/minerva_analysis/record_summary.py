@@ -268,7 +268,7 @@ def recover(path: Path, into: Path) -> Recovered:
     with Record(path) as record:
         check_new(into, "record")
         losses = all_losses(record)
-        if (losses.damage or losses.cut) and next(record.frames(), None) is None:
+        if (losses.damage or not record.complete) and next(record.frames(), None) is None:
             raise RecordError(f"{path}: no frame in it is intact")
         try:
             # A recovery that fails leaves no half-written record.

@@ -148,9 +148,10 @@ def test_nothing_is_recovered_from_nothing(records):
         recover(records / "empty.mcap", records / "new.mcap")
     data = (records / "whole.mcap").read_bytes()
     second = [at for at, _ in parts(data, CHUNK)][1]
-    (records / "begun.mcap").write_bytes(data[: second + 40])
-    with pytest.raises(RecordError, match="no frame in it is intact"):
-        recover(records / "begun.mcap", records / "new.mcap")
+    for end in (second, second + 40):  # between two parts, and within the second chunk
+        (records / "begun.mcap").write_bytes(data[:end])
+        with pytest.raises(RecordError, match="no frame in it is intact"):
+            recover(records / "begun.mcap", records / "new.mcap")
     assert not (records / "new.mcap").exists()
 
 
