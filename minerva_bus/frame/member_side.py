@@ -510,6 +510,10 @@ class _Picture:
     halted: frozenset[str] = frozenset()
 
 
+SHOWN_VIEWS: Final = "views of "
+"""How the name of a figure begins that says how many views a device has shown."""
+
+
 class DeviceSide:
     """Views of one member by visual event type, and which of them have not been shown.
 
@@ -585,7 +589,7 @@ class DeviceSide:
         if self._views == self._due or self._service is None or self._service.interactive:
             return {}
         text = f"{self._views:,} of {self._due:,} shown; a coupled device misses none"
-        return {f"views of {name}": text}
+        return {f"{SHOWN_VIEWS}{name}": text}
 
 
 _TYPE: Final = attrgetter("type")

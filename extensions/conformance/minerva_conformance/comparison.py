@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.member_side import Refusal
+from minerva_bus.frame.member_side import SHOWN_VIEWS, Refusal
 from minerva_bus.frame.stimuli import plain_form
 from minerva_conformance.link import CaseFailure, MemberLink
 from minerva_conformance.texts import KnownState, text_of
@@ -93,4 +93,4 @@ def _required(message: m.FromMember | m.Readings) -> list[str]:
     The count of the views that it did not show is a figure of ours, not of the protocol.
     """
     figures = message.figures if isinstance(message, m.Report) else ()
-    return [name for name in figures if not name.startswith("views of ")]
+    return [name for name in figures if not name.startswith(SHOWN_VIEWS)]
