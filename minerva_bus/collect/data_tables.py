@@ -440,10 +440,8 @@ def chunks_in(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, N
             try:
                 array = np.load(file, allow_pickle=False)
                 if kind == "text":
-                    ends, data = (
-                        array.cumsum().tolist(),
-                        np.load(file, allow_pickle=False).tobytes(),
-                    )
+                    ends = array.cumsum().tolist()
+                    data = np.load(file, allow_pickle=False).tobytes()
                     array = np.empty(len(ends), object)
                     array[:] = [data[a:b].decode() for a, b in pairwise([0, *ends])]
             except Exception as error:  # numpy raises various exceptions for damaged files

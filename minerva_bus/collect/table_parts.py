@@ -76,7 +76,7 @@ class TableParts:
             check_file(self._final(name), f"the table {name}")
         if not again:
             self._begin()
-        for part in sorted(self.folder.glob("*-*-*.csv")):
+        if part := min(self.folder.glob("*-*-*.csv"), default=None):
             raise MisuseError(
                 f"{part}: an earlier version of Minerva Bus wrote this part; make the tables with"
                 " that version"
