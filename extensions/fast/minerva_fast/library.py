@@ -12,6 +12,7 @@ own source. Imports numba, so only generated modules import this one.
 from __future__ import annotations
 
 import math
+from functools import partial
 from types import FunctionType
 from typing import Any, Final, get_type_hints
 
@@ -21,7 +22,6 @@ from numba import (  # (names of generated modules)
     float64,
     int16,  # noqa: F401
     int64,
-    njit,
     types,
     uint8,  # noqa: F401
     uint64,  # noqa: F401
@@ -34,8 +34,7 @@ from minerva_bus.portable import distributions, trigonometry
 from minerva_fast import draws, places
 from minerva_fast.draws import EXACT
 from minerva_fast.functions import OF_MATH, OF_PORTABLE
-from minerva_fast.machine_code import NUMBA_OPTIONS
-from minerva_fast.pipeline import KernelCompiler, PartCompiler
+from minerva_fast.pipeline import Part, object_file
 from minerva_fast.places import (
     CellGrid,  # noqa: F401
     Columns,
@@ -47,15 +46,8 @@ from minerva_fast.places import (
     Numbers,
 )
 
-# Python calls kernels only, so others need no wrapper for it, and none needs one for C.
-_INNER: Final = {
-    **NUMBA_OPTIONS,
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "pipeline_class": PartCompiler,
-}
-compiled: Any = njit(**_INNER)
-inlined: Any = njit(**_INNER, forceinline=True)
+compiled: Final = Part
+inlined: Final = partial(Part, forceinline=True)
 
 NAN: Final = math.nan
 INFINITY: Final = math.inf
@@ -64,23 +56,8 @@ _TOP: Final = 9223372036854775808.0
 
 
 def kernel(signature: Any) -> Any:
-    """Compile a kernel for one signature, and keep the machine code beside its module.
-
-    It does not look at the types of its arguments, which takes longer than a small rule.
-    """
-
-    def entry(function: FunctionType) -> Any:
-        options = {
-            **NUMBA_OPTIONS,
-            "no_cfunc_wrapper": True,
-            "cache": True,
-            "nogil": True,
-            "pipeline_class": KernelCompiler,
-        }
-        (made,) = njit(signature, **options)(function).overloads.values()
-        return made.entry_point
-
-    return entry
+    """Compile a kernel for one signature; it becomes its object file."""
+    return partial(object_file, signature=signature)
 
 
 def read_only(item: Any) -> Any:

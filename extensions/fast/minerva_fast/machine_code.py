@@ -1,9 +1,9 @@
-"""Generated modules as files, imported and compiled by numba, whose machine code is kept there.
+"""Generated modules and their machine code, as files of the user.
 
 A generated module is written to a file named by the hash of its text and of all versions, and
-imported like any other module: the project evaluates no text. The folder must belong to this user
-and be writable by nobody else, because the modules run, and numba unpickles its machine code from
-files beside them.
+imported like any other module, which compiles it: the project evaluates no text. Its machine code
+is kept beside it. The folder must belong to this user and be writable by nobody else, because both
+run.
 """
 
 from __future__ import annotations
@@ -11,40 +11,55 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import ModuleType
-from typing import Any, Final
+from typing import Final
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.files import replacing
 from minerva_bus.wording import install
 
 Kernel = Callable[..., int]
 
-NUMBA_OPTIONS: Final[Mapping[str, Any]] = {
-    "error_model": "python", "fastmath": False, "_nrt": False,
-}  # fmt: skip
-"""Python's errors, such as ZeroDivisionError, and sums in the order of the source, so that machine
-code has the bits of Python.
-
-Without numba's runtime (NRT), code cannot create arrays and does not count references to them. Each
-inlined function counted those to all of its arrays, which took up to six times as long as its
-work."""
+_SIZE: Final = 32
+"""Bytes of a digest, which a file of machine code begins with."""
 
 
 @cache
 def load_kernel(text: str, purpose: str) -> Kernel:
     """The function `run` of a generated module. Raises MisuseError without numba.
 
+    It does not look at the types of its arguments, which takes longer than a small rule.
+
     Args:
         text: of the module.
         purpose: what needs numba, such as "compiled methods".
 
     """
-    return _generated(text, _versions(purpose)).run
+    versions = _versions(purpose)
+    name = "minerva_" + blake2b(f"{versions}\n{text}".encode(), digest_size=16).hexdigest()
+    path = cache_folder() / f"{name}.code"
+    code = _kept(path)
+    if code is None:
+        code = _compiled(name, text)
+        with replacing(path) as file:
+            file.write(blake2b(code, digest_size=_SIZE).digest() + code)
+    from minerva_fast.pipeline import loaded
+
+    return loaded(name, code)
+
+
+def _kept(path: Path) -> bytes | None:
+    """The machine code of a file; None if there is none, or it is damaged."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    digest, code = content[:_SIZE], content[_SIZE:]
+    return code if blake2b(code, digest_size=_SIZE).digest() == digest else None
 
 
 def has_numba() -> bool:
@@ -52,18 +67,17 @@ def has_numba() -> bool:
     return importlib.util.find_spec("numba") is not None
 
 
-def _generated(text: str, versions: str) -> ModuleType:
-    """A module with this text, imported."""
-    name = "minerva_" + blake2b(f"{versions}\n{text}".encode(), digest_size=16).hexdigest()
-    path = _written(cache_folder() / f"{name}.py", text)
+def _compiled(name: str, text: str) -> bytes:
+    """The machine code of a generated module, which is imported."""
+    path = cache_folder() / f"{name}.py"
+    with replacing(path) as file:
+        file.write(text.encode())
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    # The kept machine code refers to its module by name.
-    sys.modules[name] = module
     spec.loader.exec_module(module)
-    return module
+    return module.run
 
 
 def _versions(purpose: str) -> str:
@@ -77,9 +91,10 @@ def _versions(purpose: str) -> str:
     import numpy as np
 
     import minerva_bus
+    from minerva_fast.pipeline import machine
 
     made = (sys.version, numba.__version__, np.__version__, minerva_bus.__version__)
-    return "\n".join([*made, _sources()])
+    return "\n".join([*made, machine(), _sources()])
 
 
 @cache
@@ -92,15 +107,6 @@ def _sources() -> str:
         for path in sorted(folder.glob("*.py")):
             digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def _written(path: Path, text: str) -> Path:
-    """The file with this text; replaced at once, because several processes may write it."""
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        temporary = path.with_suffix(f".{os.getpid()}.tmp")
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    return path
 
 
 @cache

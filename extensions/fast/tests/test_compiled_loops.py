@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import struct
+import sys
+
 import numpy as np
 import pytest
 
@@ -90,26 +93,58 @@ def test_values_of_a_chosen_tuple():
     same(Drifter, sown(Drifter), [[day()], [day(), day()]])
 
 
-def test_functions_that_a_kernel_calls_have_no_machine_code_of_their_own(tmp_path, monkeypatch):
-    from numba.core.codegen import JitEngine
+TRIPLED = """from minerva_fast.library import *
 
+@inlined
+def part(number):
+    return multiply(number, 3)
+
+@kernel(int64(int64))
+def run(number):
+    return part(number)
+"""
+
+
+def test_machine_code_is_kept_and_a_damaged_file_is_replaced(tmp_path, monkeypatch):
     from minerva_fast import machine_code
 
-    made, add = set(), JitEngine.add_module
+    made, compiled = [], machine_code._compiled
 
-    def noted(engine, module):
-        made.add(module.name)
-        return add(engine, module)
+    def noted(name, text):
+        made.append(name)
+        return compiled(name, text)
 
-    monkeypatch.setattr(JitEngine, "add_module", noted)
+    load = machine_code.load_kernel.__wrapped__  # as another process does
+    monkeypatch.setattr(machine_code, "_compiled", noted)
     monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
-    text = (
-        "from minerva_fast.library import *\n\n"
-        "@kernel(int64(int64))\ndef run(number):\n    return bound(absolute(number))\n"
-    )
-    assert machine_code.load_kernel(text, "a test")(-7) == 7
-    assert "run" in made
-    assert not made & {"absolute", "bound"}
+    assert load(TRIPLED, "a test")(-7) == -21
+    (kept,) = tmp_path.glob("*.code")
+    whole = kept.read_bytes()
+    assert load(TRIPLED, "a test")(5) == 15
+    assert len(made) == 1
+    for damaged in (whole[:-1], whole[:100] + b"?" + whole[101:], b""):
+        kept.write_bytes(damaged)
+        assert load(TRIPLED, "a test")(5) == 15
+        assert kept.read_bytes()[32:] == machine_code._kept(kept)
+    assert len(made) == 4
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the symbols of an ELF file")
+def test_a_kernel_has_no_names_that_others_see(tmp_path, monkeypatch):
+    from minerva_fast import machine_code
+
+    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
+    text = TRIPLED.replace("multiply", "floor_divide").replace("@inlined", "@compiled")
+    assert machine_code.load_kernel(text, "a test")(7) == 2
+    code = machine_code._kept(next(tmp_path.glob("*.code")))
+    (start,) = struct.unpack_from("<Q", code, 0x28)
+    size, count = struct.unpack_from("<HH", code, 0x3A)
+    sections = [struct.unpack_from("<IIQQQQ", code, start + size * k) for k in range(count)]
+    offset, length = next(each[4:] for each in sections if each[1] == 2)  # the table of symbols
+    symbols = list(struct.iter_unpack("<IBBHQQ", code[offset : offset + length]))
+    defined = [each for each in symbols if each[3]]
+    assert len([each for each in defined if each[1] >> 4]) == 2  # its function and environment
+    assert len([each for each in defined if not each[1] >> 4]) > 2
 
 
 def test_the_types_of_an_operator_are_computed_once(tmp_path, monkeypatch):
