@@ -169,7 +169,7 @@ class FrameAlgorithm:
 
     def announce(self) -> None:
         """Step 10: announce that the next frame may begin."""
-        self.out.add(s.Ready(self.now.frame))
+        self.out.pending.append(s.Ready(self.now.frame))
 
     def members_changed(self, hello: m.Hello | None) -> None:
         """Note that a member has joined with this hello, or, for None, has left."""
@@ -278,7 +278,8 @@ class FrameAlgorithm:
         self.now.in_flight.pending = set()
         self.now.in_flight.requests.cancel()
         self.shutdown.begin(member.name for member in self.members.active())
-        self.out.add(s.Stopping(self.shutdown.reason, self.now.frame, self.closing_events))
+        stopping = s.Stopping(self.shutdown.reason, self.now.frame, self.closing_events)
+        self.out.pending.append(stopping)
         self.out.send(s.EVERYONE, m.Stop(self.shutdown.reason))
 
     def _finish(self, awaited: Awaited) -> None:
@@ -287,7 +288,7 @@ class FrameAlgorithm:
         if self.norms.broken:
             counts = sorted(self.norms.broken.items())
             self.shutdown.add_figures(SOURCE, {f"norm_{name}": count for name, count in counts})
-        self.out.add(s.Ended(self.shutdown.reason, self.shutdown.total()))
+        self.out.pending.append(s.Ended(self.shutdown.reason, self.shutdown.total()))
 
     # --- handlers ---
 

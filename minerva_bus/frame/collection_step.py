@@ -93,7 +93,7 @@ class CollectionStep:
         resting = self._resting() if index.alone else _NOBODY
         in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
-            self._out.add(s.Send(s.TICKED, m.TickRequest(self._now.frame)))
+            self._out.pending.append(s.Send(s.TICKED, m.TickRequest(self._now.frame)))
         for entry in index.alone:
             if entry.active and entry.name in in_flight.pending:
                 self._out.send(entry.name, m.TickRequest(self._now.frame))
@@ -336,12 +336,12 @@ class CollectionStep:
         frame, out = self._now.frame, self._out
         rejected = self._norms.take_rejected_orders() if self._world.norms else ()
         for source, event, norm in rejected:
-            out.add(s.OrderJudged(event, name_of(source), frame, "rejected", norm))
+            out.pending.append(s.OrderJudged(event, name_of(source), frame, "rejected", norm))
         for source in sorted(filter(is_people, permitted)):
             for event in permitted[source]:
                 if isinstance(event, Event):  # Programs send batches, and do not ask for fates.
                     out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
-                    out.add(s.OrderJudged(event, name_of(source), frame))
+                    out.pending.append(s.OrderJudged(event, name_of(source), frame))
 
 
 def visual_events(types: Mapping[str, EventType], due: Sequence[str]) -> tuple[Event, ...]:
@@ -493,4 +493,4 @@ def report_dropped(
             ended = f"in frame {frame}, which ended {host or 'a host'} twice"
             out.log(ORDERS, f"{counting(source, event)} no more {ended}")
             if isinstance(event, Event):
-                out.add(s.OrderJudged(event, name_of(source), frame, "dropped", host))
+                out.pending.append(s.OrderJudged(event, name_of(source), frame, "dropped", host))

@@ -231,7 +231,7 @@ class EvolutionStep:
         others = tuple([host for host in hosts if host not in plain]) if plain else hosts
         if others:
             request = m.EvolveRequest(self._now.frame, others, events.evolving, events.visual)
-            self._out.add(s.Send(s.HOSTS, request))
+            self._out.pending.append(s.Send(s.HOSTS, request))
         for host in plain:
             only = requests.outstanding[host, 0]
             request = m.EvolveRequest(
@@ -520,7 +520,7 @@ class EvolutionStep:
             left_out=tuple(sorted(requests.left_out)),
         )
         record = partial(frame_record, frame, in_flight, self._composition)
-        self._out.add(s.FrameDone(frame, record, events.ordered, inputs))
+        self._out.pending.append(s.FrameDone(frame, record, events.ordered, inputs))
         self._now.frame += 1
         inbox.end_frame(sent)
         if result.changed:

@@ -399,10 +399,6 @@ class Instructions:
         self._declines_columns = declines_columns
         self.pending: list[Instruction] = []
 
-    def add(self, instruction: Instruction) -> None:
-        """Append an instruction."""
-        self.pending.append(instruction)
-
     def send(self, to: str, message: ToMember) -> None:
         """Send a message, without columns if the member declines them."""
         plain = self._declines_columns(to)

@@ -135,7 +135,7 @@ def _send(
         elif last:  # No later view would let an observer notice that it missed this one.
             out.send(member.name, stream.keyframe())
         elif hello.plain:
-            out.add(s.Show(view.event_type, plain_form(shown), member.name))
+            out.pending.append(s.Show(view.event_type, plain_form(shown), member.name))
     # One publication for any number of observers.
     if not last and any(not (hello.coupled or hello.plain) for _, hello in devices):
-        out.add(s.Show(view.event_type, view))
+        out.pending.append(s.Show(view.event_type, view))

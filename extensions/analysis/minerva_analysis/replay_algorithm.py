@@ -191,7 +191,7 @@ class RecordedSource:
         self._now.in_flight.result.changed = self._slots.become(self._cursor.advance())
         frame, in_flight = self._now.frame, self._now.in_flight
         record = partial(frame_record, frame, in_flight, self._composition)
-        self._out.add(s.FrameDone(frame, record, in_flight.events.ordered))
+        self._out.pending.append(s.FrameDone(frame, record, in_flight.events.ordered))
         self._now.frame += 1
         if not self.has_next():
             self._inbox.sent = {RECORD: self._cursor.closing_events()}
