@@ -48,6 +48,10 @@ MAX_NAMED_STRANGERS: Final = 3
 MAX_PROBLEM_LINES: Final = 10
 """Maximum lines of a member's failure that are shown; its traceback is for the log file."""
 
+# Each frame compares its phase a dozen times, and to find a member of an enum takes like a call.
+_WAITING, _READY, _TICK, _EVOLVE = Phase.WAITING, Phase.READY, Phase.TICK, Phase.EVOLVE
+_CLOSING, _STOPPING = Phase.CLOSING, Phase.STOPPING
+
 
 class FrameAlgorithm:
     """Runs one world. `receive` takes a stimulus and returns the instructions that follow.
@@ -188,7 +192,9 @@ class FrameAlgorithm:
         now, in_flight = self.now, self.now.in_flight
         # These are consecutive ifs because one call may end several phases: a frame that no
         # generator and no host has to answer runs through all of its steps here.
-        if now.phase is Phase.TICK and not in_flight.pending:
+        if now.phase is _TICK:
+            if in_flight.pending:
+                return  # Most replies are not the last one.
             self.collection.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
             # Repeated frames have reported theirs.
             if in_flight.events.ordered and in_flight.logged is None:
@@ -199,7 +205,7 @@ class FrameAlgorithm:
             self.evolution.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
         # `settle` is the last condition because it has effects: it applies the norms, and may
         # repeat requests to hosts.
-        if now.phase is Phase.EVOLVE and in_flight.requests.complete and self.evolution.settle():
+        if now.phase is _EVOLVE and in_flight.requests.complete and self.evolution.settle():
             # Views are sent with the results and not before: a coupled device acts on a view, and a
             # frame that its coordinator never commits must not move anything. They are sent
             # before the commit, because they show the string with which the frame began.
@@ -208,21 +214,21 @@ class FrameAlgorithm:
             self._commit()  # 8: w = w_next; t = t + 1
             self.continue_or_close()  # 9: if w = ε, go to 11; 10: go to 2
         # Not the local variable: `close` has replaced the frame in flight by now.
-        if now.phase is Phase.CLOSING and now.in_flight.requests.complete:
+        if now.phase is _CLOSING and now.in_flight.requests.complete:
             self.show()  # the last w, which no further frame shows
             self._stop(Awaited.RESULTS)
-        if now.phase is Phase.STOPPING and not self.shutdown.pending:
+        if now.phase is _STOPPING and not self.shutdown.pending:
             self._finish(Awaited.REPORTS)  # 11: end
 
     def continue_or_close(self) -> None:
         """Steps 9 and 10: announce the next frame, or show the last string once more."""
         reason = self.why_over()
-        if self.now.phase is Phase.STOPPING:  # The frame has failed.
+        if self.now.phase is _STOPPING:  # The frame has failed.
             return
         if reason:
             self.close(reason)
             return
-        if self.now.phase is Phase.EVOLVE:
+        if self.now.phase is _EVOLVE:
             self.now.enter(Awaited.RESULTS)
         self.announce()
 
@@ -234,7 +240,7 @@ class FrameAlgorithm:
 
     def start_if_complete(self) -> None:
         """Announce the first frame once all expected members are present."""
-        if self.now.phase is not Phase.WAITING or self.members.awaited():
+        if self.now.phase is not _WAITING or self.members.awaited():
             return
         # Step 9 follows a frame, so a world cannot end before frame 0. A resumed
         # world or a successor begins after a frame, and its predecessor may have
@@ -248,7 +254,7 @@ class FrameAlgorithm:
 
     def show(self) -> None:
         """Step 7: send every device its view of w, the string that this frame began with."""
-        last = self.now.phase is Phase.CLOSING
+        last = self.now.phase is _CLOSING
         self.views.show(
             self.now.frame, self.now.in_flight, self.composition, self.members, self.out, last=last
         )
@@ -300,10 +306,10 @@ class FrameAlgorithm:
         if begin.inputs is not None and begin.inputs.complete:
             self._repeat(begin.inputs)
             return
-        if self.now.phase is Phase.WAITING:
+        if self.now.phase is _WAITING:
             self.start_if_complete()
             return
-        if self.now.phase is not Phase.READY or not self.has_next():
+        if self.now.phase is not _READY or not self.has_next():
             return
         # Before the new frame is made, so that newcomers answer its tick and host its agents.
         if self.members.index.joining:
@@ -345,7 +351,7 @@ class FrameAlgorithm:
 
     def on_silent(self, _: s.Silent) -> None:
         """Mark the members that the world waits for as late."""
-        if self.now.phase is Phase.STOPPING:
+        if self.now.phase is _STOPPING:
             self.shutdown.drop_departed()
             return
         for name in self.waiting_for():
@@ -372,7 +378,7 @@ class FrameAlgorithm:
         if self.now.phase is Phase.ENDED:
             return
         self.shutdown.failed |= end.failed
-        if self.now.phase is Phase.STOPPING:
+        if self.now.phase is _STOPPING:
             self._finish(Awaited.END)
         else:
             self.shutdown.reason = end.reason
@@ -386,11 +392,11 @@ class FrameAlgorithm:
 
     def waiting_for(self) -> list[str]:
         """The members that the world waits for, sorted."""
-        if self.now.phase in (Phase.WAITING, Phase.READY):
+        if self.now.phase in (_WAITING, _READY):
             return [member.name for member in self.members.awaited()]
-        if self.now.phase is Phase.TICK:
+        if self.now.phase is _TICK:
             return sorted(self.now.in_flight.pending)
-        if self.now.phase is Phase.STOPPING:
+        if self.now.phase is _STOPPING:
             return sorted(self.shutdown.pending)
         requests = self.now.in_flight.requests
         names = {host for host, _ in requests.outstanding}
@@ -400,10 +406,10 @@ class FrameAlgorithm:
 
     def awaits(self, member: str) -> bool:
         """Whether this frame waits for an answer of a member."""
-        if self.now.phase in (Phase.TICK, Phase.STOPPING):
+        if self.now.phase in (_TICK, _STOPPING):
             return member in self.now.in_flight.pending or member in self.shutdown.pending
         requests = self.now.in_flight.requests
-        if self.now.phase in (Phase.WAITING, Phase.READY) or requests.unassigned:
+        if self.now.phase in (_WAITING, _READY) or requests.unassigned:
             return member in self.waiting_for()
         return bool(requests.of(member))
 
@@ -427,7 +433,7 @@ class FrameAlgorithm:
     @property
     def in_frame(self) -> bool:
         """Whether a frame is in progress."""
-        return self.now.phase in (Phase.TICK, Phase.EVOLVE)
+        return self.now.phase in (_TICK, _EVOLVE)
 
     @property
     def at_rest(self) -> bool:
@@ -436,7 +442,7 @@ class FrameAlgorithm:
         There is no waiting event, no generator in step that has events without orders, and every
         device has shown the string. A world with a fixed number of frames never rests.
         """
-        if self.world.frames or self.now.phase is not Phase.READY or self.placement.outdated:
+        if self.world.frames or self.now.phase is not _READY or self.placement.outdated:
             return False
         if self.inbox:  # Before the rest, because the event that wakes the world waits for this.
             return False
@@ -498,7 +504,7 @@ class FrameAlgorithm:
         # `collect` has moved the events of the frame out of the inbox, but they only count when the
         # frame is complete: until then a successor needs them from here.
         taken: dict[str, Sequence[AnyEvent]] = {}
-        if self.now.phase is Phase.EVOLVE:
+        if self.now.phase is _EVOLVE:
             taken |= events.taken
         for source, orders in events.orders.items() if self.in_frame else ():
             taken[source] = [*orders, *taken.get(source, ())]
