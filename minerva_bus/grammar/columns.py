@@ -40,7 +40,6 @@ from minerva_bus.grammar.scene import (
     of_pieces,
     rebuild,
     rescoped,
-    shared,
     walk,
     with_scope,
 )
@@ -664,7 +663,7 @@ def rewritten(
     # The usual fragment, an agent without a scope, needs no stack.
     if isinstance(first, AgentNode) and not first.scope.pieces:
         new = leave(first, first.scope)
-        return shared(scene, [*new.nodes] if isinstance(new, Scene) else [new])
+        return of_pieces(scene, new.nodes if isinstance(new, Scene) else (new,))
     if not has_columns(scene):
         return rebuild(scene, leave)
     made: list[Piece] = []

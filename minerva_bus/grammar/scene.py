@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import is_
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeAlias, cast, overload
@@ -375,7 +375,7 @@ def shared(old: Scene, nodes: list[Node]) -> Scene:
     return Scene(tuple(nodes)) if nodes else EMPTY
 
 
-def of_pieces(old: Scene, pieces: list[Piece]) -> Scene:
+def of_pieces(old: Scene, pieces: Sequence[Piece]) -> Scene:
     """As `shared`, for pieces: columns are compared as objects, not by their rows."""
     if len(pieces) == len(old.pieces) and all(map(is_, pieces, old.pieces)):
         return old
