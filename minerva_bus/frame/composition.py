@@ -170,7 +170,8 @@ class Composition:
 
         Faster for many agents than `home`, which would search all parts for each of them.
         """
-        homes, others = dict[str, str](), list[str]()
+        homes: dict[str, str] = {}
+        others: list[str] = []
         for agent in agents:
             home = self._home.get(agent)
             if home is not None:

@@ -130,7 +130,8 @@ def _reported(
 
     An agent that is a fragment of the string is left out: nothing else may have its id.
     """
-    single, gained = list[tuple[str, str]](), list[tuple[str, Ids]]()
+    single: list[tuple[str, str]] = []
+    gained: list[tuple[str, Ids]] = []
     for fragment, scene in sorted(changed.items()):
         for piece in scene.pieces:
             if piece.ids is not None:

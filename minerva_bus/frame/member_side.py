@@ -252,7 +252,9 @@ class GeneratorSide:
             return (m.TickReply(self._name, frame.number),) if answers else ()
         readings = self.buffer.taken(frame.number, self.serves)
         # Random streams are those of the generator, whatever its number of processes.
-        tick = Tick(frame, self.source, readings=readings, orders=self._ordered(frame.number))
+        orders = self._ordered(frame.number)
+        # With empty lists, because the factories of their types would take as long as all else.
+        tick = Tick(frame, self.source, [], readings=readings, orders=orders, published=[])
         with blamed(service.generate):
             made = service.generate(tick)
             # Most answers of a large world are empty.

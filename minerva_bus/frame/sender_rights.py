@@ -394,7 +394,7 @@ class UnknownReceivers:
 
     def problems(self, events: Iterable[AnyEvent], composition: Composition) -> Iterator[str]:
         """A line for each event type with such a receiver, once for each type."""
-        single = dict[str, AnyEvent]()
+        single: dict[str, AnyEvent] = {}
         for event in events:
             if not event.receivers or event.type in self._reported:
                 continue

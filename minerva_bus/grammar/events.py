@@ -284,7 +284,7 @@ class Events:
             kept[order] = order == firsts
             return kept
         # Different events have one hash.
-        known = set[tuple[Any, ...]]()
+        known: set[tuple[Any, ...]] = set()
         rows = np.sort(order)
         values = zip(*[array[rows].tolist() for array in arrays], strict=True)
         for row, event in zip(rows.tolist(), values, strict=True):

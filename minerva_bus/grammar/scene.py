@@ -343,7 +343,8 @@ def rebuild(
     passed to `leave` with their scope unchanged.
     """
     # A stack of its own: strings may be nested more deeply than Python recurses.
-    nodes, made = iter(scene.nodes), list[Node]()
+    nodes = iter(scene.nodes)
+    made: list[Node] = []
     opened: list[tuple[TransformationNode | AgentNode, Iterator[Node], list[Node]]] = []
     while True:
         # `made` has the new nodes of the current scope; `opened` the nodes around it, with the

@@ -154,7 +154,8 @@ _WHOLE: Final = 10**16  # From here on, a float prints differently from an equal
 def scene_digest(scene: Scene) -> bytes:
     """The digest of a string, 16 bytes; digests of nodes and scopes are cached in them."""
     # A stack of its own: strings may be nested more deeply than Python recurses.
-    nodes, parts = _parts(scene), list[bytes]()
+    nodes = _parts(scene)
+    parts: list[bytes] = []
     opened: list[
         tuple[TransformationNode | AgentNode, Iterator[Piece | list[Columns]], list[bytes]]
     ] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final, TypeAlias
 
@@ -133,7 +133,7 @@ def evolve(
         raise MisuseError(f"frame must be a Frame, such as Frame(3), not {frame!r:.60}")
     if not isinstance(policy, Policy):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError(f"policy must be a Policy, such as {Policy.LITERAL}, not {policy!r:.60}")
-    eta = _Eta(policy.rules.divide(addressed(events)), kinds_of(kinds), frame)
+    eta = _Eta(policy.rules.divide(addressed(events)), kinds_of(kinds), frame, {}, [])
     if len(eta.copies) > 1:
         _check_few(scene, len(eta.copies), frame, policy)
         last = newest_copy(agent.id for agent in agents(scene))
@@ -148,8 +148,8 @@ class _Eta:
     copies: Sequence[Addressed]
     kinds: Kinds
     frame: Frame
-    emitted: dict[str, tuple[Event, ...]] = field(default_factory=dict[str, tuple[Event, ...]])
-    batches: list[AnyEvent] = field(default_factory=list[AnyEvent])
+    emitted: dict[str, tuple[Event, ...]]
+    batches: list[AnyEvent]
     copying: int = 0
 
     def columns(self, part: Columns) -> Scene | None:
@@ -196,7 +196,8 @@ class _Eta:
 
     def _lambda(self, node: AgentNode, events: Addressed, original: str) -> Scene | AgentNode:
         """Apply λ to an agent, or to a copy of the agent with the id `original`."""
-        context = Context(self.frame, f"#{node.id}")
+        # With its list, because the factory of its type would take as long as all else here.
+        context = Context(self.frame, f"#{node.id}", [])
         result = evolve_agent(node, original, events, self.kinds, context)
         if context.emitted:
             self.emitted[original] = (*self.emitted.get(original, ()), *context.emitted)
