@@ -66,4 +66,6 @@ def _processes(launcher: int, members: tuple[MemberStatus, ...]) -> Iterator[tup
 
 
 if __name__ == "__main__":
-    kill_in_turn(int(sys.argv[1]), Path(sys.argv[2]))
+    # On a full disk the run that is being killed cannot write its record either, and reports it.
+    with suppress(OSError):
+        kill_in_turn(int(sys.argv[1]), Path(sys.argv[2]))

@@ -234,6 +234,9 @@ def main() -> None:
     except MinervaError as error:
         print(error, file=sys.stderr)  # noqa: T201
         sys.exit(WRONG)
+    except OSError as error:
+        print(f"{error.filename or record}: {error.strerror or error}", file=sys.stderr)  # noqa: T201
+        sys.exit(WRONG)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
 

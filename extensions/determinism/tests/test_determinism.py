@@ -1,11 +1,16 @@
 """`minerva determinism` names the first frame, agent and attribute that differ."""
 
+import errno
 import json
 import os
 import subprocess
 import sys
+from dataclasses import asdict
 
 import pytest
+
+from minerva_bus import World
+from minerva_determinism import layouts
 
 pytest.importorskip("mcap")
 
@@ -178,3 +183,19 @@ def test_a_failing_world_reports_its_error(tmp_path):
     assert "garden.toml: it fails in one process for all members:" in error
     assert "ZeroDivisionError" in error
     assert "Traceback" not in error
+
+
+def test_a_full_disk_is_one_line(tmp_path, monkeypatch, capsys):
+    def fail(*given, **options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # Without a name, as for a write.
+
+    monkeypatch.setattr(layouts, "run_world", fail)
+    record = tmp_path / "run.mcap"
+    layout = json.dumps(asdict(layouts.ALONE))
+    monkeypatch.setattr(sys, "argv", ["layouts", *map(str, ("meadow", 1, layout, record))])
+    monkeypatch.setattr(layouts, "read_world_file", lambda path: World.load(str(path)).read())
+    with pytest.raises(SystemExit) as ended:
+        layouts.main()
+    assert (ended.value.code, capsys.readouterr().err) == (
+        2, f"{record}: No space left on device\n",
+    )  # fmt: skip
