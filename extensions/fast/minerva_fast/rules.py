@@ -42,8 +42,15 @@ from minerva_fast.places import (
     copy,
     go_to,
 )
-from minerva_fast.printing import FIRST_TURN, LAST_TURN, is_counted, printed_functions
-from minerva_fast.statements import Results, Statements, stored
+from minerva_fast.statements import (
+    FIRST_TURN,
+    LAST_TURN,
+    Results,
+    Statements,
+    is_counted,
+    printed_functions,
+    stored,
+)
 from minerva_fast.tables import BEFORE, InField, Inhabitants, columns_of, loops_of_table
 from minerva_fast.values import (
     NUMBERS,

@@ -240,10 +240,10 @@ def test_several_events_per_agent_in_order():
 
 
 def test_loops_that_are_longer_than_a_call_of_the_kernel(monkeypatch):
-    from minerva_fast import draws, printing
+    from minerva_fast import draws, methods
 
-    soon = [line.replace("> 50000000", "> 20") for line in printing.LAST_TURN]
-    monkeypatch.setattr(printing, "LAST_TURN", soon)
+    soon = [line.replace("> 50000000", "> 20") for line in methods.LAST_TURN]
+    monkeypatch.setattr(methods, "LAST_TURN", soon)
     monkeypatch.setattr(draws, "MOST_TURNS", 60)
 
     class Slow(Agent, symbol="ASlow"):
