@@ -603,34 +603,3 @@ def sort_by_cell(
             rows[count], sorted_x[count], sorted_y[count] = i, table.x[i], table.y[i]
             count, i = count + 1, table.links[NEXT, i]
     starts[table.places.shape[1]] = count
-
-
-EXACT: Final = 2.0**52
-"""From here on, reals have no fraction."""
-
-
-def sharing(
-    x: Numbers, y: Numbers, field: FieldGrid, step: int, known: Numbers, times: Ints
-) -> int:
-    """The pairs of rows that share a cell, among each `step`-th row, each pair counted twice.
-
-    `known` and `times` are a hash table of cells with room for more cells than there are rows.
-    Positions outside have cells beyond the edges here.
-    """
-    for slot in range(len(times)):
-        times[slot] = 0
-    pairs = 0
-    for i in range(0, len(x), step):
-        column = whole(x[i] / field.width * field.across)
-        cell = column * field.down + whole(y[i] / field.height * field.down)
-        slot = int(abs(cell)) % len(times) if abs(cell) < EXACT else 0
-        while times[slot] and known[slot] != cell:
-            slot = slot + 1 if slot + 1 < len(times) else 0
-        pairs += 2 * times[slot]
-        known[slot], times[slot] = cell, times[slot] + 1
-    return pairs
-
-
-def whole(number: float) -> float:
-    """The largest integer that is not above a number, as a real of any size."""
-    return float(math.floor(number)) if abs(number) < EXACT else number

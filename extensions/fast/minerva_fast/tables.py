@@ -43,7 +43,6 @@ from minerva_fast.places import (
     enlist,
     locate,
     settle,
-    sharing,
     sort_by_cell,
 )
 from minerva_fast.values import Items, Reference, RuleGrid, ValueKind
@@ -240,8 +239,7 @@ class Matrices:
             setattr(self._space, name, matrix)
 
 
-LOCATE, ENLIST, SETTLE = Loop(locate), Loop(enlist), Loop(settle)
-SORT, SHARING = Loop(sort_by_cell), Loop(sharing)
+LOCATE, ENLIST, SETTLE, SORT = map(Loop, (locate, enlist, settle, sort_by_cell))
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
@@ -249,7 +247,6 @@ _CROWDED: Final = 8.0
 """Inhabitants that share a cell, above which cells are smaller."""
 _MOST_CELLS: Final = 16
 """Cells per inhabitant, if they are smaller."""
-_SAMPLE: Final = 4096
 
 
 @dataclass(slots=True)
@@ -300,7 +297,7 @@ class Opened:
         values = np.empty((len(matrix), capacity))
         values[:, :count] = matrix
         if issubclass(kind, InField):
-            shape = _field(extent, lattice.periodic, *matrix[X : Y + 1])
+            shape = _field(*extent, lattice.periodic, max(count, 1) / _PER_CELL)
         size = _size(shape)
         counts = np.array([count, size if vacant is None else vacant, 0, 0, 0])
         links, places = np.empty((3, capacity), np.int64), np.empty((3, size), np.int64)
@@ -331,6 +328,7 @@ class Opened:
         rows.links[ALIVE, : len(ids)] = 1
         if isinstance(rows, FieldRows):
             LOCATE(rows)
+            self._divide_crowds(rows)
             return
         rows.cell[: len(ids)] = where
         last = rows.places.shape[1] - 1
@@ -339,6 +337,20 @@ class Opened:
                 f"{self.kind.__name__}: cells are numbers from 0 to {last} in a lattice of"
                 f" {self.shape.width} x {self.shape.height}"
             )
+
+    def _divide_crowds(self, rows: FieldRows) -> None:
+        """Make the cells of a field smaller if many rows share one."""
+        count, field = int(rows.counts[ROWS]), rows.field
+        sizes = np.bincount(rows.cell[:count])
+        shared = float(sizes @ sizes - count) / max(count - 1, 1)
+        if shared <= _CROWDED:
+            return
+        finer = min(shared / _PER_CELL, _MOST_CELLS * _PER_CELL) ** 0.5
+        field = field._replace(
+            across=max(1, int(field.across * finer)), down=max(1, int(field.down * finer))
+        )
+        self.rows = rows._replace(field=field, places=np.empty((3, _size(field)), np.int64))
+        LOCATE(self.rows)
 
     def reserve(self, births: int) -> None:
         """Make room for newborns."""
@@ -457,34 +469,13 @@ def _size(shape: CellGrid | FieldGrid) -> int:
     return shape.width * shape.height
 
 
-def _field(extent: tuple[float, float], periodic: bool, x: Column, y: Column) -> FieldGrid:
-    """The cells for a search among these positions; smaller ones where many share a cell."""
-    width, height = extent
-    spacing = (width * height * _PER_CELL / max(len(x), 1)) ** 0.5
-    field = FieldGrid(
-        width, height, periodic, max(1, int(width / spacing)), max(1, int(height / spacing))
-    )
-    shared = _sharing(field, x, y)
-    if shared <= _CROWDED:
-        return field
-    finer = min(shared / _PER_CELL, _MOST_CELLS * _PER_CELL) ** 0.5
-    return field._replace(
-        across=max(1, int(field.across * finer)), down=max(1, int(field.down * finer))
-    )
-
-
-def _sharing(field: FieldGrid, x: Column, y: Column) -> float:
-    """About how many others an inhabitant shares its cell with, from a sample."""
-    step = max(1, len(x) // _SAMPLE)
-    size = -(-len(x) // step)
-    pairs = size * (size - 1)
-    if not pairs:
-        return 0.0
-    table = np.empty(2 * size), np.empty(2 * size, np.int64)
-    return len(x) * SHARING(x, y, field, step, *table) / pairs
+def _field(width: float, height: float, periodic: bool, cells: float) -> FieldGrid:
+    """A field with about this number of square cells for the search."""
+    spacing = (width * height / cells) ** 0.5
+    across, down = max(1, int(width / spacing)), max(1, int(height / spacing))
+    return FieldGrid(width, height, periodic, across, down)
 
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[Loop, ...]:
     """The loops that open a table."""
-    in_field = SHARING, LOCATE, ENLIST, SETTLE, SORT
-    return in_field if issubclass(kind, InField) else (ENLIST,)
+    return (LOCATE, ENLIST, SETTLE, SORT) if issubclass(kind, InField) else (ENLIST,)

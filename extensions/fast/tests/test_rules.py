@@ -1,7 +1,6 @@
 """Rules of spaces: activation, births and deaths, draws, searches, and messages of errors."""
 
 import sys
-from collections import Counter
 from contextlib import nullcontext
 
 import numpy as np
@@ -51,8 +50,7 @@ from minerva_fast import (
     uniform,
 )
 from minerva_fast.draws import new_progress
-from minerva_fast.places import FieldGrid
-from minerva_fast.tables import Opened, _sharing
+from minerva_fast.tables import Opened
 
 
 @pytest.fixture
@@ -284,17 +282,6 @@ def test_a_crowded_field_has_smaller_cells(part, cells):
         Bird, birds, CellGrid(300, 200, True), (300.0, 200.0), np.array([40]), vacant=None, room=0
     ).shape
     assert cells * 0.7 <= field.across * field.down <= cells
-
-
-@pytest.mark.parametrize("form", [nullcontext, interpreted])
-def test_rows_that_share_a_cell_are_counted_wherever_they_are(form):
-    random = np.random.default_rng(5)
-    x, y = random.uniform(-4, 14, 90), random.uniform(-2, 6, 90)
-    x[:6] = [1e300, 1e300, -1e300, 0.0, 10.0, 2.0**60]
-    with form():
-        shared = _sharing(FieldGrid(10.0, 4.0, False, 7, 3), x, y)
-    cells = Counter((np.floor(x / 10.0 * 7) * 3 + np.floor(y / 4.0 * 3)).tolist())
-    assert shared == 90 * sum(n * (n - 1) for n in cells.values()) / (90 * 89)
 
 
 @pytest.mark.parametrize("periodic", [True, False])
