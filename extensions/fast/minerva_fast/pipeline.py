@@ -16,19 +16,16 @@ that other kernels see.
 from __future__ import annotations
 
 import sys
-from functools import cache, cached_property
-from operator import getitem, setitem
+from functools import cached_property
 from types import FunctionType
 from typing import Any, Final, cast
 
 from llvmlite.binding import ObjectFileRef  # pyright: ignore
 from numba import _dynfunc
-from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, Flags, compile_extra
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.cpu import CPUContext, CPUTargetOptions
-from numba.core.datamodel.models import OpaqueModel
 from numba.core.registry import CPUDispatcher, CPUTarget
 from numba.core.sigutils import normalize_signature
 from numba.core.target_extension import (
@@ -52,7 +49,6 @@ from numba.core.untyped_passes import (
     ReconstructSSA,
     TranslateByteCode,
 )
-from numba.extending import register_model
 
 OPTIONS: Final = {
     "nopython": True, "error_model": "python", "fastmath": False, "_nrt": False,
@@ -66,55 +62,14 @@ inlined function counted those to all of its arrays, which took up to six times 
 work."""
 
 
-class _Function(types.Function):
-    """A function that numba has, which computes the type of each result once."""
-
-    def __init__(self, templates: Any) -> None:
-        super().__init__(templates)
-        self._results: dict[Any, Any] = {}
-
-    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        key = tuple(args), tuple(kws.items())
-        if key not in self._results:
-            self._results[key] = super().get_call_type(context, args, kws)
-        return self._results[key]
-
-
-register_model(_Function)(OpaqueModel)
-
-
-@cache  # numba forgets types that nobody refers to
-def _known(function: types.Function) -> _Function:
-    made = _Function(function.templates)
-    made._impl_keys = function._impl_keys
-    return made
-
-
 class _Types(Context):
-    """numba's types. It tries all forms of an operator for each use; here it does so once."""
+    """The types of numbers and arrays."""
 
     def load_additional_registries(self) -> None:
         from numba.core.typing import mathdecl, npydecl
 
         for each in (mathdecl, npydecl):
             self.install_registry(each.registry)
-
-    def resolve_value_type(self, value: Any) -> Any:
-        known = super().resolve_value_type(value)
-        return _known(known) if type(known) is types.Function else known
-
-    def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
-        if function is getitem:
-            function = self.resolve_value_type(getitem)
-        if isinstance(function, _Function):
-            return function.get_call_type(self, args, kws)
-        return super().resolve_function_type(function, args, kws)
-
-    def resolve_getitem(self, value: Any, index: Any) -> Any:
-        return self.resolve_function_type(getitem, (value, index), {})
-
-    def resolve_setitem(self, target: Any, index: Any, value: Any) -> Any:
-        return self.resolve_value_type(setitem).get_call_type(self, (target, index, value), {})
 
 
 class _Code(CPUContext):

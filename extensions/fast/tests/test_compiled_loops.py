@@ -145,27 +145,3 @@ def test_a_kernel_has_no_names_that_others_see(tmp_path, monkeypatch):
     defined = [each for each in symbols if each[3]]
     assert len([each for each in defined if each[1] >> 4]) == 2  # its function and environment
     assert len([each for each in defined if not each[1] >> 4]) > 2
-
-
-def test_the_types_of_an_operator_are_computed_once(tmp_path, monkeypatch):
-    from numba.core.types.functions import BaseFunction
-
-    from minerva_fast import machine_code
-
-    asked, resolve = [], BaseFunction.get_call_type
-
-    def noted(function, context, *arguments):
-        asked.append(function)
-        return resolve(function, context, *arguments)
-
-    monkeypatch.setattr(BaseFunction, "get_call_type", noted)
-    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
-    text = (
-        "from minerva_fast.library import *\n\n"
-        "@kernel(int64(int64))\ndef run(number):\n    return {}\n"
-    )
-    load = machine_code.load_kernel
-    assert load(text.format("number + 3 - number * 2"), "a test")(7) == -4
-    asked.clear()
-    assert load(text.format("number - number * 2 + 3"), "a test")(7) == -4
-    assert not asked
