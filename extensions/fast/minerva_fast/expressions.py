@@ -52,8 +52,6 @@ _OF_INTS: Final[dict[type[ast.operator], str]] = {
     ast.FloorDiv: "floor_divide",
     ast.Mod: "modulo",
     ast.Pow: "power_of_ints",
-    ast.LShift: "shift_left",
-    ast.RShift: "shift_right",
 }
 """Operators of two ints with results of 64 bits: a function of `library`."""
 _SIGNS: Final[dict[type[ast.AST], str]] = {
@@ -61,6 +59,8 @@ _SIGNS: Final[dict[type[ast.AST], str]] = {
     ast.Sub: "-",
     ast.Mult: "*",
     ast.Div: "/",
+    ast.FloorDiv: "//",
+    ast.Mod: "%",
     ast.BitAnd: "&",
     ast.BitOr: "|",
     ast.BitXor: "^",
@@ -71,6 +71,7 @@ _SIGNS: Final[dict[type[ast.AST], str]] = {
     ast.Gt: ">",
     ast.GtE: ">=",
 }
+_MOST_SHIFT: Final = 62
 _BITS: Final = (ast.BitAnd, ast.BitOr, ast.BitXor)
 _OF_REALS: Final[dict[type[ast.operator], str]] = {
     ast.FloorDiv: "floor_divide_reals",
@@ -382,11 +383,6 @@ class Expressions:
             return constant(ValueKind.REAL, float(value.constant))
         return Value(ValueKind.REAL, f"exact({value.text})")
 
-    def as_bound(self, value: Value) -> str:
-        """An int that a real holds."""
-        small = value.constant is not None and abs(value.constant) <= EXACT
-        return value.text if small else f"bound({value.text})"
-
     def alike(self, node: ast.AST, values: Sequence[Value]) -> tuple[ValueKind, list[Value]]:
         """Values that are used in one place, and their kind."""
         kinds = {value.kind for value in values}
@@ -417,8 +413,6 @@ class Expressions:
             raise self.problem(node, "an operator on bits of bools", "write and, or, or !=")
         left, right = self.as_number(node, left), self.as_number(node, right)
         kinds = {left.kind, right.kind}
-        if isinstance(operator, ast.MatMult):
-            raise self.problem(node, "the operator @", "write the products")
         if isinstance(operator, ast.Div):
             return self._quotient(left, right)
         if kinds == {ValueKind.INT}:
@@ -443,11 +437,17 @@ class Expressions:
         if isinstance(operator, ast.Pow) and not known and right.constant != 0:
             what = "a power of ints whose exponent is not a constant from 0 up"
             raise self.problem(node, what, "make the base a real number: float(n) ** k")
-        if isinstance(operator, _BITS):
-            return Value(ValueKind.INT, f"({left.text} {_SIGNS[type(operator)]} {right.text})")
-        if known and isinstance(operator, ast.FloorDiv | ast.Mod):
-            sign = "//" if isinstance(operator, ast.FloorDiv) else "%"
+        if isinstance(operator, ast.LShift | ast.RShift):
+            if not known or right.constant > _MOST_SHIFT:
+                what = f"a shift by anything but a constant from 1 to {_MOST_SHIFT}"
+                raise self.problem(node, what, "write n * 2 ** k or n // 2 ** k")
+            right = constant(ValueKind.INT, 2**right.constant)
+            operator = ast.Mult() if isinstance(operator, ast.LShift) else ast.FloorDiv()
+        sign = _SIGNS.get(type(operator))
+        if isinstance(operator, _BITS) or (known and isinstance(operator, ast.FloorDiv | ast.Mod)):
             return Value(ValueKind.INT, f"({left.text} {sign} {right.text})")
+        if type(operator) not in _OF_INTS:
+            raise self.problem(node, "this operator", "write the products")
         return Value(ValueKind.INT, f"{_OF_INTS[type(operator)]}({left.text}, {right.text})")
 
     def _unary(self, node: ast.UnaryOp) -> Value:

@@ -43,6 +43,23 @@ _KINDS: Final[Mapping[str, ValueKind | None]] = {
 }  # fmt: skip
 
 
+def bound(
+    check: Expressions,
+    node: ast.Call,
+    name: str,
+    signature: inspect.Signature,
+    given: Sequence[Any],
+    named: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The arguments of a call by parameter, in the order in which Python evaluates them."""
+    try:
+        arguments = signature.bind(*given, **named).arguments
+    except TypeError as error:
+        shown = f"{name}({', '.join(signature.parameters)})"
+        raise check.problem(node, f"this call: {error}", f"write {shown}") from None
+    return {each: arguments[each] for each in [*list(arguments)[: len(given)], *named]}
+
+
 def draw(check: Expressions, node: ast.Call, name: str, given: Sequence[ast.expr]) -> Called:
     """A call of `moment.chance`, or of the same as a function for rules."""
     function = DISTRIBUTIONS.get(name)
@@ -50,30 +67,25 @@ def draw(check: Expressions, node: ast.Call, name: str, given: Sequence[ast.expr
         hint = nearest(name, list(DISTRIBUTIONS))
         raise check.problem(node, f"moment.chance has no {name}{hint}", CHOICES.get(name, ""))
     signature = inspect.signature(function)
-    kind, names = _KINDS[str(signature.return_annotation)], list(signature.parameters)[1:]
+    kind, (stream, *names) = _KINDS[str(signature.return_annotation)], signature.parameters
     named = {str(keyword.arg): keyword.value for keyword in node.keywords}
-    try:
-        written = signature.bind(None, *given, **named).arguments
-    except TypeError:
-        listed = ", ".join(names)
-        instead = f"write {name}(draws, {listed})" if check.method.rule else ""
-        raise check.problem(node, f"these arguments; expected {listed}", instead) from None
-    # Arguments may draw, and Python evaluates them in the order in which they are written.
-    if [*names[: len(given)], *named] != [each for each in names if each in written]:
-        instead = f"write them as {', '.join(names[len(given) :])}"
+    written = bound(check, node, name, signature, [stream, *given], named)
+    if list(written) != [each for each in signature.parameters if each in written]:
+        instead = f"write them as {', '.join(names)}"
         raise check.problem(node, "named arguments in another order", instead)
     check.method.draws = True
     values = {
-        each: check.as_number(nodes, check.value(nodes))
-        for each, nodes in written.items()
-        if each in names
+        each: check.as_number(written[each], check.value(written[each]))
+        for each in names
+        if each in written
     }
     if kind is ValueKind.INT:
         if any(value.kind is not ValueKind.INT for value in values.values()):
             raise check.problem(node, "bounds that are not ints", "convert with int(...)")
         bounds = [*values.values()]
         ends = bounds if len(bounds) == 2 else [constant(ValueKind.INT, 0), *bounds]
-        texts = [check.as_bound(each) for each in ends]
+        # A real holds them, as in Python.
+        texts = [f"int64({check.as_exact(each).text})" for each in ends]
     else:
         for each in names:
             if each not in values:
@@ -242,15 +254,10 @@ def _of_space(function: FunctionType) -> OfRules:
 
     def checked(check: Expressions, node: ast.Call) -> Called:
         named = {str(word.arg): word.value for word in node.keywords}
-        try:
-            given = signature.bind(*node.args, **named).arguments
-        except TypeError as error:
-            called = f"{function.__name__}({', '.join(signature.parameters)})"
-            raise check.problem(node, f"this call: {error}", f"write {called}") from None
+        given = bound(check, node, function.__name__, signature, node.args, named)
         table = _table(check, given["table"]) if "table" in given else None
         own, texts = False, list[str]()
-        # In the order in which they are written, which is that of draws.
-        for name in (*[each for each in given if each not in named], *named):
+        for name in given:
             wanted = str(signature.parameters[name].annotation)
             if name == "table" and table is not None:
                 text = f"t_{table.name}"

@@ -20,7 +20,7 @@ import numpy as np
 from numba import (  # (names of generated modules)
     boolean,
     float64,
-    int16,  # noqa: F401
+    int16,
     int64,
     types,
     uint8,  # noqa: F401
@@ -145,18 +145,13 @@ def place(index: int, length: int) -> Any:
     return existing(index + length if index < 0 else index, length)
 
 
-@intrinsic
-def short(_: Any, number: Any) -> Any:
+@inlined
+def short(number: int) -> Any:
     """An int that fits into a cell."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made = context.cast(builder, arguments[0], types.int64, types.int16)
-        back = context.cast(builder, made, types.int16, types.int64)
-        lost = builder.icmp_signed("!=", back, arguments[0])
-        _leave_if(context, builder, lost, OverflowError)
-        return made
-
-    return types.int16(types.int64), generate
+    made = int16(number)
+    if made != number:
+        raise OverflowError
+    return made
 
 
 @inlined
@@ -167,33 +162,16 @@ def exact(number: int) -> float:
     return float(number)
 
 
-def _extreme(sign: str) -> Any:
-    @intrinsic
-    def choose(_: Any, a: Any, b: Any) -> Any:
-        ints = isinstance(a, types.Integer) and isinstance(b, types.Integer)
-        kind = types.int64 if ints else types.float64
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            a, b = arguments
-            compare = builder.icmp_signed if ints else builder.fcmp_ordered
-            return builder.select(compare(sign, b, a), b, a)
-
-        return kind(kind, kind), generate
-
-    return choose
-
-
-minimum: Final = _extreme("<")
-"""`min(a, b)`: also with nan the argument that Python chooses."""
-maximum: Final = _extreme(">")
+@inlined
+def minimum(a: Any, b: Any) -> Any:
+    """`min(a, b)`: also with nan the argument that Python chooses."""
+    return b if b < a else a
 
 
 @inlined
-def bound(number: int) -> int:
-    """An int below 2^53, as bounds of draws are."""
-    if not -EXACT <= number <= EXACT:
-        raise OverflowError
-    return number
+def maximum(a: Any, b: Any) -> Any:
+    """`max(a, b)`."""
+    return b if b > a else a
 
 
 @inlined
@@ -230,22 +208,6 @@ def power_of_ints(base: int, exponent: int) -> int:
     return result
 
 
-@compiled
-def shift_left(number: int, bits: int) -> int:
-    """`number << bits` within 64 bits."""
-    if not (0 <= bits < 62 and -(1 << (62 - bits)) <= number < (1 << (62 - bits))):
-        raise OverflowError
-    return number << bits
-
-
-@compiled
-def shift_right(number: int, bits: int) -> int:
-    """`number >> bits`."""
-    if bits < 0:
-        raise ValueError
-    return number >> min(bits, 63)
-
-
 @inlined
 def absolute(number: int) -> int:
     """`abs(number)`."""
@@ -257,28 +219,18 @@ def absolute(number: int) -> int:
 
 @compiled
 def floor_divide_reals(a: float, b: float) -> float:
-    """`a // b`, by the steps of CPython's `float_divmod`."""
+    """`a // b`."""
     if b == 0.0 or not (math.isfinite(a) and math.isfinite(b)):
         raise ZeroDivisionError
-    rest = np.fmod(a, b)
-    quotient = (a - rest) / b
-    if rest != 0.0 and (b < 0.0) != (rest < 0.0):
-        quotient -= 1.0
-    if quotient == 0.0:
-        return math.copysign(0.0, a / b)
-    whole = np.floor(quotient)
-    return whole + 1.0 if quotient - whole > 0.5 else whole
+    return a // b
 
 
 @compiled
 def modulo_reals(a: float, b: float) -> float:
-    """`a % b`, by the steps of CPython's `float_rem`."""
+    """`a % b`."""
     if b == 0.0 or not (math.isfinite(a) and math.isfinite(b)):
         raise ZeroDivisionError
-    rest = np.fmod(a, b)
-    if rest == 0.0:
-        return math.copysign(0.0, b)
-    return rest + b if (b < 0.0) != (rest < 0.0) else rest
+    return a % b
 
 
 @compiled
@@ -318,14 +270,10 @@ def ceiling(number: float) -> int:
     return int(np.ceil(whole_number(number)))
 
 
-@compiled
+@inlined
 def round_real(number: float) -> int:
     """`round(number)`: to the nearest int, and of two to the even one."""
-    whole = np.floor(whole_number(number))
-    rest = number - whole
-    if rest > 0.5 or (rest == 0.5 and whole % 2.0 != 0.0):
-        whole += 1.0
-    return int(whole)
+    return int(np.rint(whole_number(number)))
 
 
 @inlined

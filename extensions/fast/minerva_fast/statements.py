@@ -16,7 +16,7 @@ from typing import Any, Final, cast
 from minerva_bus.world.class_declaration import NotCompilable
 from minerva_fast.draws import TURNS, TURNS_IN_CALL
 from minerva_fast.expressions import Expressions
-from minerva_fast.functions import Called
+from minerva_fast.functions import Called, bound
 from minerva_fast.origin import EXPRESSIONS, STATEMENTS, Origin
 from minerva_fast.values import (
     STEP,
@@ -357,24 +357,17 @@ class Statements:
     # --- calls of user code ---
 
     def _helper(
-        self, node: ast.Call, function: FunctionType, bound: tuple[Reference, ...]
+        self, node: ast.Call, function: FunctionType, agent: tuple[Reference, ...]
     ) -> Called:
         if function.__code__.co_flags & _VARIABLE:
             what = f"{function.__name__}, a function with * or **, as decorators make"
             raise self.problem(node, what, "call a function with a parameter for each argument")
-        arguments = [*bound, *map(self._argument, node.args)]
+        arguments = [*agent, *map(self._argument, node.args)]
         named = {str(word.arg): self._argument(word.value) for word in node.keywords}
-        try:
-            call = inspect.signature(function).bind(*arguments, **named)
-        except TypeError as error:
-            what = f"this call of {function.__name__}: {error}"
-            instead = f"write {function.__name__}{inspect.signature(function)}"
-            raise self.problem(node, what, instead) from None
-        # Python evaluates arguments in the order in which they are written, and draws are in it.
-        order = [*list(call.arguments)[: len(arguments)], *named]
-        call.apply_defaults()
-        order += [name for name in call.arguments if name not in order]
-        given = {name: self._plain(node, call.arguments[name]) for name in order}
+        signature = inspect.signature(function)
+        given = bound(self.expressions, node, function.__name__, signature, arguments, named)
+        given |= {p.name: p.default for p in signature.parameters.values() if p.name not in given}
+        given = {parameter: self._plain(node, each) for parameter, each in given.items()}
         made = self._made(node, function, given)
         looped = self.scope.loops > 0
         self.scope.accesses += [replace(a, looped=looped or a.looped) for a in made.accesses]

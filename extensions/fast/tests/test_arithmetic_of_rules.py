@@ -83,9 +83,9 @@ def of_number(case, a, b, out):
 
 def of_bits(case, a, b, out):
     if case == 0:
-        out[0] = a << b
+        out[0] = a << 7
     elif case == 1:
-        out[0] = a >> b
+        out[0] = a >> 9
     elif case == 2:
         out[0] = a & b
     elif case == 3:

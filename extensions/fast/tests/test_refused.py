@@ -116,7 +116,7 @@ REFUSED = {
         "moment.chance.normal", "another order", "mean, deviation",
     ),
     "two values of a draw": ("self.x = moment.chance.normal(1.0, mean=2.0)",
-                             "moment.chance.normal", "expected mean, deviation", ""),
+                             "moment.chance.normal", "multiple values for argument 'mean'", ""),
     "two values of a datum": ("moment.emit(eCall(1.0, loud=2.0))", "eCall(1.0, loud=2.0)",
                               "two values of loud", "leave out"),
     "infinity as text": ("self.x = float('inf')", "float('inf')", "number in a text", "math.inf"),

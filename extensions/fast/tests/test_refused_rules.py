@@ -80,7 +80,7 @@ REFUSED = {
     "arguments": (
         "x = normal(draws, 1, 2, 3)",
         "normal(draws, 1, 2, 3)",
-        "expected mean, deviation",
+        "too many positional arguments",
         "normal(draws,",
     ),
     "numpy's random numbers": ("x = np.random.rand()", "np.random.rand()", "rand", "draws"),
