@@ -438,10 +438,11 @@ class Expressions:
             what = "a power of ints whose exponent is not a constant from 0 up"
             raise self.problem(node, what, "make the base a real number: float(n) ** k")
         if isinstance(operator, ast.LShift | ast.RShift):
-            if not known or right.constant > _MOST_SHIFT:
+            bits = int(right.constant or 0)
+            if not 0 < bits <= _MOST_SHIFT:
                 what = f"a shift by anything but a constant from 1 to {_MOST_SHIFT}"
                 raise self.problem(node, what, "write n * 2 ** k or n // 2 ** k")
-            right = constant(ValueKind.INT, 2**right.constant)
+            right = constant(ValueKind.INT, 2**bits)
             operator = ast.Mult() if isinstance(operator, ast.LShift) else ast.FloorDiv()
         sign = _SIGNS.get(type(operator))
         if isinstance(operator, _BITS) or (known and isinstance(operator, ast.FloorDiv | ast.Mod)):
