@@ -287,7 +287,7 @@ class GeneratorSide:
         # Orders for a frame in which the member was away must not be lost.
         due: list[AnyEvent] = []
         self._obeyed = {frame: len(self._orders.get(frame, ()))}
-        for number in sorted(self._orders):
+        for number in sorted(self._orders) if self._orders else ():
             if number <= frame:
                 due += self._orders.pop(number)
         return tuple(due)
@@ -565,7 +565,7 @@ class DeviceSide:
         A coupled device shows each view at once. An observer that fell behind shows only the
         latest view of each event type, to catch up. `last`: no view follows.
         """
-        for event_type, frame in sorted(self._unshown.items()):
+        for event_type, frame in sorted(self._unshown.items()) if self._unshown else ():
             latest, every = self._latest.get(event_type, frame), self._every
             # The same frame again, or an earlier one, comes from a record that is wound back.
             if every and latest < frame and latest // every == frame // every and not last:
