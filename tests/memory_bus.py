@@ -282,7 +282,7 @@ class MemoryBus:
                 # As from a journal: the inputs of each frame give the same string again.
                 successor.receive(s.Begin(inputs=inputs))
         # Members that were active are awaited, so that no frame begins without them.
-        successor.expect(member.name for member in before.members.active())
+        successor.expect(member.name for member in before.members.index.active)
         # The queues belong to the sessions of the former coordinator.
         self._transport.queues.clear()
         self._run(successor)

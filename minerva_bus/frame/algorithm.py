@@ -240,7 +240,7 @@ class FrameAlgorithm:
 
     def start_if_complete(self) -> None:
         """Announce the first frame once all expected members are present."""
-        if self.now.phase is not _WAITING or self.members.awaited():
+        if self.now.phase is not _WAITING or self.members.index.awaited:
             return
         # Step 9 follows a frame, so a world cannot end before frame 0. A resumed
         # world or a successor begins after a frame, and its predecessor may have
@@ -283,7 +283,7 @@ class FrameAlgorithm:
         # The interrupted frame is never committed, so its replies are no longer needed.
         self.now.in_flight.pending = set()
         self.now.in_flight.requests.cancel()
-        self.shutdown.begin(member.name for member in self.members.active())
+        self.shutdown.begin(member.name for member in self.members.index.active)
         stopping = s.Stopping(self.shutdown.reason, self.now.frame, self.closing_events)
         self.out.pending.append(stopping)
         self.out.send(s.EVERYONE, m.Stop(self.shutdown.reason))
@@ -393,7 +393,7 @@ class FrameAlgorithm:
     def waiting_for(self) -> list[str]:
         """The members that the world waits for, sorted."""
         if self.now.phase in (_WAITING, _READY):
-            return [member.name for member in self.members.awaited()]
+            return [member.name for member in self.members.index.awaited]
         if self.now.phase is _TICK:
             return sorted(self.now.in_flight.pending)
         if self.now.phase is _STOPPING:
@@ -401,7 +401,7 @@ class FrameAlgorithm:
         requests = self.now.in_flight.requests
         names = {host for host, _ in requests.outstanding}
         if requests.unassigned:
-            names.update(member.name for member in self.members.awaited())
+            names.update(member.name for member in self.members.index.awaited)
         return sorted(names)
 
     def awaits(self, member: str) -> bool:

@@ -122,7 +122,7 @@ class CollectionStep:
         events.orders = orders
         if orders:
             events.permitted = self._permitted_orders(orders)
-            for member in self._members.active():
+            for member in self._members.index.active:
                 self._give_orders(member)
 
     def _load(self, inputs: FrameInputs) -> None:

@@ -182,7 +182,7 @@ class MemberLifecycle:
         policy, members = self._world.policy, self._members
         if not (policy.rules.makes_copies and hello.kinds):
             return ""
-        others = (*members.awaited(), *members.active(), *members.index.joining)
+        others = (*members.index.awaited, *members.index.active, *members.index.joining)
         hosts = {each.name: each for each in others if each.hello is not None and each.hello.kinds}
         hosts.pop(hello.member, None)
         only = f'policy = "{policy.value}" evolves all agents on one host, which is'

@@ -137,6 +137,7 @@ _NONE: Final = frozenset[str]()
 class MemberIndex:
     """Members by role, computed once per change of the table because each frame needs it.
 
+    `active` take part in frames, and the world waits for those `awaited`.
     `tickers` answer ticks; `sources` are the devices that generate their own visual events.
     Both include members that are away and awaited. `on_orders` receive a tick in frames with orders
     only, `at_intervals` in the frames that a number divides, `alone` are both; `joining` are to be
@@ -304,14 +305,6 @@ class Members:
         entries = self.index.on_orders
         return frozenset(m.name for m in entries if m.active and m.rests) if entries else _NONE
 
-    def active(self) -> tuple[MemberEntry, ...]:
-        """The members that take part in frames."""
-        return self.index.active
-
-    def awaited(self) -> tuple[MemberEntry, ...]:
-        """The members that the world waits for."""
-        return self.index.awaited
-
     def takes_part(self, name: str) -> bool:
         """Whether a member of this name is expected or takes part in frames; from any thread."""
         member = self.entries.get(name)
@@ -337,7 +330,7 @@ class Members:
 
     def offers(self) -> dict[str, frozenset[str]]:
         """The kinds offered by each active host; by a drained host, those that no other offers."""
-        hosts = {m.name: _kinds(m.hello) for m in self.active() if m.hello is not None}
+        hosts = {m.name: _kinds(m.hello) for m in self.index.active if m.hello is not None}
         kept = [kinds for name, kinds in hosts.items() if not self.entries[name].drained]
         # A drained host keeps the kinds that no other host offers,
         # or their agents would not evolve.
@@ -354,11 +347,11 @@ class Members:
 
     def machines(self) -> dict[str, str]:
         """The machine of each active member."""
-        return {m.name: m.hello.host for m in self.active() if m.hello is not None}
+        return {m.name: m.hello.host for m in self.index.active if m.hello is not None}
 
     def awaited_kinds(self) -> frozenset[str]:
         """The kinds offered by hosts that are away and awaited."""
-        hellos = [member.hello for member in self.awaited() if member.hello is not None]
+        hellos = [member.hello for member in self.index.awaited if member.hello is not None]
         return frozenset[str]().union(*(_kinds(hello) for hello in hellos))
 
     def publishers_in_step(self) -> dict[str, tuple[str, ...]]:
@@ -373,7 +366,7 @@ class Members:
 
     def devices(self, event_type: str) -> list[tuple[MemberEntry, Hello]]:
         """The active devices that draw a visual event type."""
-        hellos = [(member, member.hello) for member in self.active()]
+        hellos = [(member, member.hello) for member in self.index.active]
         return [(member, h) for member, h in hellos if h is not None and event_type in h.draws]
 
     def standing_for_people(

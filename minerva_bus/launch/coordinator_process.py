@@ -203,7 +203,7 @@ class CoordinatorRun:
         self._journal.shorten(self._save)
         if not self._began:
             self._began = True
-            self._members = len(self.coordinator.algorithm.members.active())
+            self._members = len(self.coordinator.algorithm.members.index.active)
             at = self.coordinator.schedule.last_frame_at
             self._reports.send("first_frame", frame=done.frame, at=at)
 

@@ -522,7 +522,7 @@ class RunJournal:
         # The index is a new object whenever the members have changed.
         if members.index is not self._members:
             self._members = members.index
-            journal.members(member.name for member in members.active())
+            journal.members(member.name for member in members.index.active)
 
     def _note_pace(self, journal: Journal) -> None:
         """Write the pace; a frame in progress counts as left, because the journal lacks it."""

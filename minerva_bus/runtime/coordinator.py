@@ -159,7 +159,7 @@ class Monitor:
         self._greet_again(now)
         self._log.report_omitted(now)
         algorithm = self._algorithm
-        active = {member.name for member in algorithm.members.active()}
+        active = {member.name for member in algorithm.members.index.active}
         for name in self._waits.overtaken(active, now):
             self._watchers.came(name)
         waiting = algorithm.waiting_for()

@@ -319,14 +319,14 @@ class StatusMeter(Sink):
         # A paused world has no frames, which an average would show only after a while.
         self.hz = rate if paused else self.hz + SMOOTHING * (rate - self.hz)
         self.at, self._frame = now, algorithm.frame
-        active = len(algorithm.members.active())
+        active = len(algorithm.members.index.active)
         self.most_members = max(self.most_members, active)
         phase = algorithm.phase.value
         return Status(algorithm.frame, rate, active, phase, paused, tuple(waiting), self.waited)
 
     def stopping(self, notice: s.Stopping) -> None:
         """Count the members of a world that ends before its first status."""
-        self.most_members = max(self.most_members, len(self._algorithm.members.active()))
+        self.most_members = max(self.most_members, len(self._algorithm.members.index.active))
 
 
 # --- the log: lines that members print, warnings about them, recent events ---

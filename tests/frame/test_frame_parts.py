@@ -108,7 +108,7 @@ def test_members_are_sorted_by_name_not_arrival():
         member = members.get(name)
         members.change(member, MemberChange.APPEARED)
     assert [member.name for member in members] == ["a", "m", "q", "z"]
-    assert [member.name for member in members.awaited()] == ["m", "z"]
+    assert [member.name for member in members.index.awaited] == ["m", "z"]
 
 
 KINDS = tuple(cls.kind for cls in FAMILY)

@@ -37,7 +37,7 @@ class Written:
 
     def _observe(self, notice):
         if isinstance(notice, FrameDone):
-            self.journal.members(member.name for member in self.bus.algorithm.members.active())
+            self.journal.members(member.name for member in self.bus.algorithm.members.index.active)
             self.journal.frame(notice.inputs)
             if self.journal.is_long:
                 self.journal.rewrite()

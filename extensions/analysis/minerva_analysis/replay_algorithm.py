@@ -230,7 +230,7 @@ class ReplayAlgorithm(FrameAlgorithm):
 
     def why_over(self) -> str:
         """Step 9: reason for the end if the recorded run is over and no member is present."""
-        stays = self._stay and self.members.active()
+        stays = self._stay and self.members.index.active
         return "" if self.has_next() or stays else OVER
 
     def announce(self) -> None:
@@ -265,7 +265,7 @@ class ReplayAlgorithm(FrameAlgorithm):
         if hello is not None:
             if not set(self.views.event_types) >= set(hello.draws):
                 self._look()
-        elif not self.has_next() and not self.members.active():
+        elif not self.has_next() and not self.members.index.active:
             self.close(OVER)
 
 
