@@ -284,7 +284,9 @@ class Postponed:
             return False
         self.queue.append(message)
         self._bytes += len(message.data)
-        self._refill()
+        now = self._clock()
+        self._left = min(AT_ONCE, self._left + SHARE * (now - self._at))
+        self._at = now
         while self.queue and self._left > 0:
             self.process_next()
         return True
@@ -296,11 +298,6 @@ class Postponed:
         began = self._clock()
         self._process(message)
         self._left -= self._clock() - began
-
-    def _refill(self) -> None:
-        now = self._clock()
-        self._left = min(AT_ONCE, self._left + SHARE * (now - self._at))
-        self._at = now
 
 
 class Receiver:
