@@ -346,8 +346,6 @@ def same_values(a: tuple[Value, ...], b: tuple[Value, ...]) -> bool:
 
 
 def _same(a: Value, b: Value) -> bool:
-    if a is b:
-        return True
     if isinstance(a, np.ndarray):
         return isinstance(b, np.ndarray) and _same_matrices(a, b)
     if isinstance(a, tuple):
