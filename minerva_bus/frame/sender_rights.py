@@ -319,9 +319,10 @@ class EventWork:
 
     def _everyone(self, event_type: str) -> int:
         kinds, composition = self._responding(event_type), self._composition
-        single = sum(count for kind, count in composition.single.items() if kind in kinds)
-        parts = [part.count for part in composition.parts.values() if part.symbol in kinds]
-        return single + sum(PART_STEPS + count // ROWS_PER_STEP for count in parts)
+        steps = sum([count for kind, count in composition.single.items() if kind in kinds])
+        for part in composition.parts.values():
+            steps += PART_STEPS + part.count // ROWS_PER_STEP if part.symbol in kinds else 0
+        return steps
 
     def _kinds_of(self, event_type: str) -> frozenset[str]:
         kinds = self._vocabulary.kinds.items()

@@ -138,7 +138,8 @@ class _Allowance:
         for what, full in self._full.items():
             # Capped at one second's worth, so that an idle member cannot
             # send an unlimited burst.
-            self._left[what] = min(self._left[what] + passed * full, full)
+            left = self._left[what] + passed * full
+            self._left[what] = left if left < full else full
 
     def left(self, what: str) -> float:
         """Amount left in a bucket."""

@@ -306,17 +306,14 @@ def _single(plain: Any, what: str) -> list[list[Any]]:
 
 
 def _events(of: DeclaredField) -> FieldCodec:
-    def read(reader: Reader, plain: Any) -> tuple[AnyEvent, ...]:
-        return reader.events(plain)
+    generated = of.has(Mark.GENERATED)
 
-    def read_generated(reader: Reader, plain: Any) -> tuple[AnyEvent, ...]:
-        if plain != []:  # Most replies to a tick have none.
+    def read(reader: Reader, plain: Any) -> tuple[AnyEvent, ...]:
+        if generated and plain != []:  # Most replies to a tick have none.
             _check_generated(of, reader, plain)
         return reader.events(plain)
 
-    return FieldCodec(
-        "[event]", read_generated if of.has(Mark.GENERATED) else read, plain_event_list
-    )
+    return FieldCodec("[event]", read, plain_event_list)
 
 
 def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
@@ -326,6 +323,9 @@ def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
     """
     limits, single = reader.limits, _single(plain, of.what)
     check(of.message, len(single), limits.single_events, "single events", _ADVICE)
+    # Most events have two items, and only those of five have receivers or a condition.
+    if len(single) == len(plain) and max(map(len, single)) < 5:
+        return
     receivers = sum(map(len, lists_in([item[4] for item in single if len(item) == 5])))
     check(of.message, receivers, limits.receivers, "receivers of single events", _ADVICE)
     check(of.message, _characters([plain]), limits.conditions, _OF_CONDITIONS)
