@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.errors import MisuseError, SceneError, WorldFileError, nearest
 from minerva_bus.files import check_output, write_output
 from minerva_bus.frame.member_side import Unready
 from minerva_bus.launch import child_processes, machine_resources
@@ -56,6 +56,10 @@ class MemberStart:
     profiling: Profiling
 
 
+LASTING: Final = (MisuseError, WorldFileError, SceneError, ValueError)
+"""Errors about options, files or the world, which another attempt would meet again."""
+
+
 def run_member(start: MemberStart, reports: ReportPipe) -> int:
     """Run members of a world to its end; returns the exit code.
 
@@ -67,8 +71,11 @@ def run_member(start: MemberStart, reports: ReportPipe) -> int:
         path = profile_path(start.world, start.profiling.member)
         return sampled(process.run, path) if named else process.run()
     except Unready as error:
-        name = process.running.name
-        reports.send("unready", member=name, reason=str(error).removeprefix(f"{name} "))
+        name, cause = process.running.name, error.__cause__
+        # Only a host of another version has no cause. Others, such as a missing device, may pass.
+        final = cause is None or isinstance(cause, LASTING)
+        reason = str(error).removeprefix(f"{name} ")
+        reports.send("unready", member=name, reason=reason, final=final)
         return UNREADY
 
 
@@ -291,11 +298,15 @@ MAX_LINE_LENGTH: Final = 2000
 
 @dataclass(frozen=True, slots=True)
 class FailureCause:
-    """Why a process ends: the report of a `member`; or that code blocks it, as logged before."""
+    """Why a process ends: the report of a `member`; or that code blocks it, as logged before.
+
+    `final`: another attempt would fail for the same reason.
+    """
 
     member: str = ""
     text: str = ""
     blocked: str = ""
+    final: bool = False
 
 
 NO_CAUSE: Final = FailureCause()

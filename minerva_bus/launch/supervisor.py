@@ -283,11 +283,11 @@ class Supervisor:
             process.cause = FailureCause(member, text)
         self._log.reported(member, text, details)
 
-    def _on_unready(self, member: str, reason: str) -> None:
+    def _on_unready(self, member: str, reason: str, final: bool) -> None:
         """Note why a process cannot take part; it ends. Further ones for this reason are known."""
         process = self._processes.get(member)
         if process is not None:
-            process.cause = FailureCause(member, reason)
+            process.cause = FailureCause(member, reason, final=final)
         if self._log.failures.is_new(f"{member} {reason}"):
             self._log.add(member, reason, "info")
 
@@ -437,7 +437,8 @@ class Supervisor:
         delay = process.fail(self._coordinator.frame, killed=code < 0)
         # Methods of agents depend on string and events only: a third attempt in the same frame,
         # perhaps without the events of guests, was the last one that could differ.
-        if spec.agents and process.cause.blocked and process.failures >= MAX_FAILURES:
+        blocked = spec.agents and process.cause.blocked and process.failures >= MAX_FAILURES
+        if blocked or process.cause.final:
             delay = process.restart_at = None
         if delay is not None and self._log.failures.repeated(spec, code, process.cause.text):
             # `fail` has set the time of a restart.

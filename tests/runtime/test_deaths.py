@@ -205,11 +205,16 @@ def test_output_of_members_is_shown_completely_with_names(tmp_path):
     assert [int(line.split()[3]) for line in lines] == list(range(3000))
 
 
-def test_a_member_that_cannot_take_part_names_the_reason_in_the_summary(tmp_path):
+@pytest.mark.parametrize(
+    ("error", "times"), [("MisuseError", ""), ("RecordingError", ", 2 times in a row")]
+)
+def test_a_member_that_cannot_take_part_names_the_reason_in_the_summary(tmp_path, error, times):
+    """It starts again only where another attempt may succeed."""
     (tmp_path / "unready.py").write_text(
         "from minerva_bus import Generator\nfrom minerva_bus.errors import MisuseError\n"
+        "from minerva_bus.log.recordings import RecordingError\n"
         "class Lidar(Generator):\n    def joined(self, info):\n"
-        "        raise MisuseError('the vocabulary has no eScan')\n"
+        f"        raise {error}('the vocabulary has no eScan')\n"
         "    def generate(self, tick):\n        return ()\n"
     )
     lidar = '[process.lidar]\nservice = "unready:Lidar"\nrestarts = 1\n'
@@ -219,7 +224,7 @@ def test_a_member_that_cannot_take_part_names_the_reason_in_the_summary(tmp_path
     assert done.returncode == 1
     assert json.loads(done.stdout)["ended"] == f"lidar {reason}"
     assert done.stderr.count(reason) == 1
-    assert "lidar │ cannot take part, 2 times in a row; the world stops" in done.stderr
+    assert f"lidar │ cannot take part{times}; the world stops" in done.stderr
 
 
 def test_a_printed_line_is_not_a_report(tmp_path):
