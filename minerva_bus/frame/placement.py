@@ -7,7 +7,7 @@ limits and their speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -43,13 +43,11 @@ class Rule:
     def allows(self, host: str, machines: Mapping[str, str]) -> bool:
         """Whether a host may evolve such agents; `machines` maps members to machines."""
         # `fnmatch` ignores case on some platforms, but names of members are case-sensitive.
-        if self.only and not any(fnmatchcase(host, pattern) for pattern in self.only):
-            return False
-        if not self.near:
-            return True
+        matches = not self.only or any(fnmatchcase(host, pattern) for pattern in self.only)
         # Without the member there is no machine to be near to. The empty text cannot stand for a
         # missing machine, because a host's machine may be the empty text.
-        return self.near in machines and machines[self.near] == machines.get(host)
+        near = self.near in machines and machines[self.near] == machines.get(host)
+        return matches and (near or not self.near)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,16 +66,11 @@ class PlacementRules:
         """The offers of hosts that the rules allow; a host may be left with no kinds."""
         if not self.rules:
             return dict(offers)
-        return {host: self._left(host, kinds, machines) for host, kinds in offers.items()}
-
-    def _left(
-        self, host: str, kinds: frozenset[str], machines: Mapping[str, str]
-    ) -> frozenset[str]:
-        return frozenset(
-            kind
-            for kind in kinds
-            if kind not in self.rules or self.rules[kind].allows(host, machines)
-        )
+        any_host = Rule()
+        return {
+            host: frozenset(k for k in kinds if self.rules.get(k, any_host).allows(host, machines))
+            for host, kinds in offers.items()
+        }
 
 
 class Capacity:
@@ -163,27 +156,23 @@ class Load:
         time of a frame does then not depend on rows, so a host with fewer would seem slower.
         """
         known = [self._speed(host) for host in hosts]
-        return known if _enough(rows, hosts) and all(known) else [1.0] * len(hosts)
+        return known if rows >= _MIN_ROWS * len(hosts) and all(known) else [1.0] * len(hosts)
 
     def imbalanced(self, rows: Mapping[str, int]) -> bool:
         """Whether other shares would be much faster than this number of rows per host."""
         speeds = [self._speed(host) for host in rows]
         # With few rows the time does not depend on their number. A host with fewer rows would then
         # seem slower, receive fewer still, and end with none.
-        if len(rows) < 2 or not all(speeds) or not _enough(sum(rows.values()), rows):
+        total = sum(rows.values())
+        if len(rows) < 2 or not all(speeds) or total < _MIN_ROWS * len(rows):
             return False
         slowest = max(count / speed for count, speed in zip(rows.values(), speeds, strict=True))
-        return slowest > _MAX_RATIO * sum(rows.values()) / sum(speeds)
+        return slowest > _MAX_RATIO * total / sum(speeds)
 
     def _speed(self, host: str) -> float:
         speeds = self._speeds.get(host, [])
         # The median, so that a single slow frame does not move rows.
         return float(np.median(speeds)) if len(speeds) == WINDOW else 0.0
-
-
-def _enough(rows: int, hosts: Sized) -> bool:
-    """Whether the number of its rows determines the time that a host needs."""
-    return rows >= _MIN_ROWS * len(hosts)
 
 
 class UnassignedLog:
@@ -224,9 +213,7 @@ class UnassignedLog:
         """
         # Also of hosts that are gone: their loss has been logged already.
         self._offered.update(offers)
-        missing = {
-            kinds for kinds in unassigned if not any(kinds <= offered for offered in self._offered)
-        }
+        missing = {kinds for kinds in unassigned if not any(map(kinds.issubset, self._offered))}
         for kinds in sorted(map(sorted, missing - self._reported)):
             names = f"all of {', '.join(kinds)}" if len(kinds) > 1 else kinds[0]
             still = "these agents do not evolve; add their class to agents, or attach a host"
@@ -423,10 +410,8 @@ class Placement:
 
         A visual event with receivers concerns other agents too: their view is ε (equation 4).
         """
-        hosts: set[str] = set()
-        if visual:
-            shown = {event.type for event in visual}
-            hosts = {host for host, types in self._types.items() if types & shown}
+        shown = {event.type for event in visual}
+        hosts = {host for host, types in self._types.items() if types & shown}
         for event in events:
             # All hosts get a request anyway, so the remaining events need no check.
             if len(hosts) == len(self._types):
@@ -435,18 +420,15 @@ class Placement:
                 homes = self._homes(event.receivers)
                 hosts.update(self._host[home] for home in homes if home in self._host)
             else:
-                for host, types in self._types.items():
-                    if event.type in types:
-                        hosts.add(host)
+                hosts.update(host for host, types in self._types.items() if event.type in types)
         return sorted(hosts)
 
-    def _homes(self, receivers: Ids | tuple[str, ...]) -> Iterable[str]:
+    def _homes(self, receivers: Ids | tuple[str, ...]) -> Iterable[str | None]:
         if isinstance(receivers, Ids):
             return self._composition.homes(receivers)
         if len(receivers) > MIN_BATCH:
             return self._composition.homes(Ids.of(receivers))
-        homes = (self._composition.home(receiver) for receiver in receivers)
-        return (home for home in homes if home is not None)
+        return map(self._composition.home, receivers)
 
     def lacking(self, host: str) -> Fragments | None:
         """Fragments that a host must receive or drop before it can evolve; None without any."""
