@@ -42,7 +42,7 @@ from minerva_bus.errors import (
 )
 from minerva_bus.files import check_ending, ending_of
 from minerva_bus.frame.member_side import Member
-from minerva_bus.frame.placement import PlacementRules, Rule
+from minerva_bus.frame.placement import PlacementRules, Rule, hosts_for
 from minerva_bus.frame.sender_rights import ID
 from minerva_bus.frame.stimuli import source_of
 from minerva_bus.frame.world_state import WorldSpec
@@ -108,9 +108,6 @@ TABLES: Final = (
 )
 
 _MAX_FLOAT = sys.float_info.max
-
-HOST_SECONDS: Final = 1.5e-3
-"""Time that another host adds to a frame: CPU time of the coordinator, 1.4 to 1.7 ms measured."""
 
 AGENT_SECONDS: Final = 0.65e-6
 """Time of an agent's short method, one by one."""
@@ -726,10 +723,10 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
     """The world file with a number of processes for each table that leaves it to this machine.
 
     A second host halves the evolution of agents, and costs the coordinator a request, a reply and
-    its part of the string. With n hosts a frame takes `work / n + (n - 1) * HOST_SECONDS`; the n
-    with the shortest frame is chosen, at most the number of cores. The costs of the agents' own
-    code are unknown before it runs, so `work` is a lower bound: the rule rather starts too few
-    hosts than one that makes the world slower. The strings are the same for any number.
+    its part of the string, so `hosts_for` chooses a number, at most that of cores. The costs of
+    the agents' own code are unknown before it runs, so the work is a lower bound: the rule rather
+    starts too few hosts than one that makes the world slower. The strings are the same for any
+    number.
 
     If it leaves any, services share one where there are fewer cores than processes. `members` are
     those of the first process of each table.
@@ -757,13 +754,8 @@ def distributed(file: WorldFile, members: Iterable[Member]) -> WorldFile:
 def _hosts(process: ProcessSpec, world: WorldSpec) -> Iterator[ProcessSpec]:
     counts = kind_counts(*world.scene.pieces)
     work = sum(counts[cls.kind.name] * _seconds(cls) for cls in process.agents)
-    count = 1 if world.policy.rules.makes_copies else hosts_for(work, cores())
+    count = 1 if world.policy.rules.makes_copies else min(hosts_for(work), cores())
     yield from [replace(process, name=n, automatic=False) for n in names_of(process.name, count)]
-
-
-def hosts_for(work: float, most: int) -> int:
-    """The number of hosts, at most `most`, with the shortest frame; `work` is in seconds."""
-    return min(range(1, most + 1), key=lambda n: (work / n + (n - 1) * HOST_SECONDS, n))
 
 
 def _seconds(cls: type[Agent]) -> float:
