@@ -167,7 +167,7 @@ def _is_from(event: AnyEvent, senders: Container[str], part: Columns | None) -> 
 _TYPE: Final = attrgetter("type")
 
 BALANCE_INTERVAL: Final = 32
-"""Frames between two checks whether hosts need the same time."""
+"""Frames between two checks whether other shares of the hosts would be faster."""
 
 
 class EvolutionStep:
@@ -214,7 +214,8 @@ class EvolutionStep:
             requests.left_out.update(in_flight.logged.left_out)
             return
         placement = self._placement
-        due = self._now.frame % BALANCE_INTERVAL == 0
+        # Also after 1, 2, 4, ... frames, so that a short run of slow agents is divided early.
+        due = self._now.frame % BALANCE_INTERVAL == 0 or self._now.frame.bit_count() == 1
         if placement.outdated or (due and placement.imbalanced):
             self._arrange()
         requests.layout = self._composition.layout

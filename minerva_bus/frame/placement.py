@@ -135,7 +135,6 @@ _MIN_ROWS: Final = 8192
 _MAX_RATIO: Final = 1.3
 """Ratio of the slowest host's time to the balanced time that is worth moving rows."""
 
-
 HOST_SECONDS: Final = 1.5e-3
 """Time that another host adds to a frame: CPU time of the coordinator, 1.4 to 1.7 ms measured."""
 
@@ -180,6 +179,12 @@ class Load:
             return False
         slowest = max(count / speed for count, speed in zip(rows.values(), speeds, strict=True))
         return slowest > _MAX_RATIO * total / sum(speeds)
+
+    def seconds(self, rows: int, hosts: Iterable[str]) -> float:
+        """Time of some rows in the fastest of the last frames of these hosts; 0 while unknown."""
+        # The fastest, so that neither a busy machine nor the first frame, which imports, counts.
+        known = [max(self._speeds[host]) for host in hosts if len(self._speeds.get(host, ())) > 1]
+        return rows / max(known) if known else 0.0
 
     def _speed(self, host: str) -> float:
         speeds = self._speeds.get(host, [])
@@ -236,8 +241,8 @@ class UnassignedLog:
 MIN_BATCH: Final = 16
 """Receivers of an event above which they are looked up together."""
 
-MIN_AGENTS: Final = 8
-"""Agents that justify a further host for a population."""
+MIN_AGENTS: Final = 64
+"""Agents that justify a further host for a population, whatever time they take."""
 
 
 class Placement:
@@ -253,6 +258,7 @@ class Placement:
         self._vocabulary = vocabulary
         self._limit = limit
         self._composition = composition
+        self._offers: Offers = {}
         self._host: dict[str, str] = {}
         self._fragments: dict[str, tuple[str, ...]] = {}
         self._load = Load()
@@ -271,14 +277,12 @@ class Placement:
         host gets more agents than its limit. `mid_frame` the remaining hosts take over
         regardless of the limit, because the frame waits for the fragments.
         """
+        self._offers = offers
         capacity = Capacity(offers, 0 if mid_frame else self._limit)
-        preferred = self._shares(offers, divide=not mid_frame)
+        preferred = self._shares(divide=not mid_frame)
         if mid_frame:  # A host that is evolving a part must keep it.
-            preferred |= {
-                part: host
-                for part, host in self._host.items()
-                if host in offers and part in preferred
-            }
+            parts = self._composition.parts.keys() & self._host.keys()
+            preferred |= {part: self._host[part] for part in parts if self._host[part] in offers}
         self._host, self.unassigned = {}, {}
         # Computed from scratch: the missing fragments follow from those that the host holds.
         self._stale = {host: set() for host in offers}
@@ -307,23 +311,22 @@ class Placement:
         self._types = {host: self._types_of(kinds) for host, kinds in kinds_on.items()}
         self._unwanted = {host: self._unwanted_on(host) for host in offers}
 
-    def _shares(self, offers: Offers, *, divide: bool) -> dict[str, str]:
+    def _shares(self, *, divide: bool) -> dict[str, str]:
         """The host of each part of a population, in order.
 
         To `divide` gives each population one part per host, sized by the hosts' speed. Rows that
         exceed the capacity of the hosts form one more part.
         """
         shares: dict[str, str] = {}
-        composition, capacity = self._composition, Capacity(offers, self._limit)
+        composition, capacity = self._composition, Capacity(self._offers, self._limit)
         for number in range(len(composition.populations)):
             population = composition.populations[number]
             counts = [composition.parts[name].count for name in population]
-            symbol, rows = composition.parts[population[0]].symbol, sum(counts)
-            hosts = self._hosts_for(symbol, rows, offers, capacity)
+            hosts = self._hosts_for(population, capacity)
             if divide:
                 limits = [capacity.left(host) for host in hosts]
-                weights = self._load.weights(hosts, rows) if hosts else [1.0]
-                sizes = apportion(rows, weights, limits)
+                weights = self._load.weights(hosts, sum(counts)) if hosts else [1.0]
+                sizes = apportion(sum(counts), weights, limits)
                 # Moving rows costs more than a slight imbalance, so parts
                 # that may stay are left as they are.
                 if (
@@ -338,12 +341,18 @@ class Placement:
                 capacity.take(host, composition.parts[name].count)
         return shares
 
-    def _hosts_for(self, symbol: str, rows: int, offers: Offers, capacity: Capacity) -> list[str]:
-        """The hosts that share a population: as many as its size justifies or requires."""
+    def _hosts_for(self, population: Sequence[str], capacity: Capacity) -> list[str]:
+        """The hosts that share a population: as many as its size or time justifies or requires."""
+        parts = [self._composition.parts[name] for name in population]
+        rows = sum(part.count for part in parts)
         # By name, as the protocol defines it: the division must not depend on the order of joining.
-        able = sorted(host for host, kinds in offers.items() if symbol in kinds)
+        able = sorted(host for host, kinds in self._offers.items() if parts[0].symbol in kinds)
         able = capacity.with_room(able, 1)
-        chosen = able[: max(1, rows // MIN_AGENTS)]
+        on = {self._host[name] for name in population if name in self._host}
+        # Further hosts must be worth moving agents; those that it has need only pay.
+        work = self._load.seconds(rows, on)
+        worthwhile, paid = hosts_for(work / _MAX_RATIO), hosts_for(work)
+        chosen = able[: max(rows // MIN_AGENTS, worthwhile, min(len(on), paid))]
         # With a limit, a population may need more hosts than its size justifies.
         while len(chosen) < len(able) and sum(map(capacity.left, chosen)) < rows:
             chosen.append(able[len(chosen)])
@@ -367,7 +376,9 @@ class Placement:
         parts = self._composition.parts.values()
         if self._limit and (self.unassigned or any(part.count > self._limit for part in parts)):
             return True
-        return any(map(self._imbalanced, self._composition.populations))
+        divisions, capacity = self._composition.populations, Capacity(self._offers, self._limit)
+        others = (len(each) != len(self._hosts_for(each, capacity)) for each in divisions)
+        return any(others) or any(map(self._imbalanced, divisions))
 
     @property
     def unassigned_agents(self) -> int:

@@ -71,7 +71,7 @@ def test_within_a_frame_the_limit_of_a_host_does_not_count():
 
 def test_within_a_frame_the_parts_of_a_population_stay():
     """Undivided, on hosts that may be evolving them; only those of a lost host move."""
-    placement, composition = arranged(population(MANY), {"east": BOTH, "west": BOTH})
+    placement, composition = arranged(population(192), {"east": BOTH, "west": BOTH})
     (parts,) = composition.populations
     hosts = [placement.host_of(part) for part in parts]
     assert hosts == ["east", "west"]
@@ -90,7 +90,8 @@ def test_within_a_frame_the_parts_of_a_population_stay():
 @pytest.mark.parametrize(
     ("rows", "limit", "expected"),
     [
-        (39, 0, [("a", 10), ("b", 10), ("c", 9), ("d", 10)]),
+        (39, 0, [("a", 39)]),
+        (128, 0, [("a", 64), ("b", 64)]),
         (39, 10, [("a", 10), ("b", 10), ("c", 9), ("d", 10)]),
         (39, 8, [("a", 8), ("b", 8), ("c", 7), ("d", 8), ("e", 8)]),
         (39, 1, [("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), (None, 34)]),
@@ -98,6 +99,27 @@ def test_within_a_frame_the_parts_of_a_population_stay():
 )
 def test_a_population_has_as_many_hosts_as_its_size_and_their_room_require(rows, limit, expected):
     assert divided(*arranged(population(rows), FIVE, limit)) == expected
+
+
+def test_a_small_population_has_as_many_hosts_as_its_measured_time_pays_for():
+    """Within a frame its parts stay. A slow first frame, which imports code, does not count."""
+    placement, composition = arranged(population(MANY), FIVE)
+    placement.note_elapsed("a", 9.0)
+    assert not placement.imbalanced
+    hosts = 1
+    for seconds, expected in (
+        *((0.0038, 1), (0.004, 2), (0.3, 5), (0.0075, 5), (0.001, 2), (0.0019, 2), (0.0014, 1)),
+    ):
+        for _ in range(WINDOW):
+            for host in placement.occupied:
+                placement.note_elapsed(host, seconds)
+        before = divided(placement, composition)
+        assert placement.imbalanced == (hosts != expected)
+        placement.arrange(FIVE, mid_frame=True)
+        assert divided(placement, composition) == before
+        placement.arrange(FIVE)
+        hosts = len(divided(placement, composition))
+        assert (hosts, placement.occupied) == (expected, sorted(FIVE)[:expected])
 
 
 def test_a_population_is_divided_by_the_measured_speed_of_its_hosts(monkeypatch):

@@ -123,6 +123,22 @@ def test_a_population_is_cut_so_that_its_parts_have_room(most):
         assert all(part.count <= 2 * most for part in parts.values())  # parts grow until divided
 
 
+def test_a_slow_small_population_is_divided_after_two_frames():
+    """And it is whole again at the next check if it is fast; its string is the same."""
+    few = " · ".join(MANY.split(" · ")[:40])
+    alone = shoal(["one"], PlacementRules(), few)
+    alone.run(6)
+    bus, parts = shoal(["one", "two", "six"], PlacementRules(), few), list[int]()
+    for seconds in (0.3, 0.3, 0.3, 0.001, 0.001, 0.001):
+        bus.run(1)
+        distribution = bus.algorithm.placement
+        parts.append(len(distribution.occupied))
+        for name in distribution.occupied:
+            distribution.note_elapsed(name, seconds)
+    assert parts == [1, 1, 3, 3, 1, 1]
+    assert bus.digests == alone.digests
+
+
 def test_excess_rows_of_a_population_stand_still():
     bus = shoal(["one"], PlacementRules(agents_per_host=100), MANY)
     bus.run(1)
