@@ -98,8 +98,11 @@ def read_processes(top: Table, path: Path) -> tuple[ProcessSpec, ...]:
         spec, kind, options = read_view(view)
         name = _free_name(kind, {process.name for process in processes})
         cls = find_view(spec, path.parent)
-        make = reader.maker(name, cls, extended({}, options | settings.pop(name, {})))
-        processes.append(ProcessSpec(name, make, on_failure="ignore"))
+        options = extended({}, options | settings.pop(name, {}))
+        given = Table(options, f"process.{name}", "", f"--view {view}")
+        patience = reader.patience(given)
+        make = reader.maker(name, cls, given.rest())
+        processes.append(ProcessSpec(name, make, on_failure="ignore", patience=patience))
     if settings:
         name = next(iter(settings))
         known = list(dict.fromkeys(process.table or process.name for process in processes))
@@ -133,7 +136,7 @@ class _ProcessReader:
             restarts=own.restarts,
             elsewhere=own.elsewhere,
             speaks_for=own.speaks_for,
-            patience=self._patience(table),
+            patience=self.patience(table),
         )
         if sum(map(bool, (own.agents, own.command, own.service))) != 1:
             raise WorldFileError(
@@ -191,7 +194,7 @@ class _ProcessReader:
         places = {key: f"{file}{line}: {process}" for key, line in lines.items()}
         return Factory(cls, options, f"{file}: {process}", places)
 
-    def _patience(self, table: Table) -> Patience | None:
+    def patience(self, table: Table) -> Patience | None:
         """Time-outs of frames for a process; None: those for all members."""
         if not any(key in table for key in settings_of(PatienceSettings)):
             return None

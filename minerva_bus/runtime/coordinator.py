@@ -103,7 +103,7 @@ HURRIED_REPORTS_WITHIN: Final = 0.5
 """Seconds for the last view and the report if a person or a failure ends the world."""
 
 
-MORE_TIME: Final = "; hard = 120 under [process.NAME] gives a member more time"
+MORE_TIME: Final = "; hard = 120 under [process.NAME], or --view NAME:hard=120, gives it more time"
 """The end of a log line about output that has been given up."""
 
 

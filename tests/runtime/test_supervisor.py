@@ -247,8 +247,11 @@ def test_the_reason_of_a_coordinator_is_the_first_line_of_its_last_error(tmp_pat
     (0, []), (7, ["painter: output incomplete (ended with exit code 7)"]),
 ])  # fmt: skip
 def test_a_run_without_the_output_of_a_view_is_incomplete(tmp_path, stopping, code, incomplete):
-    given = Overrides(views=("yard:Painter",))
+    # Its service takes no options: `hard` is one of its process.
+    given = Overrides(views=("yard:Painter:hard=120",))
     file = read_world_file(write_world(tmp_path), given)
+    assert file.deadlines.of("painter").hard == 120
+    assert file.deadlines.of("steps") == file.patience
     supervisor = Supervisor(file, Console(StringIO()), 0.0, machine=Clock())
     process = list(supervisor._processes)[-1]
     process.started(ChildProcess(NOBODY, -1))
