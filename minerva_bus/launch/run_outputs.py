@@ -486,17 +486,13 @@ class RunJournal:
     def shorten(self, save: Callable[[], None]) -> None:
         """Rewrite a long journal after a frame, or add a keyframe if it is due. Raises Followed.
 
-        `save` is called before it is rewritten: it saves what a successor could not compute again
-        afterwards.
+        `save` saves what a successor could not compute again from the new journal.
         """
         if self._journal is None:
             return
-        is_long = self._journal.is_long
-        if is_long:
-            save()
         try:
-            if is_long:
-                self._journal.rewrite()
+            if self._journal.is_long:
+                self._journal.rewrite(save)
             elif self._journal.is_keyframe_due:
                 self._journal.add_keyframe()
         except OSError as error:

@@ -146,13 +146,11 @@ class Journal:
         os.close(self._file)
         self._file = -1
 
-    def rewrite(self) -> None:
+    def rewrite(self, save: Callable[[], None] = lambda: None) -> None:
         """Replace the journal with one that starts with the current state, between two frames.
 
-        A successor cannot repeat the frames before it.
+        A successor cannot repeat the frames before it, so `save` is called before that.
         """
-        if self._file >= 0 and self._is_followed():
-            raise Followed(self._complaint())
         old, since = self._file, self._since
         self._since = 0
         try:
@@ -162,6 +160,11 @@ class Journal:
                 # `replacing` closes its own descriptor when it gives the file its name.
                 self._file = os.dup(file.fileno())
                 self._put_beginning()
+                # Last, because the thread that saves works beside the lines above. It may take so
+                # long that a successor has replaced the journal.
+                save()
+                if old >= 0 and os.fstat(old).st_nlink == 0:
+                    raise Followed(self._complaint())
         except BaseException:
             # The former journal is still in place and valid.
             new, self._file, self._since = self._file, old, since

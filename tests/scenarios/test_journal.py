@@ -179,9 +179,16 @@ def six_frames(tmp_path_factory):
 def test_a_succeeded_coordinator_stops_writing(tmp_path):
     first = Written(tmp_path / "w.journal", "pond")
     first.bus.frame()
-    second = Written(tmp_path / "w.journal", "pond", epoch=8)
-    with pytest.raises(Followed, match="another coordinator runs the world"):
-        first.bus.frame()
+    followers = []
+
+    def follow():
+        followers.append(Written(tmp_path / "w.journal", "pond", epoch=8))
+
+    # Also if that happens while it rewrites its journal.
+    for work in (lambda: first.journal.rewrite(follow), first.bus.frame):
+        with pytest.raises(Followed, match="another coordinator runs the world"):
+            work()
+    [second] = followers
     second.bus.frame()
     assert second.read()[0].epoch == 8
     first.journal.close(over=True)
