@@ -9,6 +9,7 @@ import errno
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
@@ -68,6 +69,7 @@ class McapFile:
         self._dt = world.dt
         self._began = description.began
         self._is_dirty = False
+        self._written: int = 0
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._writer = _mcap_writer(stream, is_large=column_bytes(world.scene) >= LARGE)
@@ -115,6 +117,8 @@ class McapFile:
         self.in_chunk += len(data) + HEAD
         if self.in_chunk > CHUNK:  # The library has begun a new chunk.
             self.in_chunk = 0
+            begin, self._written = self._written, self._stream.tell()
+            _sync_later(self._stream, begin, self._written - begin)
         self._is_dirty = True
 
     def end_chunk(self) -> None:
@@ -146,6 +150,13 @@ def _mcap_writer(stream: IO[bytes], *, is_large: bool) -> Writer:
     # in the record.
     compression = CompressionType.LZ4 if is_large else CompressionType.ZSTD
     return Writer(stream, chunk_size=CHUNK, compression=compression, enable_data_crcs=True)
+
+
+def _sync_later(stream: IO[bytes], begin: int, size: int) -> None:
+    """Let the system begin to write a part of a file, so that `_sync` need not wait for it."""
+    # Not all systems have it, and pipes and buffers have no disk.
+    with suppress(OSError, AttributeError):
+        os.posix_fadvise(stream.fileno(), begin, size, os.POSIX_FADV_DONTNEED)
 
 
 def _sync(stream: IO[bytes]) -> None:

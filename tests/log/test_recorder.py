@@ -2,6 +2,7 @@
 
 import errno
 import io
+import os
 import re
 import signal
 import sys
@@ -164,6 +165,23 @@ def test_written_frames_are_flushed_after_a_while(tmp_path):
     with Record(path) as so_far:
         assert so_far.string(1) == frames[0][1]
     recorder.close()
+
+
+@pytest.mark.skipif(not hasattr(os, "posix_fadvise"), reason="this system has no posix_fadvise")
+def test_the_system_begins_to_write_each_chunk_before_a_flush(tmp_path, monkeypatch):
+    parts = []
+    monkeypatch.setattr(record_writer, "CHUNK", 4_000)
+    monkeypatch.setattr(os, "posix_fadvise", lambda file, *part: parts.append(part))
+    path, recorder, frames = recorder_in(tmp_path, flush_seconds=1000.0)
+    put(recorder, frames)
+    recorder.close()
+    at = 0
+    for begin, size, advice in parts:
+        assert begin == at
+        assert size > 0
+        assert advice == os.POSIX_FADV_DONTNEED
+        at += size
+    assert path.stat().st_size / 2 < at < path.stat().st_size
 
 
 def test_a_flush_leaves_all_frames_in_the_file(tmp_path):
