@@ -59,7 +59,8 @@ class McapFile:
     """An MCAP file with our channels. Raises OSError if it cannot be written.
 
     `stream` stays open. Times are those of the world that `description` describes. `in_chunk` is
-    the number of bytes in the current chunk, which are in memory only.
+    the number of bytes in the current chunk, which are in memory only. `is_large` as in
+    `RecordWriter`.
     """
 
     def __init__(self, stream: IO[bytes], description: RecordHeader) -> None:
@@ -72,7 +73,8 @@ class McapFile:
         self._written: int = 0
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._writer = _mcap_writer(stream, is_large=column_bytes(world.scene) >= LARGE)
+        self.is_large = column_bytes(world.scene) >= LARGE
+        self._writer = _mcap_writer(stream, is_large=self.is_large)
         self._writer.start(c.PROFILE, f"minerva-bus {__version__}")
         self._writer.add_metadata(
             "minerva", {"world": world.name, "seed": str(world.seed), "dt": repr(world.dt)}
@@ -253,7 +255,8 @@ class RecordWriter:
     """Writes one record. Raises OSError if it cannot be written.
 
     `stream` is the file, which stays open. Data written before the last `flush` are always
-    readable: `kept` of `frames` frames. `past`: a record to continue, which is copied first.
+    readable: `kept` of `frames` frames. `is_large`: a single frame may fill a chunk. `past`: a
+    record to continue, which is copied first.
     """
 
     def __init__(
@@ -263,6 +266,7 @@ class RecordWriter:
         self.kept: int = 0
         self._description = description
         self._file = McapFile(stream, description)
+        self.is_large = self._file.is_large
         self._further: list[FurtherChannels] = [
             entry.load()(self._file, description.world)
             for _, entry in sorted(entries(CHANNELS).items())

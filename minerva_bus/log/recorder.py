@@ -2,7 +2,8 @@
 
 Only the recorder's thread accesses the disk, so frames do not wait for it. Frames are encoded in
 memory. If that takes little time (`LIGHT`), the thread that runs the frames does it while it waits
-for members: two threads that compete for the interpreter cost more than the work itself.
+for members: two threads that compete for the interpreter cost more than the work itself. Digests of
+large populations, which do not need the interpreter, have a thread of their own.
 
 Up to `WAITING` frames are queued. If the queue is full, the world waits, because a record with gaps
 cannot be replayed. If the disk makes no progress for `PATIENCE` seconds, frames are dropped until
@@ -19,6 +20,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -60,10 +62,14 @@ Waiting: TypeAlias = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """An item to write: a frame or a log line."""
+    """An item to write: a frame or a log line.
+
+    `digest`: of the string, if another thread computes it; waited for before it is written.
+    """
 
     write: Callable[[], None]
     is_frame: bool
+    digest: Future[bytes] | None = None
 
 
 class FrameQueue:
@@ -334,6 +340,8 @@ class RecordingThread:
         began = time.thread_time()
         pending = self.queue.take()
         if pending is not None:
+            if pending.digest is not None:
+                self._carefully(pending.digest.result)
             self._carefully(pending.write)
             if pending.is_frame:
                 self._is_light = time.thread_time() - began <= LIGHT
@@ -354,7 +362,7 @@ class RecordingThread:
             backlog.recorded_drops += dropped
             self._writer.dropped(dropped, self.frame, seconds)
 
-    def _carefully(self, work: Callable[[], None]) -> None:
+    def _carefully(self, work: Callable[[], object]) -> None:
         """Note a failure instead of raising it: a record must never end its world."""
         if self.failure:
             return
@@ -369,10 +377,8 @@ class RecordingThread:
 
 def shut(stream: IO[bytes]) -> None:
     """Close a file; ignore data that a full disk does not accept."""
-    try:
+    with suppress(OSError):
         stream.close()
-    except OSError:
-        return
 
 
 HELPED_WITHIN: Final = 4
@@ -424,6 +430,8 @@ class Recorder:
         self._reports = BackOff()
         stream, self._writer = _opened(path, description, past, keep_old=keep_old)
         self._given = self._writer.frames
+        # The digest of a large population takes as long as writing it.
+        self._digests = ThreadPoolExecutor(1) if self._writer.is_large else None
         self._work = RecordingThread(stream, self._writer, flush_seconds, durable=durable)
         # The shorter of both, because the embedding program may have chosen its own.
         sys.setswitchinterval(min(TURN, sys.getswitchinterval()))
@@ -449,7 +457,7 @@ class Recorder:
     ) -> None:
         """Record a frame; `scene` is the string after it, `seconds` the time since the beginning.
 
-        The digest is computed when the frame is written, so no frame waits for it. `timings` are
+        The digest is computed later or by another thread, so no frame waits for it. `timings` are
         in seconds, by name. `checkpoint` is that after the frame; a run can only be resumed if
         there is one.
         """
@@ -462,7 +470,9 @@ class Recorder:
             self._work.fail(f"a member saved data that are not plain: {error}")
         else:
             write = partial(self._writer.frame, record, scene, seconds, timings, kept)
-            self._put(Pending(write, is_frame=True))
+            digests = self._digests if self._work.is_open else None
+            digest = digests and digests.submit(getattr, scene, "digest")
+            self._put(Pending(write, is_frame=True, digest=digest))
         self._report_failure()
 
     @property
@@ -543,9 +553,9 @@ class Recorder:
                 )
         elif self._durable:
             work.queue.wait_until_flushed(self._waiting)
-        # A caller that helps encodes small frames itself; waking the
-        # thread for each would cost more.
-        elif not self._is_helped or len(work.queue) > HELPED_WITHIN:
+        # A caller that helps encodes small frames itself; waking the thread for each would cost
+        # more.
+        elif not self._is_helped or self._digests or len(work.queue) > HELPED_WITHIN:
             work.wake.set()
 
     def _waiting(self, seconds: float) -> None:

@@ -78,8 +78,10 @@ def put(recorder, frames):
         recorder.frame(record, string, 0.0)
 
 
+@pytest.mark.parametrize("large", [0, record_writer.LARGE])
 @pytest.mark.parametrize("durable", [False, True])
-def test_a_run_is_recorded(durable, tmp_path):
+def test_a_run_is_recorded(durable, large, tmp_path, monkeypatch):
+    monkeypatch.setattr(record_writer, "LARGE", large)
     said = []
     path, recorder, frames = recorder_in(tmp_path, durable=durable, say=said.append)
     recorder.log("steps", "hello", 0.0)
@@ -256,7 +258,9 @@ def test_a_thread_that_is_to_flush_at_once_waits_to_be_called(monkeypatch):
     assert 0.0 not in Watched.waited
 
 
-def test_an_unencodable_value_ends_the_record_but_not_the_world(monkeypatch):
+@pytest.mark.parametrize("large", [0, record_writer.LARGE])
+def test_an_unencodable_value_ends_the_record_but_not_the_world(large, monkeypatch):
+    monkeypatch.setattr(record_writer, "LARGE", large)
     recorder, said = recorder_on(monkeypatch, Disk())
     record, _ = happened("meadow")[1][0]
     recorder.frame(record, cast("Scene", "no string"), 0.0)
