@@ -314,7 +314,7 @@ def write_output(path: Path, content: bytes, kind: str = "output") -> None:
         with replacing(path) as file:
             file.write(marked(content, ending_of(path)))
     except OSError as error:
-        why = error.strerror or error
+        why = reason_of(error)
         raise MisuseError(f"{kind}: cannot write {path}: {why}; choose a writable path") from None
 
 
@@ -350,6 +350,11 @@ def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Genera
 def target_of(path: Path) -> Path:
     """The file that a link names, which may be missing; any other path as it is."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def reason_of(error: OSError) -> str:
+    """Why the system refused; the text of a library may also have the number and the path."""
+    return os.strerror(error.errno) if error.errno else str(error)
 
 
 def name_file(error: BaseException | None, path: Path) -> None:

@@ -36,7 +36,7 @@ from minerva_bus.cli.output import (
     promised,
 )
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.files import forget_inputs
+from minerva_bus.files import forget_inputs, reason_of
 from minerva_bus.process_life import ended_by_system, limit_threads
 from minerva_bus.uncaught import repeat_interrupts, report_threads
 
@@ -218,7 +218,7 @@ def _problem(error: OSError) -> str:
     if error.errno == errno.ENAMETOOLONG:
         return f"the file name {name[:60]!r}... is too long"
     if error.errno in _FULL:
-        return f"{name or 'the output'} cannot be written: {error.strerror}"
+        return f"{name or 'the output'} cannot be written: {reason_of(error)}"
     if not name and error.errno not in _LIMITS:
         raise error
     return f"{name or 'this system'}: {error.strerror}"

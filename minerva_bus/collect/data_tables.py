@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import csv
 import html
-import os
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from itertools import islice, pairwise
@@ -26,7 +25,7 @@ from minerva_bus.arguments import path_of, text, text_list
 from minerva_bus.collect.plans import ENDINGS
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.files import MARK, check_ending, check_output, ending_of
+from minerva_bus.files import MARK, check_ending, check_output, ending_of, reason_of
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.wording import counted, install
 
@@ -400,7 +399,8 @@ class ColumnsWriter(FileWriter):
 
     def __init__(self, path: Path, types: Mapping[str, str]) -> None:
         super().__init__(types)
-        self._file: IO[bytes] = path.open("wb")
+        # Into a file for writing only, numpy writes by itself, and loses the reason of a failure.
+        self._file: IO[bytes] = path.open("w+b")
 
     def write(self, columns: Mapping[str, Data]) -> None:
         """Write these rows."""
@@ -473,9 +473,7 @@ def create_writer(path: Path, types: Mapping[str, str], final: Path | None = Non
     try:
         return _WRITERS[ending_of(path)](path, types)
     except OSError as error:
-        # pyarrow's text contains the path.
-        reason = os.strerror(error.errno) if error.errno else str(error)
-        raise MisuseError(f"{final or path}: cannot be written: {reason}") from None
+        raise MisuseError(f"{final or path}: cannot be written: {reason_of(error)}") from None
 
 
 def table_path(path: Path, table: str, several: bool) -> Path:

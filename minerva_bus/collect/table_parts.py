@@ -40,7 +40,7 @@ from minerva_bus.collect.data_tables import (
 )
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.errors import MisuseError
-from minerva_bus.files import check_file, is_forced, replacing, target_of
+from minerva_bus.files import check_file, is_forced, reason_of, replacing, target_of
 
 _ABOUT: Final = "tables.json"
 _DRAFT: Final = ".draft"
@@ -119,7 +119,7 @@ class TableParts:
                 self._join(name, target_of(final))
         except (OSError, MisuseError) as error:
             named = isinstance(error, OSError)
-            why = f"{error.filename or self.path}: {error.strerror or error}" if named else error
+            why = f"{error.filename or self.path}: {reason_of(error)}" if named else error
             raise MisuseError(
                 f"{why}; the rows are in {self.folder}: `minerva recover {self.folder}` continues"
             ) from None

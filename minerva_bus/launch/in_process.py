@@ -41,6 +41,7 @@ from minerva_bus.launch.run_outputs import (
     CollectSink,
     RunRecord,
     collect_sink,
+    complete_tables,
     monitored,
     recording,
 )
@@ -217,6 +218,8 @@ class InProcessRun(WorldRun):
             parts.record.close()
             if self._collecting is not None:
                 self._collecting.close()
+                # Of a disk that was full.
+                complete_tables(self._file.collect.into, self._log_collect)
             self._console.end()
             # Last, because a service's method `close` is user code and may raise.
             close_services(parts.members, self._console.log)
@@ -241,9 +244,7 @@ class InProcessRun(WorldRun):
             self._file, self.algorithm, lambda text: self._console.log("record", text)
         )
         self._record = record
-        self._collecting = collect_sink(
-            self._file.collect, self.algorithm, lambda text: self._console.log("collect", text)
-        )
+        self._collecting = collect_sink(self._file.collect, self.algorithm, self._log_collect)
         collected = () if self._collecting is None else (self._collecting,)
         self.collected = None if self._collecting is None else self._collecting.history
         # Sinks are called in this order; this one needs the time of the frame from `_schedule`.
@@ -325,6 +326,9 @@ class InProcessRun(WorldRun):
     def _print(self, text: str) -> None:
         self._console.frame = self.algorithm.frame
         self._console.log(MEMBERS, text)
+
+    def _log_collect(self, text: str) -> None:
+        self._console.log("collect", text)
 
     def _note(self, text: str) -> None:
         self._console.note(f"{self._file.world.name}: {text}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, RecordError
-from minerva_bus.files import text_of_path
+from minerva_bus.files import reason_of, text_of_path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member_table import MemberIndex
 from minerva_bus.frame.messages import Readings
@@ -321,10 +321,10 @@ class CollectSink(Sink):
             path = text_of_path(self._parts.path)
             problem = str(error).removeprefix(f"{path}: ")
             if isinstance(error, OSError):
-                rows = f"most rows before frame {self._algorithm.frame} are in {path}.parts"
-                problem = f"{error.strerror}; {rows}"
+                lost = f"rows of the last {SAVE_SECONDS:g} s before frame {self._algorithm.frame}"
+                problem = f"{reason_of(error)}; it may lack {lost}, and has no later ones"
             self.files = (FileStatus("tables", path, problem),)
-            self._say(f"{path}: {problem}; no more data are collected")
+            self._say(f"{path}: {problem}")
 
     @property
     def tables(self) -> dict[str, DataTable]:
@@ -374,7 +374,7 @@ def complete_tables(into: str, say: Callable[[str], None]) -> None:
         except MisuseError as error:
             say(str(error))
         else:
-            say(f"the data collected up to the end are in {', '.join(map(str, files.values()))}")
+            say(f"the rows that were saved are in {', '.join(map(str, files.values()))}")
 
 
 def collect_sink(
