@@ -831,7 +831,7 @@ def unpublished(file: WorldFile, members: Iterable[Member]) -> list[str]:
     known = sorted({topic for hello in hellos for topic in hello.publishes})
     wanted = {topic: "record" for topic in file.record.topics if topic != ALL}
     # Views draw what they receive: those of a world without sensors lack nothing.
-    readers = [hello for hello in hellos if not hello.watches_only]
+    readers = [hello for hello in hellos if hello.roles != ("device",)]
     wanted |= {topic: hello.member for hello in readers for topic in hello.topics}
     return [
         f"{who}: no process publishes the topic {topic!r}{nearest(topic, known)}; it has no"

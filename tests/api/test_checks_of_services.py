@@ -41,6 +41,10 @@ class Window(Device, draws=("ePicture",)):
         pass
 
 
+class Film(Window, coupled=True):
+    pass
+
+
 class Horn(Generator):
     def __init__(self, topic: str = "horn") -> None:
         self.publishes = (topic,)
@@ -104,7 +108,8 @@ def test_options_that_do_not_fit_the_world_are_reported(service, problem, tmp_pa
     ("more", "warnings"),
     [
         ("", ["listener: no process publishes the topic 'horn'; it has"]),
-        ("[process.horn]\nservice = 'hall:Horn'\n[process.window]\nservice = 'hall:Window'\n", []),
+        ("[process.horn]\nservice = 'hall:Horn'\n[process.window]\nservice = 'hall:Window'\n"
+         "[process.film]\nservice = 'hall:Film'\n", []),
         ("[process.horn]\nservice = 'hall:Horn'\ntopic = 'hoorn'\n",
          ["listener: no process publishes the topic 'horn'; did you mean 'hoorn'?; it has"]),
         ("[process.horn]\ncommand = 'true'\n", []),
