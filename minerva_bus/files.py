@@ -258,6 +258,7 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
     try:
         status = _status(path)
     except OSError:
+        _check_folder(path, kind)
         return  # It is missing, or the attempt to write it reports why it is unreachable.
     if stat.S_ISFIFO(status.st_mode):
         _check_read(path, kind)
@@ -275,6 +276,16 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
         raise MisuseError(
             f"{kind}: {path} exists and was not written by Minerva Bus, or has been edited; choose"
             f" another path, move the file, or {_replacing()}"
+        )
+
+
+def _check_folder(path: Path, kind: str) -> None:
+    """Raise MisuseError if a file cannot be made, before the work whose result it takes."""
+    folder = next(each for each in Path(os.path.realpath(path)).parents if os.access(each, os.F_OK))
+    if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
+        raise MisuseError(
+            f"{kind}: cannot write {path}: the folder {folder} is not writable; choose a writable"
+            " path"
         )
 
 

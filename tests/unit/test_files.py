@@ -246,6 +246,17 @@ def test_a_folder_is_no_output(tmp_path):
         check_output(tmp_path)
 
 
+def test_a_folder_that_takes_no_file_is_reported_before_the_work(tmp_path, monkeypatch):
+    check_output(tmp_path / "new" / "house.svg")
+    exists = Path.exists
+    # As on a disk for reading only, which refuses root, too.
+    monkeypatch.setattr(os, "access", lambda path, mode: exists(path) and mode == os.F_OK)
+    message = f"picture: cannot write .*house.svg: the folder {tmp_path} is not writable"
+    for path in (tmp_path / "house.svg", tmp_path / "new" / "house.svg"):
+        with pytest.raises(MisuseError, match=message):
+            check_output(path, "picture")
+
+
 def test_a_file_that_cannot_be_written_reports_why_and_leaves_nothing(tmp_path):
     with pytest.raises(MisuseError, match=r"picture: cannot write .*No such file"):
         write_output(tmp_path / "nowhere" / "a.svg", SVG, "picture")
