@@ -273,9 +273,11 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
             f"{kind}: {path} is an input of this run; choose another path, or {_replacing()}"
         )
     if status.st_size and not is_own(path):
+        why = "exists and was not written by Minerva Bus, or has been edited"
+        if ending_of(path) == ".csv":
+            why = "exists, and a .csv file has no mark of the program that wrote it"
         raise MisuseError(
-            f"{kind}: {path} exists and was not written by Minerva Bus, or has been edited; choose"
-            f" another path, move the file, or {_replacing()}"
+            f"{kind}: {path} {why}; choose another path, move the file, or {_replacing()}"
         )
 
 
