@@ -51,6 +51,7 @@ MAX_PROBLEM_LINES: Final = 10
 # Each frame compares its phase a dozen times, and to find a member of an enum takes like a call.
 _WAITING, _READY, _TICK, _EVOLVE = Phase.WAITING, Phase.READY, Phase.TICK, Phase.EVOLVE
 _CLOSING, _STOPPING = Phase.CLOSING, Phase.STOPPING
+_BEGIN, _EVENTS, _RESULTS = Awaited.BEGIN, Awaited.EVENTS, Awaited.RESULTS
 
 
 class FrameAlgorithm:
@@ -201,7 +202,7 @@ class FrameAlgorithm:
                 ordered = in_flight.events.ordered
                 for problem in self.inbox.unknown.problems(ordered, self.composition):
                     self.out.log(EVENTS, problem)
-            now.enter(Awaited.EVENTS)
+            now.enter(_EVENTS)
             self.evolution.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
         # `settle` is the last condition because it has effects: it applies the norms, and may
         # repeat requests to hosts.
@@ -216,7 +217,7 @@ class FrameAlgorithm:
         # Not the local variable: `close` has replaced the frame in flight by now.
         if now.phase is _CLOSING and now.in_flight.requests.complete:
             self.show()  # the last w, which no further frame shows
-            self._stop(Awaited.RESULTS)
+            self._stop(_RESULTS)
         if now.phase is _STOPPING and not self.shutdown.pending:
             self._finish(Awaited.REPORTS)  # 11: end
 
@@ -229,7 +230,7 @@ class FrameAlgorithm:
             self.close(reason)
             return
         if self.now.phase is _EVOLVE:
-            self.now.enter(Awaited.RESULTS)
+            self.now.enter(_RESULTS)
         self.announce()
 
     def _commit(self) -> None:
@@ -315,7 +316,7 @@ class FrameAlgorithm:
         if self.members.index.joining:
             self.lifecycle.admit_joining()
         self.now.in_flight = FrameInFlight(begin.due, begin.inputs)
-        self.now.enter(Awaited.BEGIN)
+        self.now.enter(_BEGIN)
         self.collection.begin()
 
     def _repeat(self, inputs: FrameInputs) -> None:

@@ -256,8 +256,7 @@ class EvolutionStep:
         """The hosts that this frame concerns; fragments without a host wait or keep their state."""
         placement = self._placement
         events = self._now.in_flight.events
-        evolves = self._now.phase is Phase.EVOLVE
-        everyone = self._world.policy.rules.without_events and evolves
+        everyone = self._world.policy.rules.without_events and self._now.phase is Phase.EVOLVE
         if not (everyone or events.evolving or events.visual):
             return ()
         if placement.unassigned:

@@ -67,7 +67,8 @@ TRANSITIONS: Final[Mapping[tuple[MemberState, MemberChange], MemberState]] = {
 }
 
 
-_ACTIVE: Final = (MemberState.PRESENT, MemberState.LATE)
+_LATE: Final = MemberState.LATE
+_ACTIVE: Final = (MemberState.PRESENT, _LATE)
 
 
 @dataclass(slots=True)
@@ -233,7 +234,7 @@ class Members:
     def answered(self, member: MemberEntry, frame: int) -> None:
         """Note that a member has answered in a frame, so that it is no longer late."""
         member.last_reply = frame
-        if member.state is MemberState.LATE:
+        if member.state is _LATE:
             self.change(member, MemberChange.ANSWERED)
 
     def _note_departed(self, member: MemberEntry) -> None:
