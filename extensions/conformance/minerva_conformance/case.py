@@ -157,7 +157,7 @@ class Case:
         steps: what the suite does; the member answers each message as the reference does.
         requires: capabilities without which the case does not apply, such as `orders`.
         joined: whether the member is greeted and welcomed at `frame` before the first step.
-        policy: the policy in its welcome.
+        policy: that in its welcome; the case does not apply to a member that does not know it.
         name_taken: whether another process holds the member's name.
         frame: the frame in its welcome.
 

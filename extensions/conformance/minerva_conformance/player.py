@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member_side import Refusal
 from minerva_bus.wire.codec import encode, stamp
 from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.world.evolution import Policy
 from minerva_conformance.case import (
     AwaitEnd,
     Break,
@@ -64,6 +66,8 @@ def play(
         player = _Player(case, role, start, stage, hub.endpoint, capabilities, limits)
         try:
             player.play()
+        except _PolicyUnknown as reason:
+            return CaseResult(case, role, CaseOutcome.NOT_APPLICABLE, str(reason))
         except CaseFailure as failure:
             return _result(player, CaseOutcome.FAILED, failure)
         except NotJoined as reason:
@@ -107,6 +111,10 @@ def _result(player: _Player, outcome: CaseOutcome, failure: CaseFailure) -> Case
         failure.expected,
         failure.received,
     )
+
+
+class _PolicyUnknown(MinervaError):
+    """The member ends instead of joining, as it may under any policy but the usual one."""
 
 
 def _shown(data: bytes) -> str:
@@ -177,6 +185,17 @@ class _Player:
         if self.role not in roles_of(hello):
             raise NotJoined(f"no hello of the role {self.role}: {self._text(hello)}")
         self._welcome(frame, saved=True)
+        if self.case.policy != Policy.SEQUENTIAL.value:
+            self._check_policy()
+
+    def _check_policy(self) -> None:
+        """Wait until the member knows the policy, which it need not. Raises _PolicyUnknown."""
+        self._put("to", m.Greet(), quiet=True)
+        answer = self.link.next_message(self.link.limits.answer)
+        if not isinstance(answer, m.Hello):
+            if self.link.exit_code():
+                raise _PolicyUnknown(f"it does not know the policy {self.case.policy}")
+            raise CaseFailure("no hello as the answer to a greeting after its welcome")
 
     def _enter(self, frame: int, *, more: bool) -> None:
         if not more:

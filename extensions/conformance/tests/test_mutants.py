@@ -1,9 +1,11 @@
 """A member that breaks one rule fails the cases about this rule, and (slow) no others."""
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import pytest
 from mutants import MUTANTS, Mutant
+from naive import Host
 from threads import naive_member
 
 from minerva_conformance import report
@@ -54,6 +56,21 @@ def test_a_broken_rule_is_found_by_the_cases_about_it(mutant: Mutant, hub: Scrip
 def test_a_broken_rule_fails_no_cases_about_others(mutant: Mutant, hub: ScriptedHub) -> None:
     others = [case for case in chosen(mutant) if not concerns(mutant, case)]
     assert [failed.case.id for failed in failures(mutant, hub, others)] == []
+
+
+def test_a_host_need_not_know_each_policy(hub: ScriptedHub) -> None:
+    def welcome(self: Host, welcome: dict[str, Any], again: bool) -> None:
+        if welcome["policy"] != "sequential":
+            raise ValueError(welcome["policy"])
+        Host.welcome(self, welcome, again)
+
+    limited = naive_member(Mutant("knows one policy", Host, "P9.32", {"welcome": welcome}).kind())
+    cases = select(("literal.add", "evolve.add"), (MemberRole.HOST,))
+    card = Suite(limited, hub).run(cases, [MemberRole.HOST])
+    assert {result.case.id: (result.outcome, result.problem) for result in card.results} == {
+        "literal.add": (CaseOutcome.NOT_APPLICABLE, "it does not know the policy literal"),
+        "evolve.add": (CaseOutcome.PASSED, ""),
+    }
 
 
 def test_the_mutants_concern_requirements_of_cases() -> None:
