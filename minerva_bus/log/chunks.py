@@ -435,7 +435,9 @@ class Chunks:
         lay = self._summary.channels.keys() - {*begins} if self.indexed else self._damage.keys()
         self._torn = {bisect(begins, at) for at in lay}
         if scanned.complete and not self.indexed:
-            self._note(Damage(scanned.end, self.size, "its summary is wrong"))
+            # Of a summary that is missing as a whole, the last byte stands for the place.
+            begin = min(scanned.end, self.size - 1)
+            self._note(Damage(begin, self.size, "its summary is wrong"))
         self.topics = self._topics()
 
     def _check_beginning(self) -> None:

@@ -206,7 +206,7 @@ def test_the_header_may_be_damaged(part, tmp_path):
 
 def test_the_end_may_be_damaged(tmp_path):
     data = bytes_of("meadow")
-    ((end, _),) = parts(data, DATA_END)
+    ((end, size),) = parts(data, DATA_END)
     for at in range(end, len(data), 211):
         numbers, losses = kept(flipped(data, at), tmp_path, check=False)
         assert numbers == list(range(60))
@@ -216,6 +216,11 @@ def test_the_end_may_be_damaged(tmp_path):
     assert numbers == list(range(60))
     assert losses.damage
     assert not losses.cut
+    # Nor is one whose summary is cut, even right after the end of the data.
+    for at in (end + size, end + size + 1, len(data) - 1):
+        numbers, losses = kept(data[:at], tmp_path, check=False)
+        assert (numbers, losses.cut) == (list(range(60)), 0)
+        assert [damage.end - damage.begin > 0 for damage in losses.damage] == [True]
     for tail in (b"garbage", bytes(10_000), data):
         numbers, losses = kept(data + tail, tmp_path, check=False)
         assert numbers == list(range(60))
