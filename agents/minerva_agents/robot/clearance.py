@@ -153,7 +153,7 @@ def all_that_see(walls: Mask, rows: Reals, columns: Reals, there: Position) -> M
     # Two samples per cell, so that a line skips no cell except at corners.
     counts = 2 * np.ceil(np.maximum(np.abs(down), np.abs(across))).astype(np.intp) + 1
     result = np.ones(len(rows), np.bool_)
-    for count in np.unique(counts).tolist():
+    for count in sorted(set(counts.tolist())):
         lines = np.flatnonzero(counts == count)
         parts = np.arange(1, count) / count
         firsts, seconds = rows[lines, np.newaxis], columns[lines, np.newaxis]

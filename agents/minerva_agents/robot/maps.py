@@ -31,7 +31,7 @@ from typing import Final, TypeAlias, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.grid import MapError, clearance
+from minerva_agents.robot.grid import MapError, clearance, inflate
 from minerva_agents.robot.pose import Cell
 from minerva_bus import portable
 from minerva_bus.files import note_read
@@ -85,7 +85,7 @@ class OccupancyMap:
 
         Cached and read-only.
         """
-        room = clearance(np.pad(self.obstacles, 1, constant_values=True))[1:-1, 1:-1]
+        room = clearance(_walled(self.obstacles))[1:-1, 1:-1]
         room.setflags(write=False)
         return room
 
@@ -593,9 +593,16 @@ def _far_cells(
 @lru_cache(maxsize=1)
 def _labels(floor: OccupancyMap, radius_m: float) -> NDArray[np.intp]:
     """Regions in which a disc of this radius can move; cached, as several functions use them."""
-    labels = regions(floor.room > _in_cells(floor, radius_m))
+    # Not by `room`: the distances of all cells take ten times as long as cells within one radius.
+    radius = min(_in_cells(floor, radius_m), float(sum(floor.cells.shape)))
+    labels = regions(~inflate(_walled(floor.obstacles), radius)[1:-1, 1:-1])
     labels.setflags(write=False)
     return labels
+
+
+def _walled(obstacles: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A grid with obstacles all around it."""
+    return np.pad(obstacles, 1, constant_values=True)
 
 
 def _in_cells(floor: OccupancyMap, radius_m: float) -> float:

@@ -595,7 +595,10 @@ def _lines(metres: Reals, cell: float, count: int) -> NDArray[np.intp]:
 
 def is_within_reach(reachable: Mask, grid: Cells, place: Cell, cell: float) -> bool:
     """True if a robot gets as near to a marker, in view of it, as arrival demands."""
-    return bool((reachable & cells_with_view(obstacles(grid), place, NEAR / cell)).any())
+    walls = obstacles(grid)
+    # A robot that gets to the marker itself needs no line to it; most do.
+    is_reached = holds(grid, place) and reachable[place] and not walls[place]
+    return bool(is_reached or (reachable & cells_with_view(walls, place, NEAR / cell)).any())
 
 
 def reachable_cells(grid: Cells, at: Position, radius: float, cell: float, fine: bool) -> Mask:
