@@ -64,10 +64,11 @@ def short(text: str, longest: int = 110) -> str:
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
-# Characters that XML 1.0 does not allow, not even escaped.
-_UNWRITABLE: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_UNWRITABLE: Final = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
+"""Characters that XML 1.0 does not allow, not even escaped."""
 
 
 def xml_characters(text: str) -> str:
     """The text with U+FFFD in place of characters that XML does not allow."""
-    return _UNWRITABLE.sub("\ufffd", text)
+    # Compiled at its first use, which takes longer than all else that this module does.
+    return re.sub(_UNWRITABLE, "\ufffd", text)
