@@ -226,6 +226,9 @@ def _problem(error: OSError) -> str:
 
 def main() -> None:
     """Run the command line; errors are one message and an exit code, never a traceback."""
+    # In units of log2 of processor cycles. Otherwise, the threads of numpy's linear algebra keep a
+    # core busy for 30 ms after numpy is imported, and after each use.
+    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")
     try:
         _run()
     except SystemExit as ended:
