@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.api.world import World
-from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene, walk
@@ -18,6 +17,7 @@ from minerva_bus.launch.specs import load
 from minerva_bus.launch.toml_tables import Table, filled, read_options
 from minerva_bus.launch.world_files import WorldFile, open_tables, read_world_file
 from minerva_bus.settings.kinds import TEXT, TEXTS
+from minerva_bus.values import path_of
 from minerva_bus.wording import counted
 from minerva_bus.world.services import WorldInfo
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeAlias
 
-from minerva_bus.arguments import path_of, text
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import check_ending, ending_of, write_output
@@ -18,6 +17,7 @@ from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.launch.console import progress_bar
 from minerva_bus.launch.specs import find_service, load
 from minerva_bus.launch.world_files import WorldFile
+from minerva_bus.values import path_of, text
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.visualization import visualize

@@ -15,7 +15,6 @@ from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, Final, TypeAlias, cast
 
-from minerva_bus.arguments import named, text
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
@@ -33,6 +32,7 @@ from minerva_bus.launch.toml_tables import filled, toml_text
 from minerva_bus.settings.kinds import check_known, settings_of
 from minerva_bus.settings.world_settings import WorldSettings
 from minerva_bus.user_code import variables_of
+from minerva_bus.values import named, text
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Device, Generator, Service
 

@@ -23,7 +23,6 @@ from minerva_bus.api.pictures import (
     views_of,
 )
 from minerva_bus.api.world import ContinuedRecord, Processes, Request, World, request_of, world_of
-from minerva_bus.arguments import path_of, text, whole_number
 from minerva_bus.collect.collector import agents_now
 from minerva_bus.collect.data_tables import DataTable, read_columns, table_path
 from minerva_bus.collect.plans import plans_of
@@ -36,6 +35,7 @@ from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
+from minerva_bus.values import path_of, text, whole_number
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.expressions import Expression

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from minerva_bus.api.python_tables import PythonTables
-from minerva_bus.arguments import named, path_of
 from minerva_bus.collect.data_tables import check_table
 from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.errors import MisuseError, SceneError, WorldFileError, nearest
@@ -30,6 +29,7 @@ from minerva_bus.launch.world_files import (
     several_hosts,
 )
 from minerva_bus.settings.world_settings import AS_WRITTEN, OPTIONS, Overrides
+from minerva_bus.values import named, path_of
 from minerva_bus.world.agent import Agent
 
 if TYPE_CHECKING:

@@ -21,12 +21,12 @@ from typing import IO, Any, Final, Protocol, TextIO, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.arguments import path_of, text, text_list
 from minerva_bus.collect.plans import ENDINGS
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import MARK, check_ending, check_output, ending_of, reason_of
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.values import path_of, text, text_list
 from minerva_bus.wording import counted, install
 
 Data: TypeAlias = NDArray[Any] | Ids

@@ -12,7 +12,6 @@ from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar, cast
 
 import numpy as np
 
-from minerva_bus.arguments import text
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.appearance import Form, Motion, Shape, parameters_of
 from minerva_bus.grammar.columns import Columns, around_each, fits, is_array, packed, rewritten
@@ -31,6 +30,7 @@ from minerva_bus.grammar.scene import (
     rebuild,
 )
 from minerva_bus.grammar.types import Unfit
+from minerva_bus.values import text
 
 
 def _check_form(owner: str, form: Form | None, fields: Fields) -> None:

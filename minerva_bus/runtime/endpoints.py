@@ -12,9 +12,9 @@ import ssl
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_bus.arguments import text
 from minerva_bus.errors import BusError
 from minerva_bus.security.credentials import SECURED, Credentials
+from minerva_bus.values import text
 
 _KINDS: Final = ("tcp", *SECURED, "udp", "ws", "unixsock-stream")
 _PATH: Final = "unixsock-stream"

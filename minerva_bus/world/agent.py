@@ -29,7 +29,6 @@ from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 
-from minerva_bus.arguments import text, text_list, whole_number
 from minerva_bus.errors import (
     MinervaError,
     MisuseError,
@@ -46,6 +45,7 @@ from minerva_bus.grammar.text_and_digest import same_values
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
 from minerva_bus.user_code import handler_name
+from minerva_bus.values import text, text_list, whole_number
 from minerva_bus.world.class_declaration import (
     ON,
     POPULATION,

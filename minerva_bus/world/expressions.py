@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Any, Final
 
-from minerva_bus.arguments import text, whole_number
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.vocabulary import EventType
+from minerva_bus.values import text, whole_number
 
 FUNCTIONS: Final = ("count", "sum", "mean", "min", "max", "quantiles", "histogram")
 MAX_BINS: Final = 10_000

@@ -30,12 +30,12 @@ from minerva_analysis.first_cause import CauseAnswer, CauseQuestion, SourceFunct
 from minerva_analysis.past_frames import PastFrame, past_frames
 from minerva_analysis.replays import no_progress
 from minerva_analysis.swapping import run_again
-from minerva_bus.arguments import path_of
 from minerva_bus.errors import MinervaError, WorldStopped
 from minerva_bus.frame.stimuli import AGENTS, is_people
 from minerva_bus.grammar.events import Event, single
 from minerva_bus.launch.past import differing_vocabulary
 from minerva_bus.log.record import Record
+from minerva_bus.values import path_of
 from minerva_bus.wording import short
 
 SECONDS: Final = 60.0

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from minerva_analysis.emitted import emitted_by
 from minerva_bus.api.world import World, world_of
-from minerva_bus.arguments import path_of
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_output, write_output
 from minerva_bus.frame.messages import Hello
@@ -17,6 +16,7 @@ from minerva_bus.grammar.scene import kind_counts
 from minerva_bus.grammar.vocabulary import AgentKind
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.world_files import WorldFile
+from minerva_bus.values import path_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 from minerva_bus.world.services import Participation

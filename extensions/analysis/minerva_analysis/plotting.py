@@ -11,9 +11,9 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, Final
 
-from minerva_bus.arguments import path_of
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_ending, check_output, ending_of, write_output
+from minerva_bus.values import path_of
 from minerva_bus.wording import install
 from minerva_services.geometry.colors import OKABE_ITO
 

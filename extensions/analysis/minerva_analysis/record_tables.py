@@ -11,7 +11,6 @@ from typing import Any, Final
 from minerva_analysis.frame_texts import missing_frame
 from minerva_analysis.table_files import TableFiles
 from minerva_bus.api.running import pick_table
-from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.collector import Collector
 from minerva_bus.collect.data_tables import Data, DataTable, Gathered, Writer
 from minerva_bus.collect.plans import (
@@ -25,6 +24,7 @@ from minerva_bus.collect.plans import (
 from minerva_bus.errors import MisuseError, RecordError
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.record import Cursor, Record
+from minerva_bus.values import path_of, whole_number
 
 Progress = Callable[[int, int], None]
 _END: Final = 1 << 62

@@ -13,11 +13,11 @@ from minerva_analysis.replays import CODE, ReplayedRecord, no_progress, recomput
 from minerva_bus.api.live import Live
 from minerva_bus.api.running import Run, run_request, world_of_record
 from minerva_bus.api.world import World, request_of
-from minerva_bus.arguments import path_of, text, text_list, whole_number
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.past import kinds_in
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.log.record import Record
+from minerva_bus.values import path_of, text, text_list, whole_number
 
 
 def replay(

@@ -20,7 +20,6 @@ from minerva_analysis.comparing import Difference, apart, same_events
 from minerva_analysis.frame_texts import missing_frame
 from minerva_analysis.replay_algorithm import ReplayAlgorithm
 from minerva_bus.api.world import ContinuedRecord
-from minerva_bus.arguments import path_of
 from minerva_bus.errors import (
     MinervaError,
     MisuseError,
@@ -49,6 +48,7 @@ from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.questions import COMMANDS, WorldRun, status_of
 from minerva_bus.runtime.runner import InProcessRunner, Notice
 from minerva_bus.settings.world_settings import Overrides
+from minerva_bus.values import path_of
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
 from minerva_bus.wire.status_codec import plain_status

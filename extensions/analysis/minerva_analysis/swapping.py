@@ -23,7 +23,6 @@ from minerva_analysis.replays import (
     world_file_of,
 )
 from minerva_bus.api.world import World
-from minerva_bus.arguments import path_of, text
 from minerva_bus.errors import (
     MinervaError,
     MisuseError,
@@ -48,6 +47,7 @@ from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.log.record import Record
 from minerva_bus.runtime.runner import InProcessRunner, Notice
 from minerva_bus.settings.world_settings import Overrides, RecordSettings
+from minerva_bus.values import path_of, text
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Generator, Service, Tick
 

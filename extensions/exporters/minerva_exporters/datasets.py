@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from minerva_bus.arguments import path_of, text
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.files import note_read
 from minerva_bus.launch.specs import load
+from minerva_bus.values import path_of, text
 
 EXPORTERS: Final = "minerva.exporters"
 

@@ -12,12 +12,12 @@ from minerva_analysis.past_frames import wait_for_frame
 from minerva_bus.api.live import Live
 from minerva_bus.api.running import Run, run_file, world_of_record
 from minerva_bus.api.world import World
-from minerva_bus.arguments import path_of, whole_number
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.world_files import Collecting
 from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
+from minerva_bus.values import path_of, whole_number
 from minerva_bus.world.operator import WorldStatus
 from minerva_study.branch_point import BranchPoint, read_branch_point, recorded_digest
 from minerva_study.executor_pool import ExecutorSource, Workers

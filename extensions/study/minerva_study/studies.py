@@ -10,7 +10,6 @@ from typing import Any, Final, cast
 
 from minerva_bus.api.running import pick_table
 from minerva_bus.api.world import World, request_of, world_of
-from minerva_bus.arguments import named, path_of, whole_number
 from minerva_bus.collect.data_tables import SEED, DataTable
 from minerva_bus.collect.plans import Entries, TablePlan
 from minerva_bus.errors import MisuseError
@@ -19,6 +18,7 @@ from minerva_bus.launch.registry import temporary_folder
 from minerva_bus.launch.toml_tables import option_text
 from minerva_bus.launch.world_files import Collecting, WorldFile
 from minerva_bus.settings.world_settings import AS_WRITTEN, Overrides
+from minerva_bus.values import named, path_of, whole_number
 from minerva_study.code_digests import identity, named_objects
 from minerva_study.executor_pool import ExecutorSource, Workers, open_pool
 from minerva_study.grid import Grid
