@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,12 +17,12 @@ from minerva_bus.launch.specs import load
 from minerva_bus.launch.toml_tables import Table, filled, read_options
 from minerva_bus.launch.world_files import WorldFile, open_tables, read_world_file
 from minerva_bus.settings.kinds import TEXT, TEXTS
-from minerva_bus.values import path_of
+from minerva_bus.values import fast_dataclass, path_of
 from minerva_bus.wording import counted
 from minerva_bus.world.services import WorldInfo
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Checked:
     """Result of a check: a description, warnings, and the code that was named but not run."""
 
@@ -106,7 +106,7 @@ WORLD_CODE: Final = ("vocabulary", "scene", "defaults", "notes")
 PROCESS_CODE: Final = ("service", "agents", "command")
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Structure:
     """The processes of a world file, its string if it has one, and the code that it names.
 

@@ -8,7 +8,7 @@ import warnings
 import weakref
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
@@ -29,7 +29,7 @@ from minerva_bus.launch.world_files import (
     several_hosts,
 )
 from minerva_bus.settings.world_settings import AS_WRITTEN, OPTIONS, Overrides
-from minerva_bus.values import named, path_of
+from minerva_bus.values import fast_dataclass, named, path_of
 from minerva_bus.world.agent import Agent
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ Processes: TypeAlias = int | Literal["auto"] | None
 """Number of processes for each kind of agents; None: as the world says, without a bus."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ContinuedRecord:
     """The record that a run continues.
 
@@ -268,7 +268,7 @@ class ContinuedRecord:
         return read_resumed(path_of("record", self.record), world, overrides), Coordinator
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Request:
     """A world with the settings of one run; `past`: the record that it continues."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache, wraps
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar, get_origin, get_type_hints
@@ -15,6 +15,7 @@ from minerva_bus.cli import completing
 from minerva_bus.cli.command_classes import ALL, WORLD
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.world_settings import OPTIONS, Overrides
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wording import NO_VALUE
 
 
@@ -96,7 +97,7 @@ Quiet = Annotated[bool, typer.Option(help="Print errors only.")]
 QuietRun = Annotated[bool, typer.Option(help="Print errors and the output of members only.")]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class RunOptions:
     """How `minerva run` runs a world and what it prints; its class answers `help_all`."""
 
@@ -117,7 +118,7 @@ class RunOptions:
     ] = False
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class WorldTarget:
     """The running world that a command addresses; `keys` takes effect by its callback."""
 
@@ -126,7 +127,7 @@ class WorldTarget:
     world: World = ""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class NamedTarget(WorldTarget):
     """A running world that may be named without --world: the name is the first word.
 
@@ -148,7 +149,7 @@ class NamedTarget(WorldTarget):
         object.__setattr__(self, "world", self.name or self.world)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class JoinOptions(WorldTarget):
     """How a new member joins a world."""
 

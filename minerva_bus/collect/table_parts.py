@@ -22,7 +22,6 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final, cast
@@ -41,6 +40,7 @@ from minerva_bus.collect.data_tables import (
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.errors import MisuseError
 from minerva_bus.files import check_file, is_forced, reason_of, replacing, target_of
+from minerva_bus.values import fast_dataclass
 
 _ABOUT: Final = "tables.json"
 _DRAFT: Final = ".draft"
@@ -150,7 +150,7 @@ class TableParts:
         self._draft(name).replace(final)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _TablePart:
     """A part of a table, with the last frame of which it has rows."""
 

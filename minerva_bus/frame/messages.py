@@ -15,32 +15,21 @@ To add a message: declare it here, add it to `FromMember` or `ToMember`, and han
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum, auto
-from typing import Annotated, Any, ClassVar, Final, TypeAlias, TypeVar, dataclass_transform
+from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
 from minerva_bus.grammar.columns import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Participation, When
 
-_T = TypeVar("_T")
 
-
-@dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def fast_dataclass(cls: type[_T]) -> type[_T]:
-    """Make a class an immutable dataclass with slots; the type checker refuses to change objects.
-
-    Python does not: a class that is frozen at run time sets each field by a call, which takes five
-    times as long, and a frame makes a dozen of these objects.
-    """
-    return dataclass(slots=True, unsafe_hash=True)(cls)
-
-
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Wire:
     """Form of a message: `[name, item, ...]`, or `[name, {field: value}]` if `keyed`.
 
@@ -59,21 +48,21 @@ class Wire:
     awaited: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class AtLeast:
     """Minimum of a number; the default is 0 for an int, and none for a float."""
 
     value: int
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class AtMost:
     """Maximum number of values in a list or map: the name of a field of Limits."""
 
     limit: str
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Note:
     """Description of a field in PROTOCOL.md."""
 
@@ -145,7 +134,7 @@ _POLICIES: Final = Note(" or ".join(f"`{policy.value}`" for policy in Policy))
 # --- from a member to the coordinator ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Hello:
     """Roles and capabilities of a member, and when it takes part; the answer to `Greet`."""
 

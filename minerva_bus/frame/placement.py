@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from hashlib import blake2b
@@ -23,13 +23,14 @@ from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wording import counted
 
 Offers: TypeAlias = Mapping[str, frozenset[str]]
 """The kinds of agents that each host offers to evolve, by host."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Rule:
     """Restricts the hosts that may evolve agents of one kind.
 
@@ -50,7 +51,7 @@ class Rule:
         return matches and (near or not self.near)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class PlacementRules:
     """Rules by kind, and the maximum number of agents per host; 0: any number."""
 

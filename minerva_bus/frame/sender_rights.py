@@ -13,7 +13,6 @@ the event and the string alone, not on the time that a host needs.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import islice
 from typing import Final, cast
@@ -32,13 +31,14 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, Value
 from minerva_bus.grammar.types import Of
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wording import counted
 
 ID: Final = "#"
 """Prefix of an entry of `speaks_for` that is the id of an agent, not a kind."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class SenderRights:
     """The senders that generators may use.
 

@@ -24,10 +24,10 @@ from minerva_bus.frame.messages import (
     TickReply,
     ToMember,
     ViewShown,
-    fast_dataclass,
 )
 from minerva_bus.grammar.columns import unfolded
 from minerva_bus.grammar.events import AnyEvent, Event, single
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.norms import SOURCE
 
 PEOPLE: Final = "~order"
@@ -157,7 +157,7 @@ HALTED: Final = "~halted"
 """Key in `Checkpoint.saved` for the agents whose actions the last views must not execute."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Checkpoint:
     """State beside the string between two frames; `frame` is the next one.
 

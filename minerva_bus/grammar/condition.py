@@ -19,7 +19,6 @@ import math
 import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final, NoReturn, TypeAlias, cast
 
@@ -27,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError, nearest
+from minerva_bus.values import fast_dataclass
 
 NUMBER: Final = "a number"
 TRUTH: Final = "true or false"
@@ -46,7 +46,7 @@ _DTYPES: dict[str, str] = {"f": NUMBER, "i": NUMBER, "b": TRUTH, "O": TEXT}
 _KINDS: dict[str, str] = {"real": NUMBER, "int": NUMBER, "bool": TRUTH, "text": TEXT}
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Name:
     """The name of an attribute, and its offset in the text."""
 
@@ -54,7 +54,7 @@ class Name:
     offset: int
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Distance:
     """The Euclidean distance between two points of a plane, x and y of each; attributes or numbers.
 
@@ -76,7 +76,7 @@ class Distance:
 Value: TypeAlias = Name | Distance | bool | float | str
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Comparison:
     """A comparison of two values."""
 
@@ -112,7 +112,7 @@ def _real(value: Any) -> Any:
     return float(value) if isinstance(value, int | float) else value.astype(np.float64)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Not:
     """The negation of a term."""
 
@@ -124,7 +124,7 @@ class Not:
         return self.term.truth(state) ^ True
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Joined:
     """Terms of which all must hold (`and`), or at least one (`or`)."""
 
@@ -185,7 +185,7 @@ _TRUTHS = {"true": True, "false": False}
 _WORDS = frozenset(("and", "or", "not"))
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Condition:
     """A parsed condition; without a term it always holds."""
 
@@ -254,7 +254,7 @@ class Condition:
         raise VocabularyError(problem, text=self.text, offset=offset, source=source)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Scope:
     """The names that a condition may use, and the sort of each.
 

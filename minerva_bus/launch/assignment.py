@@ -34,6 +34,7 @@ from minerva_bus.grammar.scene import (
 )
 from minerva_bus.grammar.types import Type, Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.values import fast_dataclass
 
 # Symbols begin with their letter and another capital one, names of processes usually do not.
 _OF_STRING: Final = re.compile(r"[PTA][A-Z]|[^.=]*[#*/]")
@@ -44,7 +45,7 @@ def names_nodes(key: str) -> bool:
     return "." in key and _OF_STRING.match(key) is not None
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Parameter:
     """A parameter of all nodes of a string that a key names."""
 
@@ -190,7 +191,7 @@ def with_value(node: Node, n: int, value: Value) -> Node:
 ANY: Final = "*"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Target:
     """Nodes, by steps from the outermost to their own, or one of their parameters."""
 

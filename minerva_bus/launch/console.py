@@ -26,6 +26,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from minerva_bus.frame.world_state import WorldSpec
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted, named_some
 
@@ -235,7 +236,7 @@ class Startup:
             self.first_seconds = sum(self.parts.values())
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class EndReport:
     """The coordinator's last report; `last_frame_at` is on the monotonic clock, seconds."""
 
@@ -284,7 +285,7 @@ def _reporters(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     }
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class RunSummary:
     """The result of a run; members add figures of their own (`distance_driven`, ...).
 

@@ -12,7 +12,6 @@ import os
 import re
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +19,7 @@ from minerva_bus.entry_points import OWN, entries
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.files import MAX_BYTES, ending_of, note_read, read_text, similar
 from minerva_bus.settings.kinds import phrase_of
+from minerva_bus.values import fast_dataclass
 
 SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
 
@@ -95,7 +95,7 @@ def installed_worlds() -> dict[str, str]:
     }
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class DeclaredOption:
     """An option of a world file: its default, the comment beside it, and its values.
 

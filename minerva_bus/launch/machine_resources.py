@@ -12,13 +12,13 @@ import os
 import resource
 import shutil
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import column_bytes
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wording import counted
 
 FILES_PER_PROCESS: Final = 2
@@ -46,7 +46,7 @@ LARGE_BYTES: Final = 4 * 1024 * 1024
 """Size of a string's columns from which the processes of a world share memory by default."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Headroom:
     """Available resources; None: unlimited or unknown.
 

@@ -9,7 +9,7 @@ them in the next frame; views depend only on the string and the events (equation
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -27,6 +27,7 @@ from minerva_bus.launch.process_specs import forgotten
 from minerva_bus.launch.toml_tables import Table, TomlError, of_nodes, option_text, read_toml
 from minerva_bus.launch.world_files import WorldFile, read_world_file
 from minerva_bus.settings.world_settings import Overrides
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.vocabulary_codec import plain_vocabulary
 from minerva_bus.wording import named_some
 from minerva_bus.world.agent import Agent, Kinds, kinds_of
@@ -44,7 +45,7 @@ MAX_NAMED: Final = 5
 """Names of each difference in a message."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Resumed(WorldFile):
     """A world file whose world continues after the end of the record `origin`."""
 
@@ -242,7 +243,7 @@ def check_unfinished(world: WorldSpec, path: Path) -> None:
 # --- states ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Past:
     """A record, and the world file with the code of its agents."""
 

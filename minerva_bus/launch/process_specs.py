@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final
@@ -28,6 +28,7 @@ from minerva_bus.runtime.timeouts import Patience
 from minerva_bus.settings.kinds import AUTO, settings_of
 from minerva_bus.settings.world_settings import PatienceSettings, ProcessSettings
 from minerva_bus.user_code import changes
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.keys import COORDINATOR, checked_name
 from minerva_bus.wording import counted, named_some
 from minerva_bus.world.agent import Agent
@@ -48,7 +49,7 @@ SERVICES: Final = "services"
 """Name of the process that services share."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ProcessSpec:
     """A process that a world needs, and the policy for its failure: restart, stop or ignore.
 
@@ -116,7 +117,7 @@ def _free_name(kind: str, taken: Collection[str]) -> str:
     return next(name for name in chain((kind,), names) if name not in taken)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _ProcessReader:
     """Reads single tables [process.NAME]."""
 

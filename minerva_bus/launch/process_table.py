@@ -39,12 +39,13 @@ from minerva_bus.launch.process_specs import SERVICES, ProcessSpec, by_process, 
 from minerva_bus.launch.world_files import WorldFile
 from minerva_bus.runtime.joining import STARTED_HERE
 from minerva_bus.runtime.participants import RAISED_BY_CHANCE, MemberProcess
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wording import duration, install
 
 # --- the code of a process ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class MemberStart:
     """Arguments of a process: its name, its members, and the endpoint of their world."""
 
@@ -95,7 +96,7 @@ def _process(start: MemberStart) -> MemberProcess:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Profiling:
     """Scope of a profile: the `frames`, and the code of a `member` ("": of none)."""
 
@@ -296,7 +297,7 @@ GONE: Final = re.compile(r"is gone\b")
 MAX_LINE_LENGTH: Final = 2000
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class FailureCause:
     """Why a process ends: the report of a `member`; or that code blocks it, as logged before.
 

@@ -20,7 +20,7 @@ import ast
 import inspect
 import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, cast
@@ -89,6 +89,7 @@ from minerva_bus.settings.world_settings import (
     WorldSettings,
 )
 from minerva_bus.user_code import expressions, variables_of
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.keys import is_name
 from minerva_bus.wire.plain import DEFAULT, Limits, configurable_limits
 from minerva_bus.wording import counted
@@ -116,7 +117,7 @@ ROW_SECONDS: Final = 0.03e-6
 """Time of an agent's row in a short method for populations."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Collecting:
     """Data to collect of a run, by name, and their file ("": in memory)."""
 
@@ -124,7 +125,7 @@ class Collecting:
     into: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Access:
     """Admission of remote members, and limits for messages of all members.
 
@@ -137,7 +138,7 @@ class Access:
     limits: Limits = DEFAULT
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class WorldFile:
     """A world file with the settings of the command line, checked.
 

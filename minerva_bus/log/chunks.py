@@ -28,6 +28,7 @@ from minerva_bus.files import is_stream, note_read, similar
 from minerva_bus.log import channels as c
 from minerva_bus.log.channels import FRAME, KEYFRAME, OWN, PROFILE, check_installed
 from minerva_bus.log.entries import Keyframe
+from minerva_bus.values import fast_dataclass
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD: Final = struct.Struct("<BQ")
@@ -63,7 +64,7 @@ RATIO: Final = 1000
 byte. Frames differ, so records never compress that well; decompression bombs do."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ChunkLocation:
     """Location of a chunk: its record is at byte `begin`, its `size` packed bytes at `data`.
 
@@ -84,7 +85,7 @@ class ChunkLocation:
         return self.data + self.size
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Damage:
     """Unreadable bytes of a file, from `begin` to `end` (exclusive), and the reason."""
 
@@ -168,7 +169,7 @@ def _candidates(file: IO[bytes], at: int, size: int) -> Iterator[int]:
         block = min(2 * block, largest)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _Head:
     """A complete record: its offset, opcode, length, and the first bytes of its body."""
 
@@ -238,7 +239,7 @@ def _read(file: IO[bytes], at: int, count: int) -> bytes:
 # --- the summary ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class FileSummary:
     """Summary at the end of a finished file: topics by channel, and channels by chunk.
 
@@ -322,7 +323,7 @@ MESSAGES_PER_BYTE: Final = 4
 # --- messages in the intact chunks ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Message:
     """A message as stored in the file; times in nanoseconds."""
 
@@ -617,7 +618,7 @@ SHOWN: Final = 5
 # --- what is lost ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Losses:
     """The parts of a record that cannot be used.
 

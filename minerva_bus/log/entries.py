@@ -40,7 +40,7 @@ from __future__ import annotations
 import platform
 from collections import Counter
 from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
@@ -58,6 +58,7 @@ from minerva_bus.grammar.events import AnyEvent, Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Scoped, with_scope
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.columns_codec import is_patch, plain_patch
 from minerva_bus.wire.field_codecs import plain_reading, read_reading
@@ -274,7 +275,7 @@ def _rescoped(piece: Piece, step: Any, reader: Reader, depth: int) -> Piece:
 # --- checkpoints ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Kept:
     """An immutable copy of a checkpoint; data saved by members are encoded."""
 
@@ -290,7 +291,7 @@ class Kept:
         return cls(replace(checkpoint, saved={}), saved)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Step:
     """A recorded checkpoint: everything if `whole`, otherwise the changes."""
 
@@ -367,7 +368,7 @@ EventsBySource = Mapping[str, Sequence[AnyEvent]]
 # --- keyframes, inputs and frames ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Keyframe:
     """Complete state before the frame `number`.
 
@@ -522,7 +523,7 @@ def _number(plain: Any) -> int:
 # --- readings on topics ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Dropped:
     """Number of messages on topics that arrived faster than they could be written."""
 
@@ -582,7 +583,7 @@ def _installed_version(package: str) -> str | None:
         return None
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class RecordHeader:
     """A world, the text and path of its file, its options, and the versions it ran on.
 

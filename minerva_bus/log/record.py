@@ -18,7 +18,7 @@ import json
 import warnings
 from collections.abc import Collection, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Self, cast
 
@@ -43,6 +43,7 @@ from minerva_bus.log.entries import (
     encode_frame,
     entry_number,
 )
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.event_collection import collect
 from minerva_bus.world.operator import PersonOperation
 
@@ -50,7 +51,7 @@ _END: Final = 1 << 62
 """A number greater than that of any frame."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class RecordedLine:
     """A line of the world's log: `time` in seconds of world time, the member, and the text."""
 
@@ -362,7 +363,7 @@ def _last_state(cursor: Cursor) -> Keyframe | None:
 # --- the position in a record ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _Ahead:
     """The next frame; `base` is the keyframe before it if frames before it are lost.
 

@@ -22,7 +22,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -36,6 +35,7 @@ from minerva_bus.log.channels import check_installed
 from minerva_bus.log.entries import Kept, RecordHeader
 from minerva_bus.log.record import Record
 from minerva_bus.log.record_writer import RecordWriter, open_for_record, part_of, take_name
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wording import BackOff
 from minerva_bus.world.operator import PersonOperation
@@ -60,7 +60,7 @@ Waiting: TypeAlias = Callable[[float], None]
 # --- bounded queues ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Pending:
     """An item to write: a frame or a log line.
 
@@ -151,7 +151,7 @@ class FrameQueue:
                 self._has_flushed.wait(min(within - waited, LOOK_SECONDS))
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Sensed:
     """Data of a sensor topic: readings, or the bytes received from the bus.
 

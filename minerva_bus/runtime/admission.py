@@ -18,7 +18,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import zenoh
@@ -39,13 +39,14 @@ from minerva_bus.security.credentials import (
     Rights,
     rights_of,
 )
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.keys import COORDINATOR, Keys, is_name
 from minerva_bus.wire.plain import DEFAULT, Limits, values_in
 
 # --- secured links, with the names of their certificates ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Linked:
     """A link with a certificate of this name, from this address."""
 
@@ -344,7 +345,7 @@ LOOK_EVERY: Final = 0.5
 NO_NAME: Final = "a member's name has up to 64 letters, digits and _ . ~ -"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Security:
     """Security of a world: its credentials, the known certificates and the local endpoint.
 
@@ -357,7 +358,7 @@ class Security:
     stamp: Callable[[], object]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ListenConfig:
     """Listening options of a coordinator: endpoints, routers, shared memory and security.
 

@@ -28,6 +28,7 @@ from minerva_bus.runtime.session_inbox import HubInbox, Question, TimerTick
 from minerva_bus.runtime.timeouts import MAX_NAMED, Deadlines, Waits
 from minerva_bus.runtime.transport import ZenohTransport
 from minerva_bus.security.credentials import covers
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wire.plain import DEFAULT, Limits
 from minerva_bus.wording import duration, named_some
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 # --- what a coordinator reports to its launcher, and gets from it ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Printed:
     """A line that a member's process printed, or that the launcher logged about it."""
 
@@ -48,7 +49,7 @@ class Printed:
     level: str = "info"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Started:
     """The launcher starts a member's process."""
 

@@ -9,18 +9,17 @@ import errno
 import ipaddress
 import socket
 import ssl
-from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.errors import BusError
 from minerva_bus.security.credentials import SECURED, Credentials
-from minerva_bus.values import text
+from minerva_bus.values import fast_dataclass, text
 
 _KINDS: Final = ("tcp", *SECURED, "udp", "ws", "unixsock-stream")
 _PATH: Final = "unixsock-stream"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Endpoint:
     """A parsed endpoint; a socket in the file system has a path instead of host and port."""
 

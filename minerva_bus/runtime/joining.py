@@ -11,7 +11,6 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from math import inf
 from typing import Any, Final, TypeAlias, cast
 
@@ -23,6 +22,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.metrics import Restraint
 from minerva_bus.runtime.session import REAL, System, Timer
 from minerva_bus.runtime.transport import encode_reply, tick_in
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.codec import Decoder, encode, stamp, stamped
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wording import duration
@@ -165,7 +165,7 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 # --- finding the world, and the greeting ---
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Arrival:
     """Time-outs in seconds: to find the world, to get a free name, to be greeted.
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Final
 
@@ -35,6 +34,7 @@ from minerva_bus.runtime.session import REAL, System, Timer, run_through
 from minerva_bus.runtime.session_inbox import Inbox, KeyedSample, keyed_sample
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.user_code import WORLD_CODE, blamed, handler_name, report, whole
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.keys import COORDINATOR, Keys, checked_name
 from minerva_bus.world import services
 from minerva_bus.world.readings import Reading
@@ -48,12 +48,12 @@ FIGURES_SECONDS: Final = 1.0
 """Interval in seconds between two reports of a member's metrics."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Leave:
     """Request: the member leaves its world."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Published:
     """A reading of a free-running publisher."""
 
@@ -61,12 +61,12 @@ class Published:
     reading: Reading
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ReportFigures:
     """Timer: send the member's metrics."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Pulse:
     """Timer: call the service's `pulse`."""
 
@@ -184,7 +184,7 @@ MAX_LOSSES: Final = 3
 """Consecutive losses of a secured link without a greeting after which a member gives up."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class MemberLinkOptions:
     """Connection options of a process: endpoint, shared memory for large messages, certificate.
 
@@ -200,7 +200,7 @@ class MemberLinkOptions:
     ends: bool
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ForParticipant:
     """An item of the inbox for one of the members of the process."""
 

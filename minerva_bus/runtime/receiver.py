@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from itertools import islice
 from threading import Lock
 from typing import TYPE_CHECKING, Final, TypeAlias
@@ -24,6 +23,7 @@ from minerva_bus.frame.messages import Wire
 from minerva_bus.runtime.admission import GUESTS, STRANGERS
 from minerva_bus.runtime.metrics import MICRO
 from minerva_bus.runtime.session import System
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.codec import Decoder, declaration, stamped
 from minerva_bus.wire.keys import COORDINATOR, MAX_NAME, last_part
 from minerva_bus.wire.plain import Limits, values_in
@@ -48,7 +48,7 @@ _APPEARED: Final[Changes] = (s.Appeared,)
 _VANISHED: Final[Changes] = (s.Vanished,)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class TokensChanged:
     """Tokens of members have changed: take one of the changes."""
 
@@ -141,7 +141,7 @@ class TokenChanges:
         return left_out
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Successor:
     """A coordinator of this epoch is running."""
 
@@ -176,7 +176,7 @@ def is_slow(body: bytes) -> bool:
     return len(body) > IN_COLUMNS or values_in(body, MANY_VALUES) > MANY_VALUES
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class WaitingMessage:
     """The bytes of a member's message; `joins` counts how often the member has joined so far."""
 
@@ -185,7 +185,7 @@ class WaitingMessage:
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Decoded:
     """A large message after decoding, or None and its problem; decoding took `seconds`."""
 

@@ -21,7 +21,6 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
@@ -40,6 +39,7 @@ from minerva_bus.runtime.endpoints import (
     why_unreachable,
 )
 from minerva_bus.security.credentials import Credentials
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.plain import DEFAULT
 
 _AT_ONCE: Final = struct.pack("ii", 0, 0)
@@ -178,7 +178,7 @@ _REFUSED_WITHIN = 1.5
 """Time-out of a secured link in seconds: rejections are not reported."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Secured:
     """Security of a coordinator's session.
 

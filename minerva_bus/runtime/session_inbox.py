@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from threading import RLock
 from typing import Any
@@ -20,6 +19,7 @@ import zenoh
 from zenoh.handlers import Callback, FifoChannel
 
 from minerva_bus.runtime.session import REAL, System, Timer
+from minerva_bus.values import fast_dataclass
 
 CAPACITY = 512
 """Messages that may wait for the coordinator's main thread; a reply waits behind all of them."""
@@ -33,12 +33,12 @@ WAKE_UP = b"\x00"
 WAKE_UP_SECONDS = 1.0
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class TimerTick:
     """Periodic timer: time-outs and status are due."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class KeyedSample:
     """A message on a key, or whether the liveliness token of this key is `there`."""
 
@@ -53,7 +53,7 @@ def keyed_sample(sample: zenoh.Sample) -> KeyedSample:
     return KeyedSample(str(sample.key_expr), sample.payload.to_bytes(), there)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Question:
     """A question on a key; `reply` answers it once, on a key.
 

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wording import duration, named_some
 
 THEN: Final = {
@@ -47,7 +48,7 @@ OUTPUT_SECONDS: Final = 10.0
 """Least time of a member for its last output after the last frame of a world."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Patience:
     """Time-outs of a member in seconds: until a warning (`soft`), and until `then` (`hard`)."""
 
@@ -56,7 +57,7 @@ class Patience:
     then: str = "restart"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Deadlines:
     """Time-outs of the members: individual ones, or the common ones.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
 from minerva_bus.entry_points import entries
 from minerva_bus.errors import KeysError
+from minerva_bus.values import fast_dataclass
 
 AGENT, GENERATOR, VIEW, OPERATOR = "agent", "generator", "view", "operator"
 HUB, ROUTER = "coordinator", "router"
@@ -32,7 +32,7 @@ FAMILY: Final = "-*"
 """End of a family's common name: hosts-* is valid for the members hosts-a, hosts-b, ..."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Rights:
     """The rights of a certificate.
 
@@ -87,7 +87,7 @@ def _common_names(member: str) -> Iterator[str]:
         end = member.find("-", end + 1)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Credentials:
     """PEM files with which a process authenticates; only their owner may read the plain key."""
 

@@ -6,18 +6,19 @@ A kind is one typed conversion for world files and command lines.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import cache
 from math import isfinite
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.values import fast_dataclass
 
 MAX_WHOLE: Final = (1 << 63) - 1
 """The greatest whole number that a message can carry."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Kind:
     """A type with its limits.
 
@@ -233,7 +234,7 @@ _UNSET: Final = "\0"
 """No key is given; an empty one means that the setting is not in a world file."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Setting:
     """One setting.
 

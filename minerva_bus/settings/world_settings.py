@@ -34,6 +34,7 @@ from minerva_bus.settings.kinds import (
     whole,
     whole_or_auto,
 )
+from minerva_bus.values import fast_dataclass
 
 MODULE: Final = '`"module:function"`'
 MAX_PROCESSES: Final = 1000
@@ -47,7 +48,7 @@ _norm = partial(setting, "norm.NAME")
 _PATIENCE: Final = Patience()
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class WorldSettings:
     """What the world is, independent of where it runs."""
 
@@ -156,7 +157,7 @@ class WorldSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class RecordSettings:
     """Where a run is recorded ("": nowhere), and how often the record is flushed, seconds.
 
@@ -192,7 +193,7 @@ class RecordSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class BusSettings:
     """Where the coordinator listens, whom it admits, and where it keeps its journal."""
 
@@ -243,7 +244,7 @@ class BusSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class PatienceSettings:
     """How long a frame waits for a member, in [bus] or for one process, seconds."""
 
@@ -265,7 +266,7 @@ class PatienceSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class WatchSettings:
     """Where metrics are served, HOST:PORT ("": nowhere), and the format of log lines."""
 
@@ -288,7 +289,7 @@ class WatchSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ProcessSettings:
     """One table [process.NAME]."""
 
@@ -354,7 +355,7 @@ class ProcessSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class NormSettings:
     """One table [norm.NAME]; docs/norms.md explains them."""
 
@@ -408,7 +409,7 @@ class NormSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class CollectSettings:
     """The table [collect], without its expressions."""
 
@@ -423,7 +424,7 @@ class CollectSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class PlacementSettings:
     """The table [placement], without its rules for agent kinds."""
 

@@ -7,7 +7,7 @@ plain data and that read and check them, and the name of the type in PROTOCOL.md
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import chain
 from typing import Any, Final, TypeAlias, cast
 
@@ -20,6 +20,7 @@ from minerva_bus.grammar.columns import Delta
 from minerva_bus.grammar.events import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import AgentKind, Vocabulary
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.columns_codec import is_patch, plain_patch
 from minerva_bus.wire.plain import (
     OF_A_HOST,
@@ -69,7 +70,7 @@ Read: TypeAlias = Callable[[Reader, Any], Any]
 Write: TypeAlias = Callable[..., Any]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class FieldCodec:
     """Codec of one field: `read` checks plain data, `write` makes it; None: values are plain.
 
@@ -81,7 +82,7 @@ class FieldCodec:
     write: Write | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class DeclaredField:
     """A field of a message: its name, its type and its marks."""
 

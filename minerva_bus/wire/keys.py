@@ -20,10 +20,10 @@ minerva/<world>/ask/<name>              queries by others with a certificate: re
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import lru_cache
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.values import fast_dataclass
 
 # Without the characters that have a meaning in Zenoh's key expressions (/ * $ ? #), so that no name
 # matches other keys. No name begins with ~, which marks internal sources and parts.
@@ -57,7 +57,7 @@ def checked_name(name: str, what: str) -> str:
     return name
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Keys:
     """The keys of one world."""
 

@@ -12,7 +12,7 @@ import gc
 import math
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache
 from typing import Annotated, Any, Final, get_args, get_type_hints
 
@@ -23,6 +23,7 @@ from minerva_bus.frame.collection_step import MAX_WAITING
 from minerva_bus.frame.messages import Note, Wire
 from minerva_bus.frame.sender_rights import MAX_HOST_EVENTS, MAX_SINGLE_EVENTS
 from minerva_bus.grammar.fields import NAME
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.keys import checked_name
 
 # --- limits ---
@@ -31,14 +32,14 @@ OF_A_HOST: Final = 8
 """Times as many characters of conditions for a host, whose agents each have their own."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Configurable:
     """A limit that a world file may set; `least` is the minimum."""
 
     least: int
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Limits:
     """Limits of the protocol; a member that sends a message over a limit is rejected.
 

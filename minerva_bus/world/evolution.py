@@ -21,6 +21,7 @@ from minerva_bus.grammar.scene import (
     rescoped,
     walk,
 )
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.agent import Agent, Kinds, kinds_of
 from minerva_bus.world.agent_evolution import evolve_agent
 from minerva_bus.world.context import Context, Frame
@@ -31,7 +32,7 @@ from minerva_bus.world.population_step import evolve_population
 Division: TypeAlias = Callable[[Addressed], Sequence[Addressed]]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class PolicyRules:
     """Everything that depends on the policy of a world.
 
@@ -79,7 +80,7 @@ class Policy(Enum):
         return policy
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Evolved:
     """The result of η, and the events that λ emitted, which belong to the next frame.
 

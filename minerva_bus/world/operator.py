@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.values import fast_dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class MemberStatus:
     """The state of a member.
 
@@ -52,7 +53,7 @@ class MemberStatus:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class LogEntry:
     """An event of a frame, or a remark about a member; `number` counts all entries from 1."""
 
@@ -62,7 +63,7 @@ class LogEntry:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class LogLine:
     """A line that a member has printed, or that the world has logged about it.
 
@@ -78,7 +79,7 @@ class LogLine:
     level: str = "info"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class OrderStatus:
     """An order of a person, and its fate.
 
@@ -112,7 +113,7 @@ class OrderStatus:
         return f"{self.state}{by} in frame {self.frame}"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class CollectedSeries:
     """Values that a running world collects: `values` in some of its `frames`, the last included.
 
@@ -125,7 +126,7 @@ class CollectedSeries:
     values: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class PersonOperation:
     """What a person did to the world in a frame: pause, resume, step, rate, restart, drain or stop.
 
@@ -141,7 +142,7 @@ class PersonOperation:
         return f"{f'{self.command} {self.value}'.rstrip()} by {self.person or 'people'}"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class NormStatus:
     """A norm that was broken `broken` times; the last time in `frame`, `by` an agent or a sender.
 
@@ -156,7 +157,7 @@ class NormStatus:
     by: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class FileStatus:
     """A file that the world writes: its record or its journal.
 
@@ -169,7 +170,7 @@ class FileStatus:
     lost: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class WorldStatus:
     """The state of a running world.
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from hashlib import blake2b
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast
 
@@ -39,6 +39,7 @@ from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import AgentKind
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.class_declaration import TOGETHER
 from minerva_bus.world.context import Context
 
@@ -53,7 +54,7 @@ Sent: TypeAlias = tuple[Rows | int, AnyEvent]
 """An event and the row of its sender, or a batch with a row for each of its events."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Birth:
     """Newborns of the parents in `rows`, in one turn of the frame."""
 
@@ -267,7 +268,7 @@ def returns_nothing(result: object) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Turn:
     """Rows of a population with the events that they process in one call.
 

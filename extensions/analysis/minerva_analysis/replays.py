@@ -11,7 +11,7 @@ compared with the recorded one. Time is simulated, and everything runs in this p
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -48,7 +48,7 @@ from minerva_bus.runtime.coordinator import Coordinator, Watchers
 from minerva_bus.runtime.questions import COMMANDS, WorldRun, status_of
 from minerva_bus.runtime.runner import InProcessRunner, Notice
 from minerva_bus.settings.world_settings import Overrides
-from minerva_bus.values import path_of
+from minerva_bus.values import fast_dataclass, path_of
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
 from minerva_bus.wire.status_codec import plain_status
@@ -169,7 +169,7 @@ def read_replay(
     return Replay(shown, partial(replay_coordinator, path, kinds_in(file), stay))
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ReplayedRecord(ContinuedRecord):
     """The record that a run shows from frame `begin`; see `read_replay`."""
 

@@ -17,10 +17,11 @@ from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch import assignment
 from minerva_bus.launch.assignment import ANY, NodePath
+from minerva_bus.values import fast_dataclass
 from minerva_study.domains import Domain, parse_domain
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class MutableTarget(assignment.Target):
     """Nodes, or one of their parameters with the values that it may have."""
 
