@@ -63,6 +63,7 @@ from minerva_bus.runtime.coordinator import MORE_TIME, Coordinator
 from minerva_bus.runtime.participants import RAISED, RAISED_BY_CHANCE
 from minerva_bus.runtime.session import POOL_BYTES, expect_links
 from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wire.vocabulary_codec import plain_vocabulary, read_vocabulary
 from minerva_bus.wording import counted, duration
 
 STOP_SECONDS: Final = 1.0
@@ -137,8 +138,10 @@ class Supervisor:
         # first.
         lock = WorldLock(file.world.name)
         try:
-            # Before the first fork, too: the children inherit the machine code.
+            # Before the first fork, too: the children inherit the machine code, and the vocabulary
+            # that each reads in its first message.
             compile_agents(file.processes, self._console.progress)
+            read_vocabulary(plain_vocabulary(file.world.vocabulary))
             context.shared = self._shares_memory()
             self._startup.end("imports and checks")
             with caught(context.pipes, self._interrupted):

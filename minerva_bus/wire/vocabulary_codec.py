@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields as form_fields
+from functools import lru_cache
 from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, ProtocolError, SceneError
@@ -51,6 +52,8 @@ from minerva_bus.wire.plain import (
     as_text,
     as_texts,
     on_screen,
+    pack,
+    unpack,
 )
 
 _MAX_ERROR_CHARS = 300
@@ -130,8 +133,13 @@ def _meanings(shape: Shape) -> tuple[str, ...]:
 
 
 def read_vocabulary(plain: Any) -> Vocabulary:
-    """A vocabulary from plain data. Raises ProtocolError."""
-    parts = as_map(plain, "a vocabulary")
+    """A vocabulary from plain data; from equal data the same object. Raises ProtocolError."""
+    return _read(pack(plain))
+
+
+@lru_cache(maxsize=1)
+def _read(data: bytes) -> Vocabulary:
+    parts = as_map(unpack(data), "a vocabulary")
     try:
         transformations = as_list(parts.get("transformations"), "motions")
         return Vocabulary.of(
