@@ -31,24 +31,6 @@ from minerva_bus.portable.trigonometry import (
 )
 
 __all__ = [
-    "acos",
-    "asin",
-    "atan",
-    "atan2",
-    "cos",
-    "cos_sin",
-    "dist",
-    "exp",
-    "expm1",
-    "hypot",
-    "log",
-    "log1p",
-    "log2",
-    "log10",
-    "normal",
-    "normals",
-    "power",
-    "sin",
-    "tan",
-    "tanh",
-]
+    "acos", "asin", "atan", "atan2", "cos", "cos_sin", "dist", "exp", "expm1", "hypot", "log",
+    "log1p", "log2", "log10", "normal", "normals", "power", "sin", "tan", "tanh",
+]  # fmt: skip
