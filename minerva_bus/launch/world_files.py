@@ -350,13 +350,11 @@ def read_description(
     # `dt` follows the file's rate only: `--rate` changes the pace of a run, but must not change the
     # string.
     own_rate: float = table.get("rate", number(), 0.0)
+    scene = _scene(table, settings, vocabulary, path, options)
+    given = tuple(filter(of_nodes, top.overrides.settings))
     world = WorldSpec(
         name=table.named(settings.name or path.stem, "a world"),
-        scene=assigned(
-            _scene(table, settings, vocabulary, path, options),
-            vocabulary,
-            tuple(filter(of_nodes, top.overrides.settings)),
-        ),
+        scene=assigned(scene, vocabulary, given) if given else scene,
         vocabulary=vocabulary,
         seed=settings.seed,
         dt=settings.dt if "dt" in table else 1.0 / own_rate if own_rate else settings.dt,

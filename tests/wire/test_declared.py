@@ -12,6 +12,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import AtLeast, AtMost, Mark, Note, Wire
 from minerva_bus.grammar.events import AnyEvent
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wire.codec import Decoder, by_name, encode, message_codec
 from minerva_bus.wire.plain import Limits, pack, unpack
 from tools.protocol_tables import messages
@@ -86,7 +87,7 @@ def test_its_row_in_the_document_follows():
 
 
 def test_a_new_key_of_a_hello_is_declared_in_one_place():
-    @dataclass(frozen=True, slots=True)
+    @fast_dataclass
     class Hello(m.Hello):
         WIRE: ClassVar = m.Hello.WIRE
         region: Annotated[str, Mark.OPTIONAL, Note("where it is")] = "here"
