@@ -12,7 +12,6 @@ from minerva_bus.cli.output import FAILED, INTERRUPTED, WRONG, print_json, print
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.child_processes import end_signals
 from minerva_bus.launch.console import Console, RunSummary
-from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.process_table import NOTHING, Profiling
 from minerva_bus.launch.supervisor import Supervisor
@@ -62,6 +61,8 @@ def _run_here(
     file: WorldFile, console: Console, began: float, *, as_json: bool
 ) -> tuple[RunSummary, str]:
     """Run a world in this process; returns its summary and the error that has ended it, or ""."""
+    from minerva_bus.launch.in_process import InProcessRun
+
     for number in end_signals():
         # Every signal that ends a process becomes KeyboardInterrupt, so the run closes its record.
         signal.signal(number, signal.default_int_handler)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import errno
 import ipaddress
 import socket
-import ssl
 from typing import Final
 
 from minerva_bus.errors import BusError
@@ -244,6 +243,8 @@ def not_let_in(own: Credentials | None) -> str:
 
 
 def _trouble_with_tls(endpoint: Endpoint, own: Credentials | None, patience: float) -> str:
+    import ssl  # Only a failure of a secured link needs it.
+
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     if own is not None:
         context.load_verify_locations(own.authority)
@@ -258,7 +259,7 @@ def _trouble_with_tls(endpoint: Endpoint, own: Credentials | None, patience: flo
                 link.settimeout(ALERT_WITHIN)
                 link.recv(1)
         except ssl.SSLCertVerificationError as error:
-            return _unverified(endpoint.host, error)
+            return _unverified(endpoint.host, error.verify_message)
         except ssl.SSLError as error:
             reason = error.reason or ""
             known = [text for alert, text in _ALERTS.items() if reason.endswith(alert)]
@@ -273,8 +274,7 @@ def _trouble_with_tls(endpoint: Endpoint, own: Credentials | None, patience: flo
 _NO_ZENOH = "a process answers that is not a world; is it another version, or another program?"
 
 
-def _unverified(host: str, error: ssl.SSLCertVerificationError) -> str:
-    what = error.verify_message
+def _unverified(host: str, what: str) -> str:
     if "ostname mismatch" in what or "IP address mismatch" in what:
         return (
             f"its certificate is not for {host!r}; connect to a name that it is for, or renew it"

@@ -26,10 +26,9 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as NoAnswer
 from dataclasses import dataclass, field, replace
 from functools import partial
+from queue import Empty, SimpleQueue
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -154,8 +153,8 @@ class WorldRun(Sink):
         asked = LocalQuestion(question)
         self.put_question(asked)
         try:
-            return asked.answer.result(ANSWER_SECONDS)
-        except NoAnswer:
+            return asked.answer.get(timeout=ANSWER_SECONDS)
+        except Empty:
             name = self.algorithm.world.name
             raise BusError(f"{name} has not answered for {ANSWER_SECONDS:g} s") from None
 
@@ -165,7 +164,7 @@ class WorldRun(Sink):
 
     def answer(self, asked: LocalQuestion) -> None:
         """Answer a question of another thread."""
-        asked.answer.set_result(answer(asked.question, self))
+        asked.answer.put(answer(asked.question, self))
 
     def restart(self, member: str) -> str:
         """Request a restart of a member; returns the reason if that is impossible, or ""."""
@@ -610,10 +609,10 @@ PAUSE_FACTOR: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class LocalQuestion:
-    """A question from another thread of this process, and the future of its answer."""
+    """A question from another thread of this process, and the queue for its answer."""
 
     question: Mapping[str, Any]
-    answer: Future[Mapping[str, Any]] = field(default_factory=Future[Mapping[str, Any]])
+    answer: SimpleQueue[Mapping[str, Any]] = field(default_factory=SimpleQueue[Mapping[str, Any]])
 
 
 Sender: TypeAlias = str | bytes
