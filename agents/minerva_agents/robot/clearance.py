@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, TypeAlias
 
@@ -32,6 +31,7 @@ from minerva_agents.robot.grid import FREE, SURE, Mask, grown, inflate, obstacle
 from minerva_agents.robot.planning import nearest
 from minerva_agents.robot.pose import Cell, Position, Reals, cell_of, centre_of
 from minerva_bus import Cells, portable
+from minerva_bus.values import fast_dataclass
 
 Way: TypeAlias = Sequence[Position]
 
@@ -198,7 +198,7 @@ def is_passable(grid: Cells, way: Sequence[Position], radius: float, cell: float
     return is_clear(fine, points, 2.0 * _room_of_body(radius, cell))
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Narrows:
     """Reachable space of a robot at `at` with minimal clearance.
 

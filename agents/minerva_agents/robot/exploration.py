@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
@@ -47,6 +46,7 @@ from minerva_agents.robot.grid import (
 from minerva_agents.robot.planning import STEP, Wave
 from minerva_agents.robot.pose import Cell, GridPose, wrapped
 from minerva_bus import Cells, portable
+from minerva_bus.values import fast_dataclass
 
 Numbers = NDArray[np.floating[Any]]
 Places = NDArray[np.intp]
@@ -76,7 +76,7 @@ _ARCS: Final = (0.0, 60.0, 120.0, 300.0)
 """Angles in degrees that the robot sweeps at a viewpoint."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Goal:
     """Next step of a search: drive along cells, or turn to a heading if there are none.
 
@@ -88,7 +88,7 @@ class Goal:
     news: float
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class SearchState:
     """What the search depends on.
 

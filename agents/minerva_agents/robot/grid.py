@@ -18,7 +18,6 @@ searches for a marker records which free cells its camera has seen.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, TypeAlias
 
@@ -27,6 +26,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.pose import Cell, GridPose, Reals
 from minerva_bus import Cells, MinervaError, portable
+from minerva_bus.values import fast_dataclass
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -232,7 +232,7 @@ _AFTER_HIT: Final = tuple(map(after_hit, range(MARKER)))
 Places = NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _Passes:
     """Cells that beams pass, in order: flat indices, the beam, and whether it is near enough."""
 

@@ -44,6 +44,7 @@ from minerva_agents.robot.trajectories import (
 )
 from minerva_bus.log.recordings import Progress
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.readings import Scan
 
 _MIN_WEIGHT: Final = 0.25
@@ -56,7 +57,7 @@ _MAX_WIDTH: Final = 2.0
 """Search window of the second round, in metres to each side."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ClosedLoops:
     """Poses after closing loops, and how many closures were kept and rejected."""
 

@@ -66,6 +66,7 @@ from minerva_bus.log.recordings import (
     needs_path,
 )
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wording import counted, install
 from minerva_bus.world.readings import Displacement, Odometry, Scan
 
@@ -75,7 +76,7 @@ if TYPE_CHECKING:
 POSES: Final = ("published", "odometry", "matched")
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class MapChoice:
     """Options of a map of a recording. Raises MisuseError.
 
@@ -487,7 +488,7 @@ _LENGTHS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 # --- errors of the trajectory ---------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class TrajectoryPoint:
     """Poses of a scan at `time` seconds: published, estimated, and by odometry alone."""
 
@@ -585,7 +586,7 @@ _TOLERATED: Final = 0.02
 """Fraction of places that may differ because of people and doors."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Doubled:
     """A revisited place (m) whose walls disagree, with the times of both visits (s)."""
 

@@ -35,6 +35,7 @@ from minerva_agents.robot.grid import MapError, clearance, inflate
 from minerva_agents.robot.pose import Cell
 from minerva_bus import portable
 from minerva_bus.files import note_read
+from minerva_bus.values import fast_dataclass
 from minerva_bus.wording import install
 
 FREE: Final = 0
@@ -46,7 +47,7 @@ MapPose: TypeAlias = tuple[float, float, float]
 Numbers = TypeVar("Numbers", float, NDArray[np.float64])
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Marker:
     """A named position on a floor, in metres of the world."""
 
@@ -174,7 +175,7 @@ def load_map(path: str | Path) -> OccupancyMap:
 # --- the YAML file ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _Keys:
     """The keys of a map file, with checks whose errors name the key."""
 
@@ -321,7 +322,7 @@ def _start(keys: _Keys, on: OccupancyMap) -> MapPose | None:
 # --- from shades to cells -----------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _Reading:
     """Conversion of brightness to cells; the defaults apply to an image alone."""
 
@@ -379,7 +380,7 @@ _MAX_BYTES = 800_000_000
 INSTALL = f"install it with: {install('maps')}"
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class FloorImage:
     """Brightness levels from 0 to `most`, (height, width), top row first, and hidden pixels."""
 

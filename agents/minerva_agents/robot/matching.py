@@ -14,7 +14,6 @@ as in a corridor, the closer one wins.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cache
 from typing import Final, TypeAlias
 
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from minerva_agents.robot.grid import obstacles
 from minerva_agents.robot.pose import GridPose, Reals
 from minerva_bus import Cells, portable
+from minerva_bus.values import fast_dataclass
 
 Worths: TypeAlias = NDArray[np.int16]
 
@@ -50,7 +50,7 @@ _WIDTH: Final = 3.0
 """Half width of the search window in standard deviations."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Uncertainty:
     """Standard deviations of the odometry's pose since the last scan."""
 
@@ -100,7 +100,7 @@ def match(
     return second.pose if second.part >= _MIN_SHARE else guess
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _Fit:
     """A pose and its score as a fraction of the maximum."""
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import pairwise
 from typing import Final, TypeAlias
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.grid import MapError, Mask, check_grid
 from minerva_agents.robot.pose import Cell
+from minerva_bus.values import fast_dataclass
 
 _MARGIN: Final = 48
 """Cells around the ends of a path in the first window."""
@@ -33,7 +33,7 @@ _GROWTH: Final = 4
 """Factor by which the margin grows from window to window."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Window:
     """The cells (row, column) with top <= row < bottom and left <= column < right of a grid."""
 
@@ -101,7 +101,7 @@ def _over(line: int, axis: int, ends: Sequence[Cell]) -> float:
     return max(across, along) + (math.sqrt(2.0) - 1.0) * min(across, along)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class GridPath:
     """Cells from start to goal, each adjacent to the previous, and the length in cells.
 
@@ -295,7 +295,7 @@ LEAP: Final = 255
 Bytes: TypeAlias = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Direction:
     """One of eight directions: index, flat cell offset, cost per move, and jump table.
 
@@ -318,7 +318,7 @@ class Direction:
         return moves + self.jumps[cell]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Jumps:
     """A flattened grid with a blocked border, and the jump tables of all directions.
 

@@ -10,7 +10,6 @@ string, it is `TRotate<angle>(TMove<dist>(PRobot))`; a robot that stays is `PRob
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final, TypeAlias, cast
 
 import numpy as np
@@ -20,6 +19,7 @@ from minerva_agents.robot.vocabulary import PRobot, TMove, TRotate
 from minerva_bus import Scene, portable
 from minerva_bus.grammar.scene import TransformationNode, walk
 from minerva_bus.semantics.poses import HasPose, Pose
+from minerva_bus.values import fast_dataclass
 
 Cell: TypeAlias = tuple[int, int]
 Position: TypeAlias = tuple[float, float]
@@ -53,7 +53,7 @@ def at_distances(row: float, column: float, angles: Reals, dist: Reals) -> tuple
     return row + dist * cos, column + dist * sin
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Move:
     """A turn in degrees, counter-clockwise, followed by a distance forward in metres."""
 
@@ -64,7 +64,7 @@ class Move:
 STAY: Final = Move()
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class GridPose:
     """A robot's position in cells and heading in degrees."""
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from minerva_bus import portable
 from minerva_bus.log.recordings import CORRECTION, POSE, STEP_SECONDS, Recorded
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.readings import Odometry, Scan
 
 _FARTHEST: Final = 0.5
@@ -36,7 +37,7 @@ _BEAMS: Final = 180
 Reals = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Sharper:
     """An offset in seconds, and the number of cells hit with it as a fraction of that without."""
 

@@ -34,6 +34,7 @@ from minerva_bus.log.recordings import (
     path_of,
 )
 from minerva_bus.semantics.poses import HasPose, Pose, interpolated
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.readings import Odometry, Scan, hits
 
 # --- poses of scans -------------------------------------------------------------------------------
@@ -46,7 +47,7 @@ _MAX_QUEUED: Final = 10_000
 """Maximum number of scans that wait for odometry; the oldest is dropped."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Posed:
     """A scan and the robot's pose: metres, and degrees counter-clockwise.
 
@@ -60,7 +61,7 @@ class Posed:
     is_published: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Unposed:
     """A scan without a known pose."""
 
@@ -300,7 +301,7 @@ ANYWHERE: Final = Uncertainty(0.15, 5.0)
 """Uncertainty of a step without odometry: the robot may have moved in any direction."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ScanMotion:
     """The robot's poses by times in seconds, to correct scans for its own motion.
 
@@ -334,7 +335,7 @@ class ScanMotion:
         return replace(scan, path=path_of(scan, [*known], [*known.values()]))
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Located:
     """A scan with its estimated pose, the published one, and the one by odometry alone."""
 

@@ -61,6 +61,7 @@ from minerva_agents.robot.vocabulary import PMap, PMarker, TPlace
 from minerva_bus import Cells, Scene, Vocabulary, portable
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.grammar.scene import MATRIX_CELLS
+from minerva_bus.values import fast_dataclass
 
 # --- options --------------------------------------------------------------------------------------
 
@@ -226,7 +227,7 @@ def _read_floor(path: str | Path) -> OccupancyMap:
     return _LAST_FLOOR[0]
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _RawOptions:
     """Raw option values with one checked accessor per type."""
 
@@ -516,7 +517,7 @@ def _parcel(number: int, marker: Marker) -> AParcel:
     return parcel
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class _Grid:
     """Empty cells, and the world position of the outer corner of cell (0, 0)."""
 

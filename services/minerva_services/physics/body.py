@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.values import fast_dataclass
 from minerva_services.physics.encounters import Contact, MovingDisc, Point
 from minerva_services.physics.errors import finite, positive
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class DriveCommand:
     """A body's command for one step: turn on the spot, then drive straight.
 
@@ -25,7 +25,7 @@ class DriveCommand:
     forward_m: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class DriveOutcome:
     """The outcome of a command.
 
@@ -47,7 +47,7 @@ class DriveOutcome:
     contact: Contact | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Odometer:
     """What a body has done since it was added.
 
@@ -61,7 +61,7 @@ class Odometer:
     collisions: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Body:
     """A disc with a heading.
 

@@ -7,17 +7,18 @@ whether a physics world stopped it or the scene's geometry shows an overlap.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from typing import Any, Final
 
 from minerva_bus.grammar.events import Event, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.types import Metres
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.services import WorldInfo
 from minerva_services.event_factory import EventFactory, event_type
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Collision:
     """A contact, from the point of view of one agent.
 

@@ -16,10 +16,10 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from minerva_bus import portable
+from minerva_bus.values import fast_dataclass
 
 Point: TypeAlias = tuple[float, float]
 Segment: TypeAlias = tuple[float, float, float, float]
@@ -140,7 +140,7 @@ def _within_move(part: float) -> float:
     return max(0.0, part) if part <= 1 else NEVER
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class MovingDisc:
     """A disc and its intended displacement.
 
@@ -270,7 +270,7 @@ _MAX_GAP: Final = 1e-6
 """Maximum gap in metres between a body and the wall that stopped it, due to rounding."""
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Contact:
     """The point at which a body touches what stopped it.
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from minerva_bus import portable
 from minerva_bus.semantics.geometry import Geometry
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.values import fast_dataclass
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.encounters import Point
 from minerva_services.physics.errors import PhysicsError
@@ -49,7 +50,7 @@ class FloorPlan:
         return self.cells is other.cells or np.array_equal(self.cells, other.cells)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Robot:
     """A body as shown by a string.
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, cast
 
+from minerva_bus.values import fast_dataclass
 from minerva_services.physics.agent_lines import AGENTS, by_agent
 from minerva_services.physics.body import Body, body_of, row_of
 from minerva_services.physics.errors import PhysicsError
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class KeptBody:
     """A body between two ticks.
 

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from minerva_bus.portable import expm1, log1p, normal, normals
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.context import stream
 from minerva_bus.world.readings import Sighting
 from minerva_bus.world.services import Tick
@@ -25,7 +26,7 @@ from minerva_services.physics.errors import PhysicsError, finite, positive
 from minerva_services.physics.sensors import Distances
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class Noise:
     """Standard deviations of unbiased normal noise, and a dropout probability.
 
@@ -136,7 +137,7 @@ class Noise:
         return Sighting(sighting.marker, distance, angle)
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class SightingModel:
     """Missed and confused markers: two probabilities per visible marker.
 
@@ -193,7 +194,7 @@ class SightingModel:
         return replace(seen, marker=others[int(other * len(others))])
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class DriveStep:
     """Turn in degrees, drive in metres, turn again in degrees."""
 
@@ -202,7 +203,7 @@ class DriveStep:
     after_deg: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class MotionModel:
     """The odometry motion model, section 5.4, table 5.6 (sample_motion_model).
 
@@ -269,7 +270,7 @@ class MotionModel:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class BeamModel:
     """The short and the random component of the beam model of range finders, section 6.3.
 
@@ -347,7 +348,7 @@ class BeamModel:
         return np.where(short, cut, np.where(random, where * range_max, measured))
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class ErrorModels:
     """All error models of a world's robots; a model whose parameters are 0 draws nothing."""
 

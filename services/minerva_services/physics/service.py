@@ -7,13 +7,13 @@ same.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
+from minerva_bus.values import fast_dataclass
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.options import takes_options
@@ -27,7 +27,7 @@ from minerva_services.physics.kept import KeptBody, kept_bodies
 from minerva_services.physics.noise import BeamModel, ErrorModels, MotionModel, Noise, SightingModel
 
 
-@dataclass(frozen=True, slots=True)
+@fast_dataclass
 class PhysicsOptions:
     """Options of robots' sensors, and of the errors of sensors and motors.
 
