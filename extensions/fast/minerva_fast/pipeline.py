@@ -73,7 +73,7 @@ class _Types(Context):
 
 
 class _Code(CPUContext):
-    """The code of what a function does."""
+    """What the operations of numbers and arrays are in LLVM."""
 
     def load_additional_registries(self) -> None:
         from numba.cpython import mathimpl, numbers, rangeobj, tupleobj  # noqa: F401 (they register)
@@ -200,6 +200,7 @@ def object_file(function: FunctionType, signature: Any) -> bytes:
     return codegen._tm.emit_object(module)
 
 
+@global_compiler_lock
 def loaded(name: str, code: bytes) -> Any:
     """The function of an object file, for Python."""
     codegen = _TARGET.target_context.codegen()
