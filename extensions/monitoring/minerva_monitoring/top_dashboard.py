@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final, cast
 from rich.text import Text
 from textual import work
 from textual.app import App, ComposeResult
-from textual.binding import BindingType
+from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import DataTable, Footer, RichLog, Sparkline, Static
 
@@ -58,6 +58,8 @@ class Dashboard(App[None]):
         ("r", "restart", "Restart"),
         ("e", "events", "Events"),
         ("q", "quit", "Quit"),
+        # As it ends all commands; textual would only say which key quits.
+        Binding("ctrl+c", "quit", show=False),
     ]
     ENABLE_COMMAND_PALETTE = False
 

@@ -159,6 +159,15 @@ def test_its_keys_operate_the_world():
     run(play)
 
 
+@pytest.mark.parametrize("key", ["q", "ctrl+c"])
+def test_keys_that_quit(key):
+    async def play(dashboard, pilot, operator):
+        await pilot.press(key)
+        await until(pilot, lambda: not dashboard.is_running)
+
+    run(play)
+
+
 def test_an_unresponsive_world_is_reported_until_it_answers():
     async def play(dashboard, pilot, operator):
         operator.silent = True
