@@ -138,6 +138,10 @@ def test_the_limits_that_a_world_file_sets(tmp_path: Path) -> None:
 
 def test_the_vocabulary_is_as_the_code_writes_it() -> None:
     assert plain_vocabulary(VOCABULARY) == json.loads(blocks("json", "vocabulary")[0])
+    # Members inherit the vocabulary that the launcher has read.
+    assert read_vocabulary(plain_vocabulary(VOCABULARY)) is read_vocabulary(
+        plain_vocabulary(VOCABULARY)
+    )
 
 
 @pytest.mark.parametrize(("said", "data"), examples("value"))
