@@ -45,9 +45,10 @@ _LIBRARIES: Final = tuple(
 
 # Installed, the project's packages are in a folder of libraries.
 _ROOT: Final = Path(__file__).parents[1]
-_EXTENSIONS: Final = tuple(f"{each}{os.sep}" for each in _ROOT.glob("extensions/*/minerva_*"))
-# Errors there are shown as those of users, but tests check the statements.
-_SHIPPED: Final = tuple(f"{_ROOT / each}/minerva_" for each in ("agents", "services", "worlds"))
+_FOLDERS: Final = ("agents", "extensions/*", "services", "worlds")
+_SHIPPED: Final = tuple(
+    f"{each}{os.sep}" for folder in _FOLDERS for each in _ROOT.glob(f"{folder}/minerva_*")
+)
 
 # The file of methods that libraries generate, such as those of dataclasses, of `exec` and of
 # `python -c`.
@@ -175,7 +176,7 @@ def innermost(frames: Sequence[SourceLine]) -> SourceLine | None:
 
 def is_foreign(file: str) -> bool:
     """Whether a source file belongs to the framework or a library, or is not a file."""
-    outside = (_FRAMEWORK, "<frozen", *_LIBRARIES, *_EXTENSIONS)
+    outside = (_FRAMEWORK, "<frozen", *_LIBRARIES, *_SHIPPED)
     return _is_installed(file) or file.startswith(outside)
 
 
@@ -293,7 +294,7 @@ def _attributes(handler: Any) -> Iterator[tuple[SourceLine, str, bool]]:
 def expressions(function: Callable[..., Any]) -> list[tuple[SourceLine, ast.expr]]:
     """The statements of a function that are expressions, with their lines, if it is the user's."""
     code: CodeType | None = getattr(function, "__code__", None)
-    if code is None or is_foreign(code.co_filename) or code.co_filename.startswith(_SHIPPED):
+    if code is None or is_foreign(code.co_filename):
         return []
     nodes = [(place, node.value) for place, node in _parsed(function, ast.Expr)]
     return sorted(nodes, key=lambda each: each[0].line)
