@@ -66,7 +66,9 @@ class Field:
     def of(name: str, annotation: Any) -> Field:
         """A field from an annotation, or a `Default`. Raises MisuseError."""
         if not NAME.fullmatch(name):
-            raise MisuseError(f"{name!r} is not a valid parameter name")
+            raise MisuseError(
+                f"a parameter's name has letters (A to Z), digits and _, not {name!r}"
+            )
         with_default = isinstance(annotation, Default)
         try:
             kind = type_of(annotation.annotation if with_default else annotation)

@@ -50,7 +50,7 @@ def _check_form(owner: str, form: Form | None, fields: Fields) -> None:
 def _checked(name: str, alphabet: str, letter: str) -> str:
     if not (isinstance(name, str) and NAME.fullmatch(name)) or name[0] != letter:  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError(
-            f"the name of {alphabet} must be {letter} followed by letters, digits or _,"
+            f"the name of {alphabet} must be {letter} followed by letters (A to Z), digits or _,"
             f" not {name!r}"
         )
     return name
