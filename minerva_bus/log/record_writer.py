@@ -70,7 +70,7 @@ class McapFile:
         self._dt = world.dt
         self._began = description.began
         self._is_dirty = False
-        self._written: int = 0
+        self._ends: tuple[int, int] = 0, 0
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self.is_large = column_bytes(world.scene) >= LARGE
@@ -119,8 +119,8 @@ class McapFile:
         self.in_chunk += len(data) + HEAD
         if self.in_chunk > CHUNK:  # The library has begun a new chunk.
             self.in_chunk = 0
-            begin, self._written = self._written, self._stream.tell()
-            _sync_later(self._stream, begin, self._written - begin)
+            begin, self._ends = self._ends[0], (self._ends[1], self._stream.tell())
+            _sync_later(self._stream, begin, self._ends[1] - begin)
         self._is_dirty = True
 
     def end_chunk(self) -> None:
@@ -155,7 +155,11 @@ def _mcap_writer(stream: IO[bytes], *, is_large: bool) -> Writer:
 
 
 def _sync_later(stream: IO[bytes], begin: int, size: int) -> None:
-    """Let the system begin to write a part of a file, so that `_sync` need not wait for it."""
+    """Let the system begin to write a part of a file, so that `_sync` need not wait for it.
+
+    What it has already written no longer takes memory. A record is rarely read at once, and other
+    memory would have to be cleared for the next frame.
+    """
     # Not all systems have it, and pipes and buffers have no disk.
     with suppress(OSError, AttributeError):
         os.posix_fadvise(stream.fileno(), begin, size, os.POSIX_FADV_DONTNEED)
