@@ -1,33 +1,48 @@
 """The supervisor alone: it counts failures, and if it fails, leaves no process behind."""
 
 import os
+import signal
 import subprocess
 import sys
 from io import StringIO
 
 import pytest
-from running import write_world
+from running import MEMBERS, write_world
 
 from minerva_bus.frame.messages import Hello
 from minerva_bus.launch.child_processes import (
+    FAILED,
+    UNREADY,
     ChildProcess,
     LineReader,
     Pipes,
     how_ended,
     next_ended,
 )
-from minerva_bus.launch.console import Console
+from minerva_bus.launch.console import Console, EndReport
 from minerva_bus.launch.process_specs import ProcessSpec
 from minerva_bus.launch.process_table import (
     HEALTHY_FRAMES,
     HEALTHY_SECONDS,
     MAX_RESTART_SECONDS,
     MIN_RESTART_SECONDS,
+    NO_CAUSE,
+    REPORT_SECONDS,
+    FailureCause,
     Machine,
     SupervisedProcess,
 )
-from minerva_bus.launch.supervisor import Supervisor
+from minerva_bus.launch.supervisor import (
+    LATE_SECONDS,
+    MAX_FAILURES,
+    MAX_SUCCESSIONS,
+    STOP_SECONDS,
+    STOPPED_SECONDS,
+    StoppedCoordinator,
+    Supervisor,
+)
 from minerva_bus.launch.world_files import read_world_file
+from minerva_bus.runtime.participants import RAISED
 from minerva_bus.settings.world_settings import Overrides
 from tests.patience import patience
 
@@ -261,3 +276,201 @@ def test_a_run_without_the_output_of_a_view_is_incomplete(tmp_path, stopping, co
     supervisor._ended(NOBODY, code)
     assert supervisor.summary().incomplete == incomplete
     supervisor._context.close()
+
+
+STARTS, REASON = "tcp/127.0.0.1:1", "the lake is dry"
+BLOCKED = FailureCause(blocked="did not answer for 30 s (blocked as above)")
+
+
+class Deaf(Clock):
+    """A machine whose coordinator never answers; `commands` are those that it was sent."""
+
+    def __init__(self):
+        self.commands = []
+        self.stopped = False
+
+    def write(self, descriptor, data):
+        self.commands.append(data.decode().strip())
+
+    def is_stopped(self, pid):
+        return self.stopped
+
+
+@pytest.fixture
+def deaf(tmp_path):
+    members = (
+        MEMBERS + '[process.extra]\nservice = "each"\nevent = "eStep"\non_failure = "ignore"\n'
+    )
+    machine = Deaf()
+    supervisor = Supervisor(
+        read_world_file(write_world(tmp_path, members)), Console(StringIO()), 0.0, machine=machine
+    )
+    yield supervisor, machine
+    supervisor._context.close()
+
+
+def test_a_coordinator_has_a_successor_unless_it_fails_again_in_the_same_frame(deaf):
+    succession = deaf[0]._coordinator
+    assert not succession.may_continue(-9)  # It has never listened.
+    deaf[0]._context.endpoint = STARTS
+    assert not succession.may_continue(1)
+    assert not succession.may_continue(0)
+    answers = []
+    for frame in (5, 5, 6, 6, 4, 9):
+        succession.frame = frame
+        answers.append(succession.may_continue(FAILED))
+    assert answers == [True, True, True, True, False, True]
+    succession.count = MAX_SUCCESSIONS - 1
+    assert succession.may_continue(-9)
+    succession.count = MAX_SUCCESSIONS
+    assert not succession.may_continue(-9)
+
+
+@pytest.mark.parametrize(("name", "code", "cause", "failures", "stops", "restarts"), [
+    ("steps", -9, NO_CAUSE, 0, False, True),
+    ("steps", -9, NO_CAUSE, 5, True, False),
+    ("steps", UNREADY, FailureCause("steps", REASON), 0, False, True),
+    ("steps", UNREADY, FailureCause("steps", REASON, final=True), 0, True, False),
+    ("extra", -9, NO_CAUSE, 0, False, False),
+    ("extra", UNREADY, FailureCause("extra", REASON), 0, True, False),
+    ("steps", -9, BLOCKED, MAX_FAILURES - 1, False, True),
+    ("walkers", -9, BLOCKED, MAX_FAILURES - 2, False, True),
+    ("walkers", -9, BLOCKED, MAX_FAILURES - 1, True, False),
+])  # fmt: skip
+def test_what_follows_a_failure(deaf, name, code, cause, failures, stops, restarts):
+    supervisor, machine = deaf
+    process = supervisor._processes.get(name)
+    process.started(ChildProcess(NOBODY, -1))
+    process.cause, process.failures = cause, failures
+    supervisor._ended(NOBODY, code)
+    assert (process.restart_at is not None, "stop" in machine.commands) == (restarts, stops)
+    assert (supervisor._ending.deadline == machine.now + STOP_SECONDS) == stops
+    assert (name in supervisor.failure) == stops
+    assert process.abandoned == (f"abandoned {name}" in machine.commands) == (not stops | restarts)
+
+
+def test_the_same_error_in_the_same_frame_ends_the_world(deaf):
+    supervisor, machine = deaf
+    process, seen = supervisor._processes.get("steps"), []
+    for text in ("failed in frame 3: KeyError", "failed in frame 4: KeyError") * 2:
+        process.started(ChildProcess(NOBODY, -1))
+        supervisor._on_log("steps", text)
+        supervisor._ended(NOBODY, RAISED)
+        seen.append((process.restart_at is not None, "stop" in machine.commands))
+    assert seen == [(True, False), (True, False), (False, True), (False, True)]
+    assert supervisor.failure == "steps failed in frame 3: KeyError"
+
+
+def test_a_second_interrupt_kills_at_once_and_the_first_one_is_the_reason(deaf):
+    supervisor, machine = deaf
+    supervisor._interrupted(signal.SIGTERM)
+    assert supervisor._ending.deadline == machine.now + STOP_SECONDS
+    supervisor._interrupted(signal.SIGINT)
+    assert (supervisor._ending.deadline, supervisor.failure) == (0.0, "terminated")
+    assert machine.commands.count("stop") == 1
+
+
+def test_an_interrupt_of_a_world_that_ends_leaves_it_its_time(deaf):
+    supervisor, machine = deaf
+    assert supervisor._ending.regular
+    supervisor._ending.end_by(150.0)
+    supervisor._interrupted(signal.SIGINT)
+    assert (supervisor._ending.deadline, supervisor._ending.regular) == (150.0, False)
+    assert machine.commands == []
+
+
+@pytest.mark.parametrize(("code", "failure"), [(UNREADY, f"steps {REASON}"), (7, ""), (0, "")])
+def test_a_process_that_ends_after_the_last_frame(deaf, code, failure):
+    supervisor, machine = deaf
+    process = supervisor._processes.get("steps")
+    process.started(ChildProcess(NOBODY, -1))
+    process.cause = FailureCause("steps", REASON)
+    supervisor._on_stopping("the frames are over")
+    supervisor._coordinator.count = 1
+    supervisor._ended(NOBODY, code)
+    assert (supervisor.failure, process.restart_at) == (failure, None)
+    assert machine.commands == ["abandoned steps"]
+
+
+def test_a_process_that_is_restarted_on_request_has_not_failed(deaf):
+    supervisor, machine = deaf
+    process = supervisor._processes.get("steps")
+    process.started(ChildProcess(NOBODY, -1))
+    supervisor._on_restart("steps")
+    supervisor._ended(NOBODY, -9)
+    assert (process.restart_at, process.restarting, process.failures) == (machine.now, False, 0)
+    process.restart_at = None
+    supervisor._on_stopping(REASON)
+    supervisor._on_restart("steps")
+    assert process.restart_at is None
+
+
+@pytest.mark.parametrize(("reported", "deadline", "failure"), [
+    (True, 150.0, ""), (False, 100.0 + REPORT_SECONDS, "the coordinator was killed by SIGKILL"),
+])  # fmt: skip
+def test_a_coordinator_that_ends_after_its_report_has_no_successor(
+    deaf, monkeypatch, reported, deadline, failure
+):
+    supervisor, machine = deaf
+    monkeypatch.setattr(machine, "close", lambda descriptor: None)
+    ending, coordinator = supervisor._ending, supervisor._coordinator
+    coordinator.child = ChildProcess(NOBODY, -1)
+    supervisor._context.endpoint = STARTS if reported else ""
+    if reported:
+        ending.report = EndReport("the frames are over", 3, 0.0, 2)
+        ending.end_by(deadline)
+    supervisor._ended(NOBODY, -9)
+    assert (coordinator.child, coordinator.count) == (None, 0)
+    assert (ending.deadline, supervisor.failure) == (deadline, failure)
+    # Nothing starts any more.
+    supervisor._processes.enqueue(supervisor._processes.get("steps"))
+    supervisor._start_processes()
+    assert not supervisor._processes.running
+
+
+def test_the_deadline_and_the_cause_of_an_end(deaf):
+    supervisor, machine = deaf
+    ending = supervisor._ending
+    ending.end_by(50.0)
+    ending.end_by(60.0)
+    assert ending.deadline == 50.0
+    assert ending.regular
+    supervisor._on_ended(
+        reason=REASON, frames=3, last_frame_at=0.0, members=2, failed=True, incomplete=["a"]
+    )
+    assert not ending.regular
+    assert ending.deadline == machine.now + REPORT_SECONDS
+    ending.incomplete.append("b")
+    summary = supervisor.summary()
+    assert (supervisor.failure, summary.incomplete) == (REASON, ["a", "b"])
+    ending.fail("its consequence")
+    assert supervisor.failure == REASON
+    ending.report = EndReport("the frames are over", 3, 0.0, 2)
+    assert not ending.regular
+
+
+def test_a_successor_is_told_who_starts_and_who_is_gone(deaf):
+    supervisor, machine = deaf
+    steps, walkers, extra = map(supervisor._processes.get, ("steps", "walkers", "extra"))
+    steps.started(ChildProcess(NOBODY, -1))
+    walkers.started(ChildProcess(NOBODY + 1, -1))
+    walkers.joined("walkers", 0)
+    extra.abandoned = True
+    supervisor._coordinator.count = 1
+    supervisor._on_listening(STARTS, STARTS)
+    assert machine.commands == ["started steps", "abandoned extra"]
+    machine.commands.clear()
+    steps.child = None
+    supervisor._on_stopping(REASON)
+    supervisor._on_listening(STARTS, STARTS)
+    assert machine.commands == [f"end {REASON}", "abandoned steps", "abandoned extra"]
+
+
+def test_a_stopped_coordinator_is_given_up_unless_the_launcher_was_stopped_as_well():
+    machine = Deaf()
+    machine.stopped = True
+    stopped, seconds = StoppedCoordinator(machine), range(int(STOPPED_SECONDS))
+    assert not any(stopped.is_given_up(NOBODY, 100.0 + second) for second in seconds)
+    assert stopped.is_given_up(NOBODY, 100.0 + STOPPED_SECONDS)
+    assert not stopped.is_given_up(NOBODY + 1, 101.0 + STOPPED_SECONDS)
+    assert not stopped.is_given_up(NOBODY + 1, 102.0 + 2 * STOPPED_SECONDS + LATE_SECONDS)
