@@ -238,7 +238,7 @@ def test_a_run_goes_into_files(tmp_path, ending, monkeypatch):
 def test_a_foreign_file_is_not_overwritten(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text("precious\n")
-    with pytest.raises(MisuseError, match="a .csv file has no mark"):
+    with pytest.raises(MisuseError, match=r"a \.csv file has no mark"):
         run(pond(), frames=1, collect=[Frog.x], into=path)
     with pytest.raises(MisuseError, match=r"\.parquet or \.csv"):
         run(pond(), frames=1, collect=[Frog.x], into=tmp_path / "x.xls")
