@@ -16,7 +16,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.process_table import NOTHING, Profiling
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.world_files import WorldFile, read_world_file
-from minerva_bus.settings.world_settings import Overrides
+from minerva_bus.settings.world_settings import BusSettings, Overrides
 
 
 def read_world(world: str, overrides: Overrides) -> WorldFile:
@@ -38,6 +38,9 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     failure = ""
     try:
         if options.in_process:
+            default, names = BusSettings(), ("connect", "journal", "listen")
+            if unused := [n for n in names if getattr(file.bus, n) != getattr(default, n)]:
+                console.note(f"{file.world.name}: no effect without a bus: {', '.join(unused)}")
             summary, failure = _run_here(file, console, began, as_json=as_json or options.json)
         else:
             profiling.check(file)

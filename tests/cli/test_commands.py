@@ -253,8 +253,8 @@ def test_no_argument_contains_a_null_character(minerva, home, words):
 def test_a_world_is_checked_and_run(minerva, home):
     checked = minerva("check", "world.toml")[1]
     assert checked == "world.toml: a world with 2 processes and 2 symbols\n"
-    code, out, err = minerva("run", "world.toml", "--in-process")
-    assert code == 0, err
+    code, out, err = minerva("run", "world.toml", "--in-process", "--journal", "kept")
+    assert (code, err) == (0, "world: no effect without a bus: journal\n")
     assert "world: the frames are over" in out
     assert "share: 0.50" in out
 
