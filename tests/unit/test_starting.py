@@ -246,6 +246,10 @@ on_failure = "stop"
 
 [process.lamp]
 service = "{SPEC("Lamp")}"
+
+[process.far]
+service = "{SPEC("Steps")}"
+elsewhere = true
 """
 
 
@@ -258,7 +262,7 @@ class Lamp(Device, draws=("eShow",)):
 def test_services_share_a_process_where_there_are_fewer_cores(
     tmp_path, monkeypatch, cores_here, shared
 ):
-    """A process with another policy, and an observer, have their own."""
+    """A process with another policy, and an observer, have their own; one elsewhere needs none."""
     monkeypatch.setattr(world_files, "cores", lambda: cores_here)
     text = TEXT[: TEXT.index("[process.steps]")] + SERVICES
     file = read_world_text(text, tmp_path / "w.toml", Overrides(processes="auto"))
