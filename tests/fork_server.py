@@ -105,7 +105,6 @@ def renew(folders):
     beside = importlib.metadata.distributions(path=sys.path[:1])
     if folders != package_folders() or next(iter(beside), None):
         sys.modules["minerva_bus.entry_points"]._all_entries.cache_clear()
-        sys.modules["minerva_bus.entry_points"]._packages.cache_clear()
 
 
 def serve(requests):

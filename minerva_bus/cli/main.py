@@ -41,7 +41,7 @@ from minerva_bus.process_life import ended_by_system, limit_threads
 from minerva_bus.uncaught import repeat_interrupts, report_threads
 
 if TYPE_CHECKING:
-    from minerva_bus.entry_points import EntryPoint
+    from importlib.metadata import EntryPoint
 
 COMMANDS: Final = {
     "worlds": ("worlds", "run", "check", "attach"),

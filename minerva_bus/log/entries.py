@@ -41,11 +41,12 @@ import platform
 from collections import Counter
 from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from typing import Any, Final, cast
 
 from minerva_bus import __version__
-from minerva_bus.entry_points import installed_version
 from minerva_bus.errors import MinervaError, ProtocolError, RecordError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
@@ -569,9 +570,17 @@ def versions() -> dict[str, str]:
         "platform": f"{platform.system()} {platform.machine()}",
     }
     for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "mcap"):
-        if (number := installed_version(package)) is not None:
+        if (number := _installed_version(package)) is not None:
             installed[package] = number
     return installed
+
+
+@cache  # Each call reads and parses a file, and several parts of a process describe its world.
+def _installed_version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 @fast_dataclass
