@@ -100,7 +100,8 @@ class _Machine(CPU):
     """The processor, for numba's registries of targets."""
 
 
-_NAME: Final = "minerva"
+# Another one if this module is imported again: numba refuses a second target of one name.
+_NAME: Final = f"minerva{len(target_registry)}"
 target_registry[_NAME] = _Machine
 _TARGET: Final = _Target(_NAME)
 
