@@ -25,7 +25,7 @@ def fast_dataclass(cls: type[_T]) -> type[_T]:
     Python does not: a class that is frozen at run time sets each field by a call, which takes five
     times as long, and a frame makes a dozen of these objects. Its methods but the constructor are
     shared, because `dataclass` compiles six for each class, which takes 0.3 ms: a start makes 200
-    such classes.
+    such classes. Classes of objects that users hold are `dataclass(frozen=True, slots=True)`.
     """
     made: Any = dataclass(slots=True, eq=False, repr=False)(cls)
     # With the class, because a getter of a single name would return no tuple.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +22,7 @@ from minerva_bus.wording import counted
 from minerva_bus.world.services import WorldInfo
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class Checked:
     """Result of a check: a description, warnings, and the code that was named but not run."""
 

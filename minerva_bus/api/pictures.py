@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeAlias
 
@@ -17,7 +17,7 @@ from minerva_bus.grammar.vocabulary import EventType, Vocabulary
 from minerva_bus.launch.console import progress_bar
 from minerva_bus.launch.specs import find_service, load
 from minerva_bus.launch.world_files import WorldFile
-from minerva_bus.values import fast_dataclass, path_of, text
+from minerva_bus.values import path_of, text
 from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.visualization import visualize
@@ -51,7 +51,7 @@ class Displayed:
         return {**displayed(self), "text/plain": repr(self)}
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class Still(Displayed):
     """A picture of a string, which notebooks display.
 
@@ -77,7 +77,7 @@ class Still(Displayed):
         write_output(into, svg.encode() if is_svg else _svg_view().png(svg), "picture")
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class Film(Displayed):
     """A film, which notebooks display with a slider.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -32,7 +32,7 @@ from minerva_bus.launch.toml_tables import filled, toml_text
 from minerva_bus.settings.kinds import check_known, settings_of
 from minerva_bus.settings.world_settings import WorldSettings
 from minerva_bus.user_code import variables_of
-from minerva_bus.values import fast_dataclass, named, text
+from minerva_bus.values import named, text
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Device, Generator, Service
 
@@ -49,7 +49,7 @@ _ARGUMENTS: Final = ("agents", "services", "symbols", "options", "collect", "nor
 _numbers = count(1)
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class ServiceSpec:
     """A generator or device of a world: its class or installed name, and its options."""
 

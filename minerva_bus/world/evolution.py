@@ -80,7 +80,7 @@ class Policy(Enum):
         return policy
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class Evolved:
     """The result of η, and the events that λ emitted, which belong to the next frame.
 

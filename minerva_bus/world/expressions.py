@@ -16,19 +16,19 @@ be in single quotes, too.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.vocabulary import EventType
-from minerva_bus.values import fast_dataclass, text, whole_number
+from minerva_bus.values import text, whole_number
 
 FUNCTIONS: Final = ("count", "sum", "mean", "min", "max", "quantiles", "histogram")
 MAX_BINS: Final = 10_000
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class Expression:
     """Data to collect in each frame, of all agents of a kind or all events of a type.
 

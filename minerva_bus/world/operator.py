@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import AnyEvent
-from minerva_bus.values import fast_dataclass
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class MemberStatus:
     """The state of a member.
 
@@ -53,7 +52,7 @@ class MemberStatus:
         )
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class LogEntry:
     """An event of a frame, or a remark about a member; `number` counts all entries from 1."""
 
@@ -63,7 +62,7 @@ class LogEntry:
     text: str
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class LogLine:
     """A line that a member has printed, or that the world has logged about it.
 
@@ -79,7 +78,7 @@ class LogLine:
     level: str = "info"
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class OrderStatus:
     """An order of a person, and its fate.
 
@@ -113,7 +112,7 @@ class OrderStatus:
         return f"{self.state}{by} in frame {self.frame}"
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class CollectedSeries:
     """Values that a running world collects: `values` in some of its `frames`, the last included.
 
@@ -126,7 +125,7 @@ class CollectedSeries:
     values: tuple[float, ...] = ()
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class PersonOperation:
     """What a person did to the world in a frame: pause, resume, step, rate, restart, drain or stop.
 
@@ -142,7 +141,7 @@ class PersonOperation:
         return f"{f'{self.command} {self.value}'.rstrip()} by {self.person or 'people'}"
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class NormStatus:
     """A norm that was broken `broken` times; the last time in `frame`, `by` an agent or a sender.
 
@@ -157,7 +156,7 @@ class NormStatus:
     by: str = ""
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class FileStatus:
     """A file that the world writes: its record or its journal.
 
@@ -170,7 +169,7 @@ class FileStatus:
     lost: int = 0
 
 
-@fast_dataclass
+@dataclass(frozen=True, slots=True)
 class WorldStatus:
     """The state of a running world.
 
