@@ -106,7 +106,9 @@ target_registry[_NAME] = _Machine
 _TARGET: Final = _Target(_NAME)
 
 
-class _PartCode(JITCodeLibrary):
+class _UnfinishedCode(JITCodeLibrary):
+    """Code that is linked, optimized and translated with that of a kernel, or is that kernel."""
+
     def _optimize_functions(self, ll_module: Any) -> None:
         """Optimize each function, with the same passes: they take longer to make than to run."""
         ll_module.data_layout = self._codegen._data_layout
@@ -122,12 +124,12 @@ class _PartCode(JITCodeLibrary):
         self._finalized = True
 
 
-class _PartLowering(NativeLowering):
+class _Lowering(NativeLowering):
     def run_pass(self, state: Any) -> bool:
-        state.library = _PartCode(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = _UnfinishedCode(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)
-        # In place of the function for Python: an object by which callers find the part.
+        # In place of the function for Python: an object by which callers find a part.
         key = [].append
         state.cr = state.cr._replace(cfunc=key)
         state.targetctx.insert_user_function(key, state.cr.fndesc, [state.library])
@@ -136,7 +138,7 @@ class _PartLowering(NativeLowering):
 
 _PASSES: Final = (
     TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA,
-    NopythonTypeInference, PreLowerStripPhis, _PartLowering, NoPythonBackend,
+    NopythonTypeInference, PreLowerStripPhis, _Lowering, NoPythonBackend,
 )  # fmt: skip
 """Of numba's passes those for loops, arithmetic, items, calls and errors: no closures, objects,
 ends of references, or loops in threads."""
