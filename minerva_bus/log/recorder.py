@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import IO, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, ProtocolError, RecordError
+from minerva_bus.files import reason_of
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import Checkpoint, FrameDone
 from minerva_bus.grammar.scene import Scene
@@ -369,7 +370,7 @@ class RecordingThread:
         try:
             work()
         except OSError as error:
-            self.fail(error.strerror or str(error))
+            self.fail(reason_of(error))
         # The world continues after any failure of its record.
         except Exception as error:
             self.fail(f"{type(error).__name__}: {error}")

@@ -25,6 +25,7 @@ from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.output import INTERRUPTED, WRONG
 from minerva_bus.cli.run_choice import run_world
 from minerva_bus.errors import MinervaError
+from minerva_bus.files import reason_of
 from minerva_bus.launch.child_processes import end_signals, handled
 from minerva_bus.launch.past import Past, continued
 from minerva_bus.launch.process_specs import ProcessSpec
@@ -235,7 +236,7 @@ def main() -> None:
         print(error, file=sys.stderr)  # noqa: T201
         sys.exit(WRONG)
     except OSError as error:
-        print(f"{error.filename or record}: {error.strerror or error}", file=sys.stderr)  # noqa: T201
+        print(f"{error.filename or record}: {reason_of(error)}", file=sys.stderr)  # noqa: T201
         sys.exit(WRONG)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
